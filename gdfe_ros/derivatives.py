@@ -9,10 +9,9 @@ from gdfe_ros.errors import CommandError, GdfeError
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.solver.equilibrium.energy import EquilibriumSolver
 from gdfe_ros.solver.motion.stepper import MotionStepper
-from gdfe_ros.solver.sensitivity.columns import EquilibriumColumns, Tangents, joined
+from gdfe_ros.solver.sensitivity.columns import EquilibriumColumns, Outputs, Sensitivities, Tangents, joined
 from gdfe_ros.solver.sensitivity.motion import Trail
 from gdfe_ros.solver.sensitivity.parameter import MaterialVariant, Parameter, Parameters
-from gdfe_ros.solver.sensitivity.result import Outputs, Sensitivities
 from gdfe_ros.solver.state import State
 from gdfe_ros.solver.stepping.stepper import Stepper
 

@@ -24,8 +24,8 @@ from gdfe_ros.solver.stepping.stepper import Stepper
 
 if TYPE_CHECKING:
     from gdfe_ros.derivatives import Derivatives
+    from gdfe_ros.solver.sensitivity.columns import Sensitivities
     from gdfe_ros.solver.sensitivity.motion import Trail
-    from gdfe_ros.solver.sensitivity.result import Sensitivities
 
 CHANGE, TOLERANCE = 1e-2, 1e-8
 """Change of a growth's command in a difference, and tolerance of the steps to both ends of it."""

@@ -21,6 +21,7 @@ from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.coupling.joint_coupling import JointCoupling
 from gdfe_ros.differentiator import make_differentiator
+from gdfe_ros.element_fields import ElementFields, element_fields
 from gdfe_ros.errors import CommandError, OverlapError
 from gdfe_ros.mesh import HexMesh
 from gdfe_ros.scene.scene import Scene
@@ -30,7 +31,6 @@ from gdfe_ros.soft_places import put_soft, require_soft_free, vertices_of_soft
 from gdfe_ros.solver.body import Body, working_origin
 from gdfe_ros.solver.deadline import Deadline
 from gdfe_ros.solver.forces.actuation import LOAD_FACTOR
-from gdfe_ros.solver.forces.fields import ElementFields, element_fields
 from gdfe_ros.solver.motion.imu import ImuReading, later_readings
 from gdfe_ros.solver.motion.putting import require_free
 from gdfe_ros.solver.result import StepResult
@@ -42,7 +42,7 @@ from gdfe_ros.solver.terms.term import Term
 from gdfe_ros.steppers import make_stepper, scene_body, step_result, usual_steps
 
 if TYPE_CHECKING:
-    from gdfe_ros.solver.sensitivity.result import Sensitivities
+    from gdfe_ros.solver.sensitivity.columns import Sensitivities
 
 WARM_UP = 1e-3
 """Displacement of the handles, divided by the body's size, in the step that compiles every kernel."""

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from gdfe_ros.constraints.rigid_body import rigid_among
 from gdfe_ros.materials import cell_densities
+from gdfe_ros.paper.relative import RelativeEquilibrium
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.deadline import Deadline
@@ -53,7 +54,9 @@ def make_stepper(
     actuators = [each.seen_from(origin) for each in scene.actuators]
 
     if scene.dynamics is None:
-        return Stepper(body, settings, acting())
+        actuation = acting()
+        paper = RelativeEquilibrium(body, actuation) if settings.policy is Policy.RELATIVE else None
+        return Stepper(body, settings, actuation, paper)
     if any(arm.springs is not None for arm in scene.arms):
         settings = replace(settings, tolerance=SHARPER * settings.tolerance)
     density, filling = cell_densities(scene.materials, scene.cell_material), scene.mesh.filling

@@ -13,6 +13,7 @@ from benchmarks.elasticity.newton import Cholesky, Pattern
 from benchmarks.elasticity.problem import Array, Problem, run
 from gdfe_ros import Command, Simulation
 from gdfe_ros.constraints import Handle
+from gdfe_ros.element_fields import corner_forces
 from gdfe_ros.materials.table import BULK, CARRIED, PENALTY
 from gdfe_ros.mesh import HexMesh, TetMesh, bar
 from gdfe_ros.mesh.tetmesh import divided
@@ -20,7 +21,6 @@ from gdfe_ros.scene.scene import Scene
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.elements.cell_type import cell_type_of
 from gdfe_ros.solver.elements.measures import update_hourglass_scales
-from gdfe_ros.solver.forces.fields import corner_forces
 from gdfe_ros.solver.settings import SolverSettings
 
 TOLERANCE = 1e-5

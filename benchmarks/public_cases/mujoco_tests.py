@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from benchmarks.public_cases import Row, rows_of, simulate, solve
+from gdfe_ros.element_fields import corner_forces, strain_energies, volume_pressures
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.forces.fields import corner_forces, strain_energies, volume_pressures
 
 STRAIN = 1e-4
 """Strain s of the uniformly scaled cube: the laws agree for small strains only."""

@@ -11,7 +11,7 @@ from pathlib import Path
 from benchmarks.markdown import markdown_table
 
 ROOT = Path(__file__).resolve().parents[2]
-ROOMS = ("solver", "arms", "actuators", "constraints", "materials", "mesh")
+ROOMS = ("solver", "paper", "arms", "actuators", "constraints", "materials", "mesh")
 LAYOUTS = ("blocks", "lanes")
 """Modules whose constants are only numbers of rows and columns."""
 

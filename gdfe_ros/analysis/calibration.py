@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import brentq
 
+from gdfe_ros.paper.shape_factor import CALIBRATED_TO, geometric_ratio
 from gdfe_ros.scene import load_scene
 from gdfe_ros.simulation import Simulation
-from gdfe_ros.solver.equilibrium.shape_factor import CALIBRATED_TO, geometric_ratio
 
 LEFT = 0.9
 """Shape factor of the left half; the right half has ``LEFT`` / R_G."""

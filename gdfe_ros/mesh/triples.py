@@ -46,3 +46,9 @@ def solid_angle(a, b, c):
     """
     la, lb, lc = math.sqrt(dot(a, a)), math.sqrt(dot(b, b)), math.sqrt(dot(c, c))
     return 2.0 * math.atan2(dot(a, cross(b, c)), la * lb * lc + dot(a, b) * lc + dot(b, c) * la + dot(c, a) * lb)
+
+
+@inlined
+def combine(a, u, b, v, c, w):
+    """Return a u + b v + c w for the triples u, v, w and the factors a, b, c."""
+    return a * u[0] + b * v[0] + c * w[0], a * u[1] + b * v[1] + c * w[1], a * u[2] + b * v[2] + c * w[2]

@@ -12,9 +12,9 @@ from gdfe_ros.arms.carriers import JointReading
 from gdfe_ros.arms.dynamics import LinkFrame
 from gdfe_ros.constraints import Pose
 from gdfe_ros.constraints.obstacle import Obstacle
+from gdfe_ros.element_fields import ElementFields
 from gdfe_ros.recording.step_record import Begin, StepRecord
 from gdfe_ros.simulation import Command, Simulation
-from gdfe_ros.solver.forces.fields import ElementFields
 from gdfe_ros.solver.motion.imu import ImuReading
 from gdfe_ros.solver.result import StepResult
 

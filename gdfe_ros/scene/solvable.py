@@ -21,8 +21,8 @@ from gdfe_ros.mesh.faces import enclosed_volume
 from gdfe_ros.mesh.tet_faces import flat_quads
 from gdfe_ros.mesh.touching import outline
 from gdfe_ros.mesh.walls import flat_walls
+from gdfe_ros.paper.shape_factor import calibration_remarks
 from gdfe_ros.scene.scene import Scene
-from gdfe_ros.solver.equilibrium.shape_factor import calibration_remarks
 from gdfe_ros.solver.motion.dynamics import Dynamics, Scheme
 from gdfe_ros.solver.settings import Policy, SolverSettings
 

@@ -8,6 +8,7 @@ import pytest
 import trimesh
 
 from gdfe_ros.actuators import Cable, Chamber, Embedding, Gravity, Growth, Mode, PointLoad, SurfaceLoad, embed
+from gdfe_ros.element_fields import corner_forces
 from gdfe_ros.materials import Linear, Material, NeoHookean
 from gdfe_ros.mesh import HexMesh, bar
 from gdfe_ros.mesh.cavities import find_cavities
@@ -16,7 +17,6 @@ from gdfe_ros.mesh.outside import carry_skin
 from gdfe_ros.mesh.round_bodies import sphere
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.forces.actuation import Actuation
-from gdfe_ros.solver.forces.fields import corner_forces
 from gdfe_ros.solver.terms.cable import EFFORT, STIFFNESS, TARGET, cable_length
 from gdfe_ros.solver.terms.growth import Growths
 from gdfe_ros.solver.terms.term import terms_energy

@@ -6,7 +6,7 @@ from __future__ import annotations
 import pytest
 
 from gdfe_ros.analysis import calibration
-from gdfe_ros.solver.equilibrium.shape_factor import geometric_ratio
+from gdfe_ros.paper.shape_factor import geometric_ratio
 
 
 def test_published_ratio_inverts_eq_7() -> None:

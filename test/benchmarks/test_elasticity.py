@@ -14,9 +14,9 @@ from benchmarks.elasticity import felupe_rows, law, newton, own
 from benchmarks.elasticity.__main__ import compare, measure
 from benchmarks.elasticity.problem import DECREMENT, PROBLEMS, Kind, Problem, lattice
 from benchmarks.elasticity.table import size_table
+from gdfe_ros.element_fields import strain_energies
 from gdfe_ros.mesh import bar
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.forces.fields import strain_energies
 
 MILD = Problem(kind=Kind.STRETCH, amount=1.3, ratio=0.3)
 NEARLY = Problem(kind=Kind.TWIST, amount=0.6, ratio=0.499, mu=1e4)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from gdfe_ros.element_fields import corner_forces, strain_energies, volume_pressures
 from gdfe_ros.materials import (
     ArrudaBoyce,
     Curve,
@@ -27,7 +28,6 @@ from gdfe_ros.materials import (
 )
 from gdfe_ros.mesh import bar
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.forces.fields import corner_forces, strain_energies, volume_pressures
 
 MEASURED = CurveData.table(
     [0.0, 0.05, 0.1, 0.2, 0.4, 0.7, 1.0, 1.5, 2.0],

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.solver.anderson import Anderson
+from gdfe_ros.solver.terms.multiplier import Anderson
 
 
 def iterate(matrix: NDArray[np.float64], fixed: NDArray[np.float64], count: int) -> list[float]:

@@ -23,7 +23,7 @@ from gdfe_ros.solver.outcome import Outcome
 from gdfe_ros.solver.settings import Policy, SolverSettings
 from gdfe_ros.solver.solution import Solution
 from gdfe_ros.solver.state import Balance, State
-from gdfe_ros.solver.stepping.balance import jumped, work_between
+from gdfe_ros.solver.stepping.path import jumped, work_between
 from gdfe_ros.solver.stepping.stepper import Stepper
 
 

@@ -13,13 +13,9 @@ from numpy.typing import NDArray
 from gdfe_ros.constraints import Axis, Handle
 from gdfe_ros.mesh import HexMesh, bar
 from gdfe_ros.mesh.operators import shape_operators
-from gdfe_ros.solver.matrix.constant_matrix import (
-    ConstantMatrix,
-    apply_inverse,
-    assemble,
-    assemble_centring,
-)
-from gdfe_ros.solver.matrix.factor import DENSE_UP_TO, Factorisation
+from gdfe_ros.paper.relative import assemble_centring
+from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix, apply_inverse, assemble
+from gdfe_ros.solver.matrix.factor import Factor, Factorisation
 from gdfe_ros.solver.matrix.unknowns import Unknowns, number_unknowns
 
 End = Callable[[HexMesh, str], NDArray[np.int32]]
@@ -128,7 +124,7 @@ def test_harmonic_predictor_stays_between_the_handles(end: End) -> None:
 def test_small_systems_take_an_explicit_inverse() -> None:
     """Small bodies use the dense inverse, bodies of more than a few hundred vertices the supernodes."""
     small, large = bar([1.0, 1.0, 1.0], [3, 3, 3]), bar([1.0, 1.0, 1.0], [7, 7, 7])
-    assert small.n_vertices <= DENSE_UP_TO < large.n_vertices
+    assert small.n_vertices <= Factor.DENSE_UP_TO < large.n_vertices
     kinds = [kind_of(mesh) for mesh in (small, large)]
     assert kinds == [Factorisation.DENSE, Factorisation.SUPERNODES]
 

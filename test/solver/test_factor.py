@@ -34,13 +34,14 @@ def scene(**overrides: object) -> Scene:
 @pytest.fixture
 def made(monkeypatch: pytest.MonkeyPatch) -> list[Factorisation]:
     """Return a list that grows by the kind of each factor made from now on."""
-    found, make = [], factor.Factor
+    found = []
 
-    def watched(matrix: object, points: object, kind: Factorisation) -> factor.Factor:
-        found.append(kind)
-        return make(matrix, points, kind)
+    class WatchedFactor(factor.Factor):
+        def __init__(self, matrix: object, points: object, kind: Factorisation) -> None:
+            found.append(kind)
+            super().__init__(matrix, points, kind)
 
-    monkeypatch.setattr(factor, "Factor", watched)
+    monkeypatch.setattr(factor, "Factor", WatchedFactor)
     return found
 
 

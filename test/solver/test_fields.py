@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.integrate import quad
 from scipy.spatial.transform import Rotation
 
+from gdfe_ros.element_fields import corner_forces, element_fields, strain_energies, volume_pressures
 from gdfe_ros.materials import Curve, CurveData, Law, Linear, Material, NeoHookean, preset
 from gdfe_ros.materials.table import PENALTY
 from gdfe_ros.mesh import HexMesh, bar
@@ -19,12 +20,6 @@ from gdfe_ros.mesh.operators import shape_operators
 from gdfe_ros.mesh.trilinear import CORNERS
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.elements.measures import least_volume_ratio, update_pressures
-from gdfe_ros.solver.forces.fields import (
-    corner_forces,
-    element_fields,
-    strain_energies,
-    volume_pressures,
-)
 
 MakeBody = Callable[..., Body]
 GRADIENT = np.array([[1.3, 0.4, -0.1], [0.2, 0.8, 0.3], [-0.2, 0.1, 1.1]])

@@ -13,12 +13,13 @@ from scipy.spatial.transform import Rotation
 from gdfe_ros import Command, Simulation
 from gdfe_ros.constraints import Handle
 from gdfe_ros.mesh import HexMesh, bar
+from gdfe_ros.paper.relative import assemble_centring
 from gdfe_ros.scene import load_scene
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.equilibrium.energy import EquilibriumSolver
 from gdfe_ros.solver.equilibrium.predictor import Predictor, find_screw, follow_screws
 from gdfe_ros.solver.handle_motions import HandleMotions
-from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix, assemble_centring
+from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.matrix.unknowns import Unknowns
 from gdfe_ros.solver.state import State
 

@@ -18,8 +18,8 @@ from gdfe_ros.mesh.tet_operators import tet_operators
 from gdfe_ros.mesh.tetmesh import divided
 from gdfe_ros.solver.matrix import factor as factors
 from gdfe_ros.solver.matrix.constant_matrix import assemble
+from gdfe_ros.solver.matrix.elimination import dissected
 from gdfe_ros.solver.matrix.factor import Factor, Factorisation
-from gdfe_ros.solver.matrix.ordering import dissected
 
 MESHES = {
     "bar": bar([1.0, 0.2, 0.2], [30, 6, 6]),
@@ -47,7 +47,7 @@ def right_of(mesh: HexMesh) -> NDArray[np.float64]:
 def solved(factor: Factor, right: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the solution by a factor."""
     out = np.empty_like(right)
-    factor.solve(right, out, exact=True)
+    factor.solve(right, out)
     return out
 
 
@@ -55,7 +55,7 @@ def solved(factor: Factor, right: NDArray[np.float64]) -> NDArray[np.float64]:
 @pytest.mark.parametrize("name", MESHES)
 def test_it_solves(name: str, coarse_from: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """With a thousandfold contrast and the factor in either precision, the solution is SuperLU's to 1e-9."""
-    monkeypatch.setattr(factors, "COARSE_FROM", coarse_from)
+    monkeypatch.setattr(factors.Factor, "COARSE_FROM", coarse_from)
     mesh = MESHES[name]
     matrix, right = stiffness(mesh, contrast=1e3), right_of(mesh)
     factor = Factor(matrix, mesh.vertices, Factorisation.SUPERNODES)
@@ -67,7 +67,7 @@ def test_it_solves(name: str, coarse_from: int, monkeypatch: pytest.MonkeyPatch)
 
 def test_16_bits_are_left_where_they_are_too_coarse(monkeypatch: pytest.MonkeyPatch) -> None:
     """A long bar that is held very weakly keeps its factor in double precision, which its softest motions need."""
-    monkeypatch.setattr(factors, "COARSE_FROM", 1)
+    monkeypatch.setattr(factors.Factor, "COARSE_FROM", 1)
     mesh = MESHES["row"]
     held = sparse.diags_array(np.where(mesh.vertices[:, 0] < 1e-9, 1e-12, 0.0))
     matrix = (assemble(shape_operators(mesh.vertices, mesh.cells), *np.ones((2, 300))) + held).tocsc()
@@ -125,7 +125,7 @@ def test_dissection_fills_less_where_a_body_is_thick() -> None:
     mesh = bar([1.0, 1.0, 1.0], [15, 15, 15])
     graph = stiffness(mesh).tocsr()
     narrow, halves = (
-        factors.eliminated(graph, order(graph, mesh.vertices)).entries
+        factors.eliminated(graph, [order(graph, mesh.vertices)], power=1).entries
         for order in (factors.narrow_order, factors.dissected)
     )
     assert halves < 0.8 * narrow

@@ -20,8 +20,8 @@ import hashlib, sys
 from gdfe_ros import Simulation, load_scene
 from gdfe_ros.solver.matrix import factor as factors
 threads, *names = sys.argv[1:]
-for name, coarse in (*((name, factors.COARSE_FROM) for name in names), ("tensile", 1)):
-    factors.COARSE_FROM = coarse
+for name, coarse in (*((name, factors.Factor.COARSE_FROM) for name in names), ("tensile", 1)):
+    factors.Factor.COARSE_FROM = coarse
     scene = load_scene(name, overrides={"solver.threads": int(threads)})
     print(name, *(hashlib.sha256(result.positions.tobytes()).hexdigest() for result in Simulation(scene).play(2)))
 """

@@ -12,10 +12,9 @@ from abc import ABC, abstractmethod
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.solver.matrix.coupling import Coupling
-from gdfe_ros.solver.matrix.halves import GROUP, HIGH, multiply_columns, reduce_columns
+from gdfe_ros.solver.matrix.constant_matrix import Coupling
 from gdfe_ros.solver.matrix.inverse import apply_free
-from gdfe_ros.solver.matrix.substitution import Kept
+from gdfe_ros.solver.matrix.substitution import GROUP, HIGH, Kept, multiply_columns, reduce_columns
 
 Array = NDArray[np.float64]
 Numbers = NDArray[np.int64]
@@ -92,8 +91,7 @@ class ConstantColumns(KeptColumns):
     """
 
     def __init__(self, coupling: Coupling, rows: Numbers, count: int) -> None:
-        rigid = np.einsum("fk,ikq->fiq", coupling.harmonic, coupling.motion)
-        super().__init__(count, rigid.reshape(3 * count, -1), coupling.inverse_schur, coupling.fixed)
+        super().__init__(count, coupling.harmonic, coupling.inverse_schur, coupling.fixed)
         self._inverse, self._needed = coupling.inverse, rows
         self._place = np.full(count, -1, dtype=np.int64)
         self._place[rows] = np.arange(len(rows))

@@ -24,11 +24,14 @@ near folding (see `watch`). Bodies without such elements have no extra cost.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.compiled import inlined
 from gdfe_ros.mesh.quality import list_ids
+from gdfe_ros.mesh.triples import dot
 
 THRESHOLD = 0.2
 """Threshold J_0. A value of 0.3 would act in sound scenes: the least volume ratios of a corner are 0.256 in
@@ -52,6 +55,18 @@ def wall(s):
     value, slope = rest * rest * rest / t, -rest * rest * (1.0 + 2.0 * t) / (t * t)
     value += slope * (s - t)
     return value, slope
+
+
+@inlined
+def corner_room(p, q, r, ratio, scale):
+    """Return the largest change [m] of the edges p, q and r of a corner that keeps it above the threshold.
+
+    ``ratio`` is the corner's volume ratio, and ``scale`` [1/m^3] the factor of the edges' triple product in it. With
+    lengths A, B and C, the bound is that of `gdfe_ros.solver.elements.response`.
+    """
+    first, second, third = math.sqrt(dot(p, p)), math.sqrt(dot(q, q)), math.sqrt(dot(r, r))
+    share = 3.0 * scale * (first * second + second * third + third * first)
+    return min(min(first, second), min(third, (ratio - THRESHOLD) / share))
 
 
 def flattened(least: NDArray[np.float64]) -> str:

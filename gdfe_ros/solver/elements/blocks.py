@@ -128,25 +128,13 @@ def load3(b, row, lane):
 @inlined
 def load6(b, row, lane):
     """Return the lane's six numbers in the rows from ``row`` on."""
-    i = row * LANES + lane
-    return b[i], b[i + LANES], b[i + 2 * LANES], b[i + 3 * LANES], b[i + 4 * LANES], b[i + 5 * LANES]
+    return load3(b, row, lane) + load3(b, row + 3, lane)
 
 
 @inlined
 def load9(b, row, lane):
     """Return the lane's nine numbers in the rows from ``row`` on."""
-    i = row * LANES + lane
-    return (
-        b[i],
-        b[i + LANES],
-        b[i + 2 * LANES],
-        b[i + 3 * LANES],
-        b[i + 4 * LANES],
-        b[i + 5 * LANES],
-        b[i + 6 * LANES],
-        b[i + 7 * LANES],
-        b[i + 8 * LANES],
-    )
+    return load3(b, row, lane) + load3(b, row + 3, lane) + load3(b, row + 6, lane)
 
 
 @inlined
@@ -159,10 +147,9 @@ def store3(b, row, lane, v):
 @inlined
 def store9(b, row, lane, v):
     """Write the lane's nine numbers ``v`` in the rows from ``row`` on."""
-    i = row * LANES + lane
-    b[i], b[i + LANES], b[i + 2 * LANES] = v[0], v[1], v[2]
-    b[i + 3 * LANES], b[i + 4 * LANES], b[i + 5 * LANES] = v[3], v[4], v[5]
-    b[i + 6 * LANES], b[i + 7 * LANES], b[i + 8 * LANES] = v[6], v[7], v[8]
+    store3(b, row, lane, v[:3])
+    store3(b, row + 3, lane, v[3:6])
+    store3(b, row + 6, lane, v[6:])
 
 
 INVERSE, WEIGHT, TET_GEOMETRY_ROWS = 0, 36, 40

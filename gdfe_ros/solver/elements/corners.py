@@ -27,6 +27,20 @@ from gdfe_ros.solver.elements.hourglass import AMPLITUDE as UNIT
 
 
 @inlined
+def gradient_over(x, shape, e, corners):
+    """Return the mean deformation gradient (9,) of element ``e`` with this number of corners at ``x`` (n, 3) [m]."""
+    f0, f1, f2, f3, f4, f5, f6, f7, f8 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for a in range(corners):
+        v = shape.cells[e, a]
+        x0, x1, x2 = x[v, 0], x[v, 1], x[v, 2]
+        g0, g1, g2 = shape.gradient[e, a, 0], shape.gradient[e, a, 1], shape.gradient[e, a, 2]
+        f0, f1, f2 = f0 + x0 * g0, f1 + x0 * g1, f2 + x0 * g2
+        f3, f4, f5 = f3 + x1 * g0, f4 + x1 * g1, f5 + x1 * g2
+        f6, f7, f8 = f6 + x2 * g0, f7 + x2 * g1, f8 + x2 * g2
+    return f0, f1, f2, f3, f4, f5, f6, f7, f8
+
+
+@inlined
 def patterns(b, row, lane):
     """Return the sums of one coordinate over the corners, with the signs of xi, eta, zeta and the hourglass modes."""
     i = row * LANES + lane

@@ -11,8 +11,8 @@ from gdfe_ros.compiled import inlined, internal
 from gdfe_ros.materials.stress import corotated
 from gdfe_ros.materials.table import LAME, PENALTY, POISSON, SHEAR, YOUNG
 from gdfe_ros.materials.tensor import cofactor, determinant
-from gdfe_ros.mesh.triples import cross, dot
-from gdfe_ros.solver.elements.barrier import NEARLY_FOLDED, THRESHOLD, WEIGHT, wall
+from gdfe_ros.mesh.triples import corner, cross, dot, minus
+from gdfe_ros.solver.elements.barrier import NEARLY_FOLDED, THRESHOLD, WEIGHT, corner_room, wall
 from gdfe_ros.solver.elements.blocks import (
     AXES,
     COUPLING,
@@ -38,7 +38,7 @@ from gdfe_ros.solver.elements.blocks import (
     store3,
     store9,
 )
-from gdfe_ros.solver.elements.corners import gather, scatter
+from gdfe_ros.solver.elements.corners import gather, gradient_over, scatter
 from gdfe_ros.solver.elements.hourglass import hourglass
 from gdfe_ros.solver.elements.stress_rows import stress_rows
 
@@ -63,21 +63,7 @@ SIDES = np.array([[0, 1, 1, 0, 0, 1, 1, 0], [0, 0, 1, 1, 0, 0, 1, 1], [0, 0, 0, 
 @inlined
 def mean_gradient(x, shape, e):
     """Return the mean deformation gradient (9,) of element ``e`` at positions ``x`` (n, 3) [m]."""
-    f0, f1, f2, f3, f4, f5, f6, f7, f8 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    for a in range(8):
-        v = shape.cells[e, a]
-        x0, x1, x2 = x[v, 0], x[v, 1], x[v, 2]
-        g0, g1, g2 = shape.gradient[e, a, 0], shape.gradient[e, a, 1], shape.gradient[e, a, 2]
-        f0 += x0 * g0
-        f1 += x0 * g1
-        f2 += x0 * g2
-        f3 += x1 * g0
-        f4 += x1 * g1
-        f5 += x1 * g2
-        f6 += x2 * g0
-        f7 += x2 * g1
-        f8 += x2 * g2
-    return f0, f1, f2, f3, f4, f5, f6, f7, f8
+    return gradient_over(x, shape, e, 8)
 
 
 @inlined
@@ -85,18 +71,6 @@ def volume_ratio(x, shape, e):
     """Return the determinant of the mean deformation gradient of element ``e``."""
     f = mean_gradient(x, shape, e)
     return determinant(f, cofactor(f))
-
-
-@inlined
-def corner(x, v):
-    """Return the position (3,) [m] of vertex ``v``."""
-    return x[v, 0], x[v, 1], x[v, 2]
-
-
-@inlined
-def edge(a, b):
-    """Return the vector b - a."""
-    return b[0] - a[0], b[1] - a[1], b[2] - a[2]
 
 
 @internal
@@ -126,9 +100,9 @@ def least_ratio(x, cell, r):
     """
     x0, x1, x2, x3 = corner(x, cell[0]), corner(x, cell[1]), corner(x, cell[2]), corner(x, cell[3])
     x4, x5, x6, x7 = corner(x, cell[4]), corner(x, cell[5]), corner(x, cell[6]), corner(x, cell[7])
-    a01, a32, a45, a76 = edge(x0, x1), edge(x3, x2), edge(x4, x5), edge(x7, x6)
-    b03, b12, b47, b56 = edge(x0, x3), edge(x1, x2), edge(x4, x7), edge(x5, x6)
-    c04, c15, c26, c37 = edge(x0, x4), edge(x1, x5), edge(x2, x6), edge(x3, x7)
+    a01, a32, a45, a76 = minus(x1, x0), minus(x2, x3), minus(x5, x4), minus(x6, x7)
+    b03, b12, b47, b56 = minus(x3, x0), minus(x2, x1), minus(x7, x4), minus(x6, x5)
+    c04, c15, c26, c37 = minus(x4, x0), minus(x5, x1), minus(x6, x2), minus(x7, x3)
     d0, d1 = r[0] * dot(a01, cross(b03, c04)), r[1] * dot(a01, cross(b12, c15))
     d2, d3 = r[2] * dot(a32, cross(b12, c26)), r[3] * dot(a32, cross(b03, c37))
     d4, d5 = r[4] * dot(a45, cross(b47, c04)), r[5] * dot(a45, cross(b56, c15))
@@ -168,7 +142,7 @@ def add_walls(x, watched, shape, material, table, force, energy):
 @inlined
 def edge_at(corners, c, axis):
     """Return the edge vector (3,) [m] at corner ``c`` along xi, eta or zeta (``axis`` 0, 1 or 2)."""
-    return edge(corner(corners, CORNER_EDGES[c, axis, 0]), corner(corners, CORNER_EDGES[c, axis, 1]))
+    return minus(corner(corners, CORNER_EDGES[c, axis, 1]), corner(corners, CORNER_EDGES[c, axis, 0]))
 
 
 @inlined
@@ -222,22 +196,14 @@ def box_weight(box, c, cell_corner):
 def room(x, shape, e, corners):
     """Return the distance [m] that vertices may move before a corner can reach the barrier; 0 if nearly folded."""
     load_corners(x, shape, e, corners)
-    return element_room(corners, shape.corner_ratio[e])
-
-
-@inlined
-def element_room(corners, ratios):
-    """Return the result of `room` [m] for an element's corners (8, 3) [m] and its ``ratios`` r_c (8,) [1/m^3]."""
-    room = math.inf
+    found = math.inf
     for c in range(8):
         a, b, d = edge_at(corners, c, 0), edge_at(corners, c, 1), edge_at(corners, c, 2)
-        ratio = ratios[c] * dot(a, cross(b, d))
+        ratio = shape.corner_ratio[e, c] * dot(a, cross(b, d))
         if not ratio >= NEARLY_FOLDED:
             return 0.0
-        first, second, third = math.sqrt(dot(a, a)), math.sqrt(dot(b, b)), math.sqrt(dot(d, d))
-        share = 3.0 * ratios[c] * (first * second + second * third + third * first)
-        room = min(room, min(min(first, second), min(third, (ratio - THRESHOLD) / share)))
-    return 0.5 * room
+        found = min(found, corner_room(a, b, d, ratio, shape.corner_ratio[e, c]))
+    return 0.5 * found
 
 
 @inlined

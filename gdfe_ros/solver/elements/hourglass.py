@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from gdfe_ros.compiled import inlined
 from gdfe_ros.materials.tensor import scaled, times
-from gdfe_ros.mesh.triples import dot
+from gdfe_ros.mesh.triples import combine, dot
 
 OWN_SHEAR = (6.0 * 0.14057702, 0.37384848, 0.22901768, 0.15517115)
 """Weight 1 - chi of the uncoupled shear strains in a twisted element, by the number of cells across a square bar. With
@@ -40,9 +40,8 @@ def hourglass(f, q, axes, rates, coupling, young, shear, poisson):
     ``axes`` (9) are the undeformed directions of the edges; ``rates`` (3) [1/m] are 2 / edge length. ``coupling`` is
     the coupling of shear strains in torsion. ``young`` and ``shear`` are moduli [Pa] times the element's volume.
     """
-    d0, l0 = edge_direction(f, (axes[0], axes[1], axes[2]))
-    d1, l1 = edge_direction(f, (axes[3], axes[4], axes[5]))
-    d2, l2 = edge_direction(f, (axes[6], axes[7], axes[8]))
+    a0, a1, a2 = axes[:3], axes[3:6], axes[6:]
+    (d0, l0), (d1, l1), (d2, l2) = edge_direction(f, a0), edge_direction(f, a1), edge_direction(f, a2)
     w0, w1, w2 = scaled(rates, AMPLITUDE)
     energy, t0, t1, t2 = mode_forces(q, d0, d1, d2, w0, w1, w2, coupling, young, shear, poisson)
     h = (
@@ -52,18 +51,10 @@ def hourglass(f, q, axes, rates, coupling, young, shear, poisson):
         combine(t0[3], d0, t1[3], d1, t2[3], d2),
     )
     m0, m1, m2 = turning(t0, q, d0, l0), turning(t1, q, d1, l1), turning(t2, q, d2, l2)
-    s = (
-        m0[0] * axes[0] + m1[0] * axes[3] + m2[0] * axes[6],
-        m0[0] * axes[1] + m1[0] * axes[4] + m2[0] * axes[7],
-        m0[0] * axes[2] + m1[0] * axes[5] + m2[0] * axes[8],
-        m0[1] * axes[0] + m1[1] * axes[3] + m2[1] * axes[6],
-        m0[1] * axes[1] + m1[1] * axes[4] + m2[1] * axes[7],
-        m0[1] * axes[2] + m1[1] * axes[5] + m2[1] * axes[8],
-        m0[2] * axes[0] + m1[2] * axes[3] + m2[2] * axes[6],
-        m0[2] * axes[1] + m1[2] * axes[4] + m2[2] * axes[7],
-        m0[2] * axes[2] + m1[2] * axes[5] + m2[2] * axes[8],
-    )
-    return energy, h, s
+    s0 = combine(m0[0], a0, m1[0], a1, m2[0], a2)
+    s1 = combine(m0[1], a0, m1[1], a1, m2[1], a2)
+    s2 = combine(m0[2], a0, m1[2], a1, m2[2], a2)
+    return energy, h, s0 + s1 + s2
 
 
 @inlined
@@ -118,12 +109,6 @@ def turning(t, q, d, inverse):
     )
     along = dot(m, d)
     return (m[0] - along * d[0]) * inverse, (m[1] - along * d[1]) * inverse, (m[2] - along * d[2]) * inverse
-
-
-@inlined
-def combine(a, u, b, v, c, w):
-    """Return a u + b v + c w."""
-    return a * u[0] + b * v[0] + c * w[0], a * u[1] + b * v[1] + c * w[1], a * u[2] + b * v[2] + c * w[2]
 
 
 def couplings(across: NDArray[np.int32]) -> NDArray[np.float64]:

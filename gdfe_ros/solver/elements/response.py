@@ -23,7 +23,7 @@ from numba import prange
 from numpy.typing import NDArray
 
 from gdfe_ros.compiled import internal, kernel, parallel_kernel
-from gdfe_ros.solver.elements.cell_kernels import add_walls, evaluate_blocks, room
+from gdfe_ros.solver.elements.cell_type import add_walls, evaluate_blocks, room
 
 
 class Watch(NamedTuple):

@@ -35,7 +35,7 @@ from gdfe_ros.materials.tensor import (
     stretch_sum_step,
     times,
 )
-from gdfe_ros.mesh.triples import cross, dot
+from gdfe_ros.mesh.triples import combine, cross, dot
 from gdfe_ros.solver.elements.blocks import (
     COORDINATES,
     ENERGY,
@@ -230,20 +230,16 @@ def ogden_stress_rows(b):
         volume, slope = volumetric(determinant(f, c), b[PRESSURE * LANES + lane], b[PENALTY_ROW * LANES + lane])
         b[ENERGY * LANES + lane] = b[ENERGY * LANES + lane] + volume
         g, u, v = load3(b, DERIVATIVES, lane), load9(b, RIGHT, lane), load9(b, LEFT, lane)
-        store3(b, STRESS, lane, stress_row(g, u, 0, v, slope, (c[0], c[1], c[2])))
-        store3(b, STRESS + 3, lane, stress_row(g, u, 1, v, slope, (c[3], c[4], c[5])))
-        store3(b, STRESS + 6, lane, stress_row(g, u, 2, v, slope, (c[6], c[7], c[8])))
+        store3(b, STRESS, lane, stress_row(g, u, 0, v, slope, c[:3]))
+        store3(b, STRESS + 3, lane, stress_row(g, u, 1, v, slope, c[3:6]))
+        store3(b, STRESS + 6, lane, stress_row(g, u, 2, v, slope, c[6:]))
 
 
 @inlined
 def stress_row(g, u, i, v, slope, c):
     """Return row i of P from derivatives g (3), deformed directions u (9) and undeformed directions v (9)."""
-    first, second, third = g[0] * u[i], g[1] * u[3 + i], g[2] * u[6 + i]
-    return (
-        first * v[0] + second * v[3] + third * v[6] + slope * c[0],
-        first * v[1] + second * v[4] + third * v[7] + slope * c[1],
-        first * v[2] + second * v[5] + third * v[8] + slope * c[2],
-    )
+    p = combine(g[0] * u[i], v[:3], g[1] * u[3 + i], v[3:6], g[2] * u[6 + i], v[6:])
+    return p[0] + slope * c[0], p[1] + slope * c[1], p[2] + slope * c[2]
 
 
 @inlined

@@ -9,10 +9,11 @@ from __future__ import annotations
 
 from gdfe_ros.compiled import inlined
 from gdfe_ros.materials.material import Law
-from gdfe_ros.materials.stress import logarithmic_volume, volumetric
+from gdfe_ros.materials.stress import corotated, logarithmic_volume, volumetric
 from gdfe_ros.materials.table import LAME, LOCAL, PENALTY, SHEAR
-from gdfe_ros.materials.tensor import cofactor, determinant
+from gdfe_ros.materials.tensor import cofactor, determinant, times
 from gdfe_ros.mesh.tetrahedra import POINTS
+from gdfe_ros.mesh.triples import combine
 from gdfe_ros.solver.elements.blocks import (
     ENERGY,
     GEOMETRY_OF_TET,
@@ -78,17 +79,24 @@ def load_shares(b, law, elements, material, table):
 
 
 @inlined
-def axis_slopes(b, place, lane, axis):
-    """Return dx/dxi (3) of one coordinate at the point with barycentric coordinates ``place`` (4)."""
-    i = NODES + axis
+def point_slopes(place, corners, middles):
+    """Return dx/dxi (3) of one coordinate at the point with barycentric coordinates ``place`` (4).
+
+    ``corners`` (4) and ``middles`` (6) are the coordinate at the nodes.
+    """
     l0, l1, l2, l3 = place
-    x4, x5, x6 = b[(i + 12) * LANES + lane], b[(i + 15) * LANES + lane], b[(i + 18) * LANES + lane]
-    x7, x8, x9 = b[(i + 21) * LANES + lane], b[(i + 24) * LANES + lane], b[(i + 27) * LANES + lane]
-    g0 = (4.0 * l0 - 1.0) * b[i * LANES + lane] + 4.0 * (l1 * x4 + l2 * x6 + l3 * x7)
-    g1 = (4.0 * l1 - 1.0) * b[(i + 3) * LANES + lane] + 4.0 * (l0 * x4 + l2 * x5 + l3 * x8)
-    g2 = (4.0 * l2 - 1.0) * b[(i + 6) * LANES + lane] + 4.0 * (l0 * x6 + l1 * x5 + l3 * x9)
-    g3 = (4.0 * l3 - 1.0) * b[(i + 9) * LANES + lane] + 4.0 * (l0 * x7 + l1 * x8 + l2 * x9)
+    x4, x5, x6, x7, x8, x9 = middles
+    g0 = (4.0 * l0 - 1.0) * corners[0] + 4.0 * (l1 * x4 + l2 * x6 + l3 * x7)
+    g1 = (4.0 * l1 - 1.0) * corners[1] + 4.0 * (l0 * x4 + l2 * x5 + l3 * x8)
+    g2 = (4.0 * l2 - 1.0) * corners[2] + 4.0 * (l0 * x6 + l1 * x5 + l3 * x9)
+    g3 = (4.0 * l3 - 1.0) * corners[3] + 4.0 * (l0 * x7 + l1 * x8 + l2 * x9)
     return g1 - g0, g2 - g0, g3 - g0
+
+
+@inlined
+def node(b, a, axis, lane):
+    """Return a coordinate of the lane's node ``a``."""
+    return b[(NODES + 3 * a + axis) * LANES + lane]
 
 
 @inlined
@@ -97,13 +105,11 @@ def gather_point(b, place, inverse, row):
     for lane in range(LANES):
         m = load9(b, inverse, lane)
         for axis in range(3):
-            d1, d2, d3 = axis_slopes(b, place, lane, axis)
-            f = (
-                d1 * m[0] + d2 * m[3] + d3 * m[6],
-                d1 * m[1] + d2 * m[4] + d3 * m[7],
-                d1 * m[2] + d2 * m[5] + d3 * m[8],
-            )
-            store3(b, row + 3 * axis, lane, f)
+            corners = node(b, 0, axis, lane), node(b, 1, axis, lane), node(b, 2, axis, lane), node(b, 3, axis, lane)
+            first = node(b, 4, axis, lane), node(b, 5, axis, lane), node(b, 6, axis, lane)
+            last = node(b, 7, axis, lane), node(b, 8, axis, lane), node(b, 9, axis, lane)
+            d1, d2, d3 = point_slopes(place, corners, first + last)
+            store3(b, row + 3 * axis, lane, combine(d1, m[:3], d2, m[3:6], d3, m[6:]))
 
 
 @inlined
@@ -120,9 +126,7 @@ def scatter_point(b, place, inverse):
         m = load9(b, inverse, lane)
         for axis in range(3):
             s, i = load3(b, STRESS + 3 * axis, lane), TOTAL + axis
-            g1 = s[0] * m[0] + s[1] * m[1] + s[2] * m[2]
-            g2 = s[0] * m[3] + s[1] * m[4] + s[2] * m[5]
-            g3 = s[0] * m[6] + s[1] * m[7] + s[2] * m[8]
+            g1, g2, g3 = times(m, s)
             g0 = -(g1 + g2 + g3)
             add(b, i, lane, (4.0 * l0 - 1.0) * g0)
             add(b, i + 3, lane, (4.0 * l1 - 1.0) * g1)
@@ -163,18 +167,7 @@ def add_mean_stress(b, weight):
     for lane in range(LANES):
         c, w = cofactor(load9(b, GRADIENT, lane)), b[weight * LANES + lane]
         p, s = load9(b, STRESS, lane), b[SLOPE * LANES + lane]
-        p = (
-            w * (p[0] + s * c[0]),
-            w * (p[1] + s * c[1]),
-            w * (p[2] + s * c[2]),
-            w * (p[3] + s * c[3]),
-            w * (p[4] + s * c[4]),
-            w * (p[5] + s * c[5]),
-            w * (p[6] + s * c[6]),
-            w * (p[7] + s * c[7]),
-            w * (p[8] + s * c[8]),
-        )
-        store9(b, STRESS, lane, p)
+        store9(b, STRESS, lane, corotated(p, c, -s, w, 0.0, c))  # w (P + s cof F)
         add(b, STORED_ENERGY, lane, w * b[ENERGY * LANES + lane])
 
 

@@ -10,11 +10,12 @@ import numpy as np
 from gdfe_ros.compiled import inlined, internal, kernel
 from gdfe_ros.materials.table import SHEAR
 from gdfe_ros.materials.tensor import cofactor, determinant
-from gdfe_ros.mesh.triples import cross, dot
-from gdfe_ros.solver.elements.barrier import NEARLY_FOLDED, THRESHOLD, WEIGHT, wall
+from gdfe_ros.mesh.triples import combine, corner, cross, dot
+from gdfe_ros.solver.elements.barrier import NEARLY_FOLDED, THRESHOLD, WEIGHT, corner_room, wall
 from gdfe_ros.solver.elements.blocks import LANES, NODES, STORED_ENERGY, TET_ROWS, TOTAL
+from gdfe_ros.solver.elements.corners import gradient_over
 from gdfe_ros.solver.elements.tangent_rows import SPACING
-from gdfe_ros.solver.elements.tet_rows import L, load_geometry, load_nodes, load_shares, respond
+from gdfe_ros.solver.elements.tet_rows import L, load_geometry, load_nodes, load_shares, point_slopes, respond
 
 CORNER_NODES = np.array(
     [[0, 4, 6, 7], [1, 4, 5, 8], [2, 6, 5, 9], [3, 7, 8, 9]],
@@ -77,41 +78,17 @@ def element_tangents(x, shape, blocks, material, pressure, scale, table, out):
 @inlined
 def mean_gradient(x, shape, e):
     """Return the volume average (9,) of the deformation gradient of element ``e`` at positions ``x`` (n, 3) [m]."""
-    f0, f1, f2, f3, f4, f5, f6, f7, f8 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    for a in range(10):
-        v = shape.cells[e, a]
-        x0, x1, x2 = x[v, 0], x[v, 1], x[v, 2]
-        g0, g1, g2 = shape.gradient[e, a, 0], shape.gradient[e, a, 1], shape.gradient[e, a, 2]
-        f0, f1, f2 = f0 + x0 * g0, f1 + x0 * g1, f2 + x0 * g2
-        f3, f4, f5 = f3 + x1 * g0, f4 + x1 * g1, f5 + x1 * g2
-        f6, f7, f8 = f6 + x2 * g0, f7 + x2 * g1, f8 + x2 * g2
-    return f0, f1, f2, f3, f4, f5, f6, f7, f8
+    return gradient_over(x, shape, e, 10)
 
 
 @inlined
-def point_gradient(x, shape, e, g):
-    """Return the deformation gradient (9,) of element ``e`` at its integration point ``g``."""
-    l0, l1, l2, l3 = L[g]
-    m, v = shape.inverse[e, g], shape.cells[e]
-    d = np.empty((3, 3))
-    for i in range(3):
-        x4, x5, x6, x7 = x[v[4], i], x[v[5], i], x[v[6], i], x[v[7], i]
-        x8, x9 = x[v[8], i], x[v[9], i]
-        g0 = (4.0 * l0 - 1.0) * x[v[0], i] + 4.0 * (l1 * x4 + l2 * x6 + l3 * x7)
-        d[i, 0] = (4.0 * l1 - 1.0) * x[v[1], i] + 4.0 * (l0 * x4 + l2 * x5 + l3 * x8) - g0
-        d[i, 1] = (4.0 * l2 - 1.0) * x[v[2], i] + 4.0 * (l0 * x6 + l1 * x5 + l3 * x9) - g0
-        d[i, 2] = (4.0 * l3 - 1.0) * x[v[3], i] + 4.0 * (l0 * x7 + l1 * x8 + l2 * x9) - g0
-    return (
-        d[0, 0] * m[0, 0] + d[0, 1] * m[1, 0] + d[0, 2] * m[2, 0],
-        d[0, 0] * m[0, 1] + d[0, 1] * m[1, 1] + d[0, 2] * m[2, 1],
-        d[0, 0] * m[0, 2] + d[0, 1] * m[1, 2] + d[0, 2] * m[2, 2],
-        d[1, 0] * m[0, 0] + d[1, 1] * m[1, 0] + d[1, 2] * m[2, 0],
-        d[1, 0] * m[0, 1] + d[1, 1] * m[1, 1] + d[1, 2] * m[2, 1],
-        d[1, 0] * m[0, 2] + d[1, 1] * m[1, 2] + d[1, 2] * m[2, 2],
-        d[2, 0] * m[0, 0] + d[2, 1] * m[1, 0] + d[2, 2] * m[2, 0],
-        d[2, 0] * m[0, 1] + d[2, 1] * m[1, 1] + d[2, 2] * m[2, 1],
-        d[2, 0] * m[0, 2] + d[2, 1] * m[1, 2] + d[2, 2] * m[2, 2],
-    )
+def gradient_row(x, shape, e, g, i):
+    """Return row ``i`` of the deformation gradient of element ``e`` at its integration point ``g``."""
+    v, m = shape.cells[e], shape.inverse[e, g]
+    corners = x[v[0], i], x[v[1], i], x[v[2], i], x[v[3], i]
+    middles = x[v[4], i], x[v[5], i], x[v[6], i], x[v[7], i], x[v[8], i], x[v[9], i]
+    d1, d2, d3 = point_slopes(L[g], corners, middles)
+    return combine(d1, corner(m, 0), d2, corner(m, 1), d3, corner(m, 2))
 
 
 @inlined
@@ -119,7 +96,7 @@ def volume_ratio(x, shape, e):
     """Return the mean volume ratio of element ``e`` over its integration points."""
     total = 0.0
     for g in range(4):
-        f = point_gradient(x, shape, e, g)
+        f = gradient_row(x, shape, e, g, 0) + gradient_row(x, shape, e, g, 1) + gradient_row(x, shape, e, g, 2)
         total += shape.weight[e, g] * determinant(f, cofactor(f))
     return total / shape.volume[e]
 
@@ -167,9 +144,7 @@ def room(x, shape, e, scratch):
         ratio = ORDER[c] * shape.corner_ratio[e, c] * dot(p, cross(q, r))
         if not ratio >= NEARLY_FOLDED:
             return 0.0
-        first, second, third = math.sqrt(dot(p, p)), math.sqrt(dot(q, q)), math.sqrt(dot(r, r))
-        share = 3.0 * scale * (first * second + second * third + third * first)
-        found = min(found, min(min(first, second), min(third, (ratio - THRESHOLD) / share)))
+        found = min(found, corner_room(p, q, r, ratio, scale))
     return 0.125 * found
 
 

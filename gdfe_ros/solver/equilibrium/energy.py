@@ -23,8 +23,7 @@ from gdfe_ros.solver.forces.actuation import Actuation
 from gdfe_ros.solver.forces.pressures import at_rest
 from gdfe_ros.solver.forces.reactions import vertex_forces
 from gdfe_ros.solver.handle_motions import HandleMotions
-from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix, assemble
-from gdfe_ros.solver.matrix.coupling import SINGULAR
+from gdfe_ros.solver.matrix.constant_matrix import SINGULAR, ConstantMatrix, assemble
 from gdfe_ros.solver.matrix.factor import Factorisation
 from gdfe_ros.solver.minimise.level import TangentLevel
 from gdfe_ros.solver.minimise.minimiser import Minimiser, Observer, Task
@@ -33,46 +32,6 @@ from gdfe_ros.solver.settings import Skip
 from gdfe_ros.solver.solution import Increment, Solution
 from gdfe_ros.solver.state import State, Summary
 from gdfe_ros.solver.value import changed
-
-INVERSE_ITERATIONS = 6
-"""Number of inverse iterations with the tangent's factor; they determine the softness to within a tenth."""
-
-
-def take_rest(model: Model, whole: ActiveSet, matrix: ConstantMatrix, rest: State) -> None:
-    """Give the minimiser the tangent of the undeformed body, unless the body is a mechanism.
-
-    The first multiple of the constant matrix that is added to an indefinite tangent becomes the softness of the body:
-    the least eigenvalue of its tangent relative to the constant matrix.
-
-    Args:
-        model: the body, its terms and its minimiser.
-        whole: the active set of the whole body.
-        matrix: the constant matrix.
-        rest: the undeformed state.
-    """
-    count, minimiser = len(whole.unknowns.free), model.minimiser
-    if count == 0:
-        return
-    task, work = Solve.at(model, rest).evaluate(whole, threads=None), whole.workspace
-    tangent = minimiser.level.take(task.problem, work.u, work.x)
-    if tangent.shift > 0.0:
-        return
-    load = np.random.default_rng(0).standard_normal(3 * whole.unknowns.rows)
-    load[whole.unknowns.fixed] = 0.0
-    for _ in range(INVERSE_ITERATIONS):
-        found = np.empty_like(load)
-        minimiser.level.solve(load, found)
-        least = float(found @ load) / float(found @ _weighed(matrix, found, count))
-        load = _weighed(matrix, found / np.abs(found).max(), count)
-    if least >= SINGULAR:  # else the handles let the body turn or move as a whole
-        minimiser.level.first_shift, minimiser.rest = least, tangent
-        minimiser.level.keep(tangent)
-
-
-def _weighed(matrix: ConstantMatrix, field: NDArray[np.float64], count: int) -> NDArray[np.float64]:
-    """Return the constant matrix times a field (3 r,) of the unknowns; rows of handles are zero."""
-    rows = field.reshape(-1, 3)
-    return np.concatenate([matrix.multiply(rows[:count]).ravel(), np.zeros(3 * (len(rows) - count))])
 
 
 class EquilibriumSolver:
@@ -91,10 +50,14 @@ class EquilibriumSolver:
     Attributes:
         matrix: the constant matrix.
         handles: the kinematics of the handles.
+        model: the data common to all solves.
+        whole: the active set of the whole body.
         patience: number of iterations after which a solve is given up and a shorter increment is tried.
     """
 
     patience = 2000
+    INVERSE_ITERATIONS = 6
+    """Number of inverse iterations with the tangent's factor; they determine the softness to within a tenth."""
 
     def __init__(
         self,
@@ -122,16 +85,16 @@ class EquilibriumSolver:
         self.actuation.fit(self.matrix)
         self.handles = HandleMotions(body)
         self._predictor = (predictor or partial(Predictor, body))(self.handles, self.matrix)
-        self._whole = ActiveSet.whole(body, self.matrix, rigid=not self.actuation.growths, skip=skip)
+        self.whole = ActiveSet.whole(body, self.matrix, rigid=not self.actuation.growths, skip=skip)
         level = TangentLevel(body, self.matrix.assembled, self.actuation.terms)
         moving = predictor is not None
         touching = self.actuation.contacts
         impulses = Impulses(touching, len(body.rest), body.unknowns) if touching else None
         self.minimiser = Minimiser(body, stiffness, level, moving=moving, impulses=impulses)
-        self._model = Model(body, self.actuation, self.handles, self.minimiser, softening=softening, moving=moving)
+        self.model = Model(body, self.actuation, self.handles, self.minimiser, softening=softening, moving=moving)
         if level.affordable:
             with one_blas_thread():
-                take_rest(self._model, self._whole, self.matrix, self.at_rest())
+                self._take_rest()
         count = len(body.material)
         self._stored, self._least = np.zeros(count), np.ones(count)
         exact = all(term.exact for term in self.actuation.terms)
@@ -139,6 +102,37 @@ class EquilibriumSolver:
         kinds["free"] = not (self.actuation.contacts or self.actuation.updates)
         kinds["conservative"] = all(term.conservative for term in self.actuation.terms)
         self._stability = None if moving or not body.unknowns.rows else Stability(body, self.minimiser, **kinds)
+
+    def _take_rest(self) -> None:
+        """Give the minimiser the tangent of the undeformed body, unless the body is a mechanism.
+
+        The first multiple of the constant matrix that is added to an indefinite tangent becomes the softness of the
+        body: the least eigenvalue of its tangent relative to the constant matrix.
+        """
+        unknowns, level, work = self.whole.unknowns, self.minimiser.level, self.whole.workspace
+        if not len(unknowns.free):
+            return
+        task = Solve.at(self.model, self.at_rest()).evaluate(self.whole, threads=None)
+        tangent = level.take(task.problem, work.u, work.x)
+        if tangent.shift > 0.0:
+            return
+        load = np.random.default_rng(0).standard_normal(3 * unknowns.rows)
+        load[unknowns.fixed] = 0.0
+        for _ in range(self.INVERSE_ITERATIONS):
+            found = np.empty_like(load)
+            level.solve(load, found)
+            least = float(found @ load) / float(found @ self._weighed(found))
+            load = self._weighed(found / np.abs(found).max())
+        if least >= SINGULAR:  # else the handles let the body turn or move as a whole
+            level.first_shift, self.minimiser.rest = least, tangent
+            level.keep(tangent)
+
+    def _weighed(self, field: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the constant matrix times a field (3 r,) of the unknowns; rows of handles are zero."""
+        weighed = np.zeros_like(field)
+        free = 3 * len(self.whole.unknowns.free)
+        weighed[:free] = self.matrix.multiply(field[:free].reshape(-1, 3)).ravel()
+        return weighed
 
     def at_rest(self) -> State:
         """Return the undeformed state; it is no equilibrium if the body is inside of an obstacle."""
@@ -174,20 +168,6 @@ class EquilibriumSolver:
         )
 
     @property
-    def model(self) -> Model:
-        """The data common to all solves."""
-        return self._model
-
-    @property
-    def whole(self) -> ActiveSet:
-        """The active set of the whole body."""
-        return self._whole
-
-    def evaluated(self, solve: Solve) -> Task:
-        """Evaluate all terms at the start of a solve; return the minimisation's task at that start."""
-        return solve.evaluate(self._whole, threads=None)
-
-    @property
     def remarks(self) -> list[str]:
         """Remarks on the accuracy of solves: whether the body has no tangent, and why."""
         level = self.minimiser.level
@@ -205,7 +185,7 @@ class EquilibriumSolver:
         """Find the equilibrium of ``problem`` from ``start``, which is not modified."""
         base = self.handles.base(problem.poses, start.poses, start.base)
         prediction = self._predictor.predict(start, base, start.change_to(problem.commands))
-        solve = Solve(self._model, problem, start, base, prediction)
+        solve = Solve(self.model, problem, start, base, prediction)
         return self._judge(solve, self.descend(solve))
 
     def accept(self, solution: Solution, previous: State) -> State:
@@ -219,19 +199,19 @@ class EquilibriumSolver:
 
     def forces(self, state: State) -> NDArray[np.float64]:
         """Return dE/dx (n, 3) [N] of all terms at a state; zero for vertices inside handles."""
-        work, vertices = self._whole.workspace, np.arange(len(self.body.rest), dtype=np.int32)
-        Solve.at(self._model, state).evaluate(self._whole, threads=self._whole.threads(self._threads))
+        work, vertices = self.whole.workspace, np.arange(len(self.body.rest), dtype=np.int32)
+        Solve.at(self.model, state).evaluate(self.whole, threads=self.whole.threads(self._threads))
         return vertex_forces(self.body, vertices, work.force) + work.outside
 
     def skipped(self) -> dict[str, int]:
         """Return a dict from kind of work to the count that each solve leaves out, as in `StepResult`."""
-        counts = dict(self._whole.skipped)
+        counts = dict(self.whole.skipped)
         return counts if self.actuation.terms else {**counts, Skip.ACTUATORS.value: 1}
 
     def task_at(self, solve: Solve, found: Solution) -> Task:
         """Return the minimisation's task at a solution, with unchanged multipliers."""
         solve.go_on_from(found.state)
-        return solve.evaluate(self._whole, threads=self._whole.threads(self._threads))
+        return solve.evaluate(self.whole, threads=self.whole.threads(self._threads))
 
     def _judge(self, solve: Solve, found: Solution) -> Solution:
         """Return a solution with its stability, and with a new tangent if that lowers the cost of the next solves."""
@@ -249,7 +229,7 @@ class EquilibriumSolver:
 
         ``spent`` is the number of iterations that the solve has made before.
         """
-        active, limit = self._whole, solve.problem.limit - spent
+        active, limit = self.whole, solve.problem.limit - spent
         solve.descend(active, threads=active.threads(self._threads), limit=limit)
         if self.minimiser.ran_away(active):
             summary = changed(

@@ -23,13 +23,9 @@ from gdfe_ros.solver.elements.barrier import THRESHOLD
 from gdfe_ros.solver.elements.measures import least_volume_ratio
 from gdfe_ros.solver.handle_motions import LEAST_TURN, HandleMotions
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
-from gdfe_ros.solver.matrix.rotation import SMALL
+from gdfe_ros.solver.matrix.rotation import apply_left_jacobian
 from gdfe_ros.solver.state import Motion, State
 
-LARGEST_RATIO = 2.0
-"""Largest multiple of the last step that is extrapolated."""
-SMOOTH = 0.5
-"""The last motion is extrapolated if the present motion differs from a multiple of it by at most this fraction."""
 HALF_TURN = np.radians(178.0)
 """Beyond this angle [rad], tiny differences decide the sense of a rotation."""
 
@@ -59,6 +55,10 @@ class Predictor:
         matrix: the constant matrix, which spreads motions of handles over the body.
     """
 
+    LARGEST_RATIO = 2.0
+    """Largest multiple of the last step that is extrapolated."""
+    SMOOTH = 0.5
+    """The last motion is extrapolated if the present motion differs from a multiple of it by at most this fraction."""
     STILL = 1e-12
     """Handle displacement, divided by the body's size, that counts as rounding and is not extended to the free
     vertices.
@@ -159,7 +159,7 @@ def _repeated(last: NDArray[np.float64], motion: NDArray[np.float64]) -> float:
         return 0.0
     ratio = float(np.vdot(last, motion) / size)
     rest = _norm(motion - ratio * last)
-    smooth = rest <= SMOOTH * _norm(motion) and 0.0 < ratio <= LARGEST_RATIO
+    smooth = rest <= Predictor.SMOOTH * _norm(motion) and 0.0 < ratio <= Predictor.LARGEST_RATIO
     return ratio if smooth else 0.0
 
 
@@ -185,7 +185,7 @@ def find_screw(
     if angle > HALF_TURN and vector @ sense < 0.0:
         vector *= 1.0 - 2.0 * np.pi / angle
     # exp(xi) moves a point by (J - I) x + J_l v; J_l is invertible below a whole turn.
-    left = np.stack([_apply_left_jacobian(vector, axis) for axis in np.eye(3)], axis=1)
+    left = np.stack([apply_left_jacobian(vector, axis) for axis in np.eye(3)], axis=1)
     return np.concatenate([vector, np.linalg.solve(left, end - turn.apply(start))])
 
 
@@ -197,15 +197,4 @@ def _are_on_a_line(arms: NDArray[np.float64], moved: NDArray[np.float64]) -> boo
 def follow_screws(screws: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return points (n, 3) [m] after the motions of screws (n, 6), one for each point."""
     turn, velocity = screws[:, :3], screws[:, 3:]
-    return points + _apply_left_jacobian(turn, np.cross(turn, points) + velocity)
-
-
-def _apply_left_jacobian(turn: NDArray[np.float64], vector: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return J_l(w) u = u + b w x u + c w x (w x u) of vectors (..., 3), b and c as in `solver.matrix.rotation`."""
-    square = np.sum(turn * turn, axis=-1, keepdims=True)
-    angle = np.sqrt(square)
-    safe, small = np.maximum(angle, SMALL), angle < SMALL
-    b = np.where(small, 0.5 - square / 24.0, (1.0 - np.cos(safe)) / safe**2)
-    c = np.where(small, 1.0 / 6.0 - square / 120.0, (safe - np.sin(safe)) / safe**3)
-    across = np.cross(turn, vector)
-    return vector + b * across + c * np.cross(turn, across)
+    return points + apply_left_jacobian(turn, np.cross(turn, points) + velocity)

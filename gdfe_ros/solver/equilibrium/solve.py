@@ -19,8 +19,7 @@ from gdfe_ros.solver.elements.measures import LEAST_SCALE, MOST_SCALE, update_ho
 from gdfe_ros.solver.elements.response import Watch
 from gdfe_ros.solver.equilibrium.predictor import Prediction
 from gdfe_ros.solver.forces.actuation import Actuation
-from gdfe_ros.solver.forces.fields import store_energies
-from gdfe_ros.solver.forces.pressures import Pressures
+from gdfe_ros.solver.forces.pressures import Pressures, store_energies
 from gdfe_ros.solver.forces.reactions import handle_reactions
 from gdfe_ros.solver.handle_motions import HandleMotions
 from gdfe_ros.solver.minimise.minimiser import Minimiser, Task
@@ -343,17 +342,11 @@ class Solve:
         if self._actuation.updates:
             errors.append(self._actuation.update(x) / tolerance)
         if self._softens(active):
-            change = self._update_scales(active) / tolerance
+            given = x, active.softening, self._operators.shape, self._body.material, self._body.table, self._scale
+            change = update_hourglass_scales(*given) / tolerance
         if self._moving:
             errors.append(change / self.LAGGING_SCALE)
         return float(np.max(errors)), change
-
-    def _update_scales(self, active: ActiveSet) -> float:
-        """Compute the hourglass scales at the present positions; return the largest change of a scale."""
-        x, body = active.workspace.x, self._body
-        return update_hourglass_scales(
-            x, active.softening, self._operators.shape, body.material, body.table, self._scale
-        )
 
     def _softens(self, active: ActiveSet) -> bool:
         """Return whether hourglass scales follow the strain."""

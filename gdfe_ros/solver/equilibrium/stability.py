@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import ClassVar, NamedTuple, Protocol
 
 import numpy as np
@@ -22,7 +23,7 @@ from gdfe_ros.solver.descent.active_set import ActiveSet
 from gdfe_ros.solver.descent.loop import UNPROVEN
 from gdfe_ros.solver.descent.search import ROUNDING
 from gdfe_ros.solver.equilibrium.solve import Solve
-from gdfe_ros.solver.minimise.curvature import FLAT, Lowest, TangentProducts, lowest
+from gdfe_ros.solver.minimise.curvature import Lanczos, Lowest, TangentProducts
 from gdfe_ros.solver.minimise.minimiser import Minimiser, Task
 from gdfe_ros.solver.outcome import Outcome, join, tell
 from gdfe_ros.solver.solution import Solution
@@ -117,6 +118,8 @@ class Stability:
             its stability is not known.
     """
 
+    LANCZOS = Lanczos()
+    """The method that searches for negative curvature."""
     GROWTH, LONG = 2.0, 1e-2
     """A solution is proved anew if the strain energy has grown by this factor since the last proof, or if a vertex
     moves by more than this multiple of the body's size in one solve.
@@ -262,8 +265,8 @@ class Stability:
             return True, None
         seen = self.look(task)
         # A kink may mislead the search, e.g. that of a cable that is just slack.
-        if seen.value > -FLAT or self._is_level(task, seen.direction):
-            proved = not (self._exact and self._free) and seen.known and seen.value > FLAT
+        if seen.value > -self.LANCZOS.flat or self._is_level(task, seen.direction):
+            proved = not (self._exact and self._free) and seen.known and seen.value > self.LANCZOS.flat
             return (True, None) if proved else (None, seen.direction)
         return False, seen.direction
 
@@ -274,15 +277,14 @@ class Stability:
         body would not contain the buckling mode.
         """
         with task.turn:
-            return lowest(
-                self._products(task), lambda right, out: self._minimiser.precondition(task, right, out), self._noise
-            )
+            apply = partial(self._minimiser.precondition, task)
+            return self.LANCZOS.lowest(self._products(task), apply, self._noise)
 
     def _is_level(self, task: Task, direction: NDArray[np.float64]) -> bool:
         """Return whether the energy is level along a direction (3 r,), as far as differences of forces show it."""
         curvature, status = self.curvature(task, direction), task.active.status
-        scale = float(status["absolute"] + status["outside"] + status["grain"])
-        return curvature > -FLAT or curvature * (self._size / largest(direction)) ** 2 > -self.LEVEL * scale
+        scale, length = float(status["absolute"] + status["outside"] + status["grain"]), self._size / largest(direction)
+        return curvature > -self.LANCZOS.flat or curvature * length**2 > -self.LEVEL * scale
 
     def curvature(self, task: Task, direction: NDArray[np.float64]) -> float:
         """Return the curvature of the energy along a direction (3 r,) that `look` found."""

@@ -20,9 +20,8 @@ from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.state import Balance, Saved, State
 from gdfe_ros.solver.terms.cable import CableTerm
 from gdfe_ros.solver.terms.chamber import ChamberTerm
-from gdfe_ros.solver.terms.dead_load import DeadLoadTerm
 from gdfe_ros.solver.terms.growth import Growths
-from gdfe_ros.solver.terms.pressure import PressureTerm
+from gdfe_ros.solver.terms.load import DeadLoadTerm, PressureTerm
 from gdfe_ros.solver.terms.term import Term, TermTable
 from gdfe_ros.solver.value import NEGLIGIBLE
 

@@ -29,8 +29,8 @@ from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact.overlap import Placed
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.state import Saved, State
-from gdfe_ros.solver.terms.multiplier import wander
-from gdfe_ros.solver.terms.term import Term, as_arrays, term_kernel
+from gdfe_ros.solver.terms.multiplier import UpdatedTerm
+from gdfe_ros.solver.terms.term import as_arrays, term_kernel
 
 ACTS, STIFFNESS, HEAD = range(3)
 """Offsets in ``reals`` of 1 for a grip with forces (0 without), of s [N/m], and of the rows of the points."""
@@ -73,7 +73,7 @@ def _entry(x, n, reals, k, integers, i, force, size):
     return grip_energy(*as_arrays(x, n, reals, k, integers, i, force, size))
 
 
-class GripTerm(Term):
+class GripTerm(UpdatedTerm):
     """A grip with its command, 0 or 1; between them while a load path or the internal steps of a motion pass.
 
     Args:
@@ -111,7 +111,7 @@ class GripTerm(Term):
         )
         self._hold, self._command, self._penalty = Hold.OFF, 0.0, 0.0
         self._poses, self._last = {grip.holder: Pose()}, None
-        self._kept, self._updated, self._errors = self.neutral(), None, []
+        self._kept, self._updated, self.errors = self.neutral(), None, []
 
     @property
     def _carried(self) -> bool:
@@ -122,6 +122,11 @@ class GripTerm(Term):
     def _rows(self) -> NDArray[np.float64]:
         """The rows of the points (k, 10), a view."""
         return self.reals[HEAD:].reshape(-1, ROW)
+
+    @property
+    def own_multipliers(self) -> NDArray[np.float64]:
+        """The multipliers l (k, 3) [N], a view."""
+        return self._rows[:, PULL:]
 
     @property
     def updates(self) -> bool:
@@ -183,7 +188,7 @@ class GripTerm(Term):
         elif self._hold is Hold.OFF:
             kept = self.neutral()
             pull = kept["pull"]
-        self._kept, self._updated, self._errors, rows = kept, None, [], self._rows
+        self._kept, self._updated, self.errors, rows = kept, None, [], self._rows
         self.reals[ACTS] = self._hold is not Hold.OFF
         self.reals[STIFFNESS] = self._penalty if self._hold is Hold.HOLDS else 0.0
         rows[:, WEIGHTS:PLACE], rows[:, PULL:] = kept["weights"], pull
@@ -196,7 +201,7 @@ class GripTerm(Term):
     def resume(self, commands: Mapping[str, float], saved: Saved, found: Saved, positions: NDArray[np.float64]) -> None:
         """Restore the forces at the end of a solve."""
         self.begin(commands, saved, positions, 0.0)
-        self._rows[:, PULL:] = found["pull"]
+        self.own_multipliers[...] = found["pull"]
 
     def _taken(self, last: State) -> Saved:
         """Return weights and places of the points, where the state ``last`` has them."""
@@ -220,27 +225,27 @@ class GripTerm(Term):
         carried = np.einsum("ka,kai->ki", rows[:, WEIGHTS:PLACE], positions[vertices[:, 1:]])
         return positions[vertices[:, 0]] - carried - rows[:, PLACE:PULL]
 
-    def _pulls(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+    def renewed(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return l + s d (k, 3) [N]: minus the forces on the points."""
-        pull = self._rows[:, PULL:].copy()
+        pull = self.own_multipliers.copy()
         return pull + self.reals[STIFFNESS] * self._gaps(positions) if self.updates else pull
 
     def _acting(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return minus the forces (k, 3) [N] on the points in the last minimisation, which ended at ``positions``."""
         done = self._updated is not None and np.array_equal(self._updated, positions[self._points])
-        return self._rows[:, PULL:].copy() if done else self._pulls(positions)
+        return self.own_multipliers.copy() if done else self.renewed(positions)
 
     def update(self, positions: NDArray[np.float64]) -> float:
         """Update the forces that keep the points in their places; return their change as a displacement [m]."""
-        self._rows[:, PULL:] = self._pulls(positions)
+        self.own_multipliers[...] = self.renewed(positions)
         self._updated = positions[self._points]
-        self._errors.append(self.STIFF / self.FINE * float(np.linalg.norm(self._gaps(positions), axis=1).max()))
-        return self._errors[-1]
+        self.errors.append(self.STIFF / self.FINE * float(np.linalg.norm(self._gaps(positions), axis=1).max()))
+        return self.errors[-1]
 
     @property
     def wanders(self) -> bool:
         """Whether the points cannot keep their places, as when two grips pull one body apart."""
-        return wander(self._errors, self._body.size)
+        return self.wander(self._body.size)
 
     def finish(self, saved: Saved, positions: NDArray[np.float64]) -> Saved:
         """Return the state to store: command, places and forces."""
@@ -249,29 +254,15 @@ class GripTerm(Term):
         return {"weights": self._kept["weights"], "places": self._kept["places"], **found, **forces}
 
     @property
-    def multipliers(self) -> NDArray[np.float64]:
-        """The forces (3 k,) [N] that keep the points in their places; empty if nothing is held."""
-        return self._rows[:, PULL:].ravel() if self.updates else np.zeros(0)
-
-    @property
     def per_metre(self) -> NDArray[np.float64]:
         """The penalty [N/m] of each force (3 k,); empty if nothing is held."""
         return np.full(self.multipliers.shape, self.reals[STIFFNESS])
-
-    def hold(self, multipliers: NDArray[np.float64]) -> None:
-        """Set the forces (3 k,) [N]."""
-        if self.updates:
-            self._rows[:, PULL:] = multipliers.reshape(-1, 3)
-
-    def updated(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the forces (3 k,) [N] after an update."""
-        return self._pulls(positions).ravel() if self.updates else np.zeros(0)
 
     def potential(self, positions: NDArray[np.float64], command: float) -> tuple[float, float]:
         """Return the potential [J] of falling forces, and its derivative with respect to the command; else zeros."""
         if self._hold is not Hold.FADES:
             return 0.0, 0.0
-        found = float(np.vdot(self._rows[:, PULL:], self._gaps(positions)))
+        found = float(np.vdot(self.own_multipliers, self._gaps(positions)))
         return found, found / command if command else 0.0
 
     def state(self, positions: NDArray[np.float64]) -> ActuatorState:

@@ -1,17 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pressures as multipliers of the elements' volumes, by the augmented Lagrangian method."""
+"""Pressures as multipliers of the elements' volumes, by the augmented Lagrangian method, and the elements' energies."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.materials.table import BULK, CARRIED, PENALTY, MaterialTable
+from gdfe_ros.compiled import internal, kernel
+from gdfe_ros.materials.material import Law
+from gdfe_ros.materials.stress import logarithmic_volume
+from gdfe_ros.materials.table import BULK, CARRIED, PENALTY, SHEAR, MaterialTable
 from gdfe_ros.mesh.operators import ShapeOperators
-from gdfe_ros.solver.anderson import Anderson
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.elements.measures import update_pressures
+from gdfe_ros.solver.elements.cell_type import least_corners, volume_ratio
+from gdfe_ros.solver.elements.measures import update_pressures, volume_at
 from gdfe_ros.solver.state import ElementState
+from gdfe_ros.solver.terms.multiplier import Anderson
 
 
 class Pressures:
@@ -108,3 +112,42 @@ def at_rest(body: Body) -> ElementState:
         hourglass_scale=np.ones_like(none),
         hourglass_scale_before=np.ones_like(none),
     )
+
+
+@internal
+def uncounted(j, pressure, volume, table, k, solved):
+    """Return the volume energy V U(J) [J] of an element with a pressure, minus the volume energy of the kernels.
+
+    With ``solved``, U(J) is replaced by its tangent U(J*) + p (J - J*). Here p is the pressure of the solve, and U'(J*)
+    = p. With a large bulk modulus, U(J) itself would magnify the remaining error of J. For an incompressible element
+    the result is 0, because J is 1 to the tolerance.
+    """
+    bulk, change = table.parameters[k, BULK], j - 1.0
+    if bulk == np.inf:
+        return 0.0
+    total = pressure + table.parameters[k, PENALTY] * change
+    counted = change * (pressure + 0.5 * table.parameters[k, PENALTY] * change)
+    target = volume_at(total, table, k) if solved else j
+    if table.law[k] == Law.NEO_HOOKEAN:
+        full, _ = logarithmic_volume(target, bulk - 2.0 / 3.0 * table.parameters[k, SHEAR])
+    else:
+        full = 0.5 * bulk * (target - 1.0) ** 2
+    return volume * (full + total * (j - target) - counted)
+
+
+@kernel
+def store_energies(x, elements, shape, material, table, pressure, energies, stored, least, solved):
+    """Write the energies [J] of ``elements``, with U(J) as their volume part, to ``stored`` (m,).
+
+    The least volume ratio at a corner of each element is written to ``least`` (m,). For elements with a pressure, the
+    kernels' ``energies`` (m,) [J] contain V (p_e (J - 1) + kappa/2 (J - 1)^2) instead. ``solved`` is True if the
+    pressures are the result of a solve (see `uncounted`).
+    """
+    least_corners(x, shape, elements, least)
+    for e in elements:
+        k = material[e]
+        stored[e] = energies[e]
+        if table.parameters[k, CARRIED] == 0.0:
+            continue
+        j = volume_ratio(x, shape, e)
+        stored[e] += uncounted(j, pressure[e], shape.volume[e], table, k, solved)

@@ -131,11 +131,6 @@ class Assembly:
         shape = 3 * len(rows), 3 * len(columns)
         return MatrixPart(np.flatnonzero(own), self.indices[own] - columns.start, starts, shape)
 
-    def matrix(self, blocks: NDArray[np.float64]) -> sparse.csr_matrix:
-        """Return the matrix (3 (f + b), 3 (f + b)) of blocks (k, 3, 3)."""
-        size = 3 * (self.free + self.members)
-        return sparse.bsr_matrix((blocks, self.indices, self.indptr), shape=(size, size)).tocsr()
-
 
 def _names(rows: NDArray[np.int64], count: int) -> NDArray[np.int64]:
     """Return a number (m c c,) for each pair of rows in a group (m, c), equal for equal pairs; -1 if a row is fixed."""

@@ -1,19 +1,111 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The constant global matrix: one n x n system for x, y and z, factored once (Sec. 3.2)."""
+"""The constant global matrix: one n x n system for x, y and z, factored once (Sec. 3.2).
+
+It does not couple x, y and z, but a rotation does. The rigid rows are therefore coupled to the free vertices by block
+elimination. About the rest pose, a handle moves its vertices by dx = dt + dtheta x r, with the undeformed position r
+relative to its centre. With the motion B of the vertices by the rigid rows, the free vertices follow by -H with
+H = A_ff^-1 A_fm B, and the rigid rows have the Schur complement S = B^T A_mm B - (A_fm B)^T H.
+"""
 
 from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sparse
 from numpy.typing import NDArray
 
-from gdfe_ros.compiled import vector_kernel
+from gdfe_ros.compiled import kernel, vector_kernel
 from gdfe_ros.mesh.operators import ShapeOperators
 from gdfe_ros.solver.elements.cell_type import cell_type_of
-from gdfe_ros.solver.matrix.coupling import close_coupling, couple
 from gdfe_ros.solver.matrix.factor import Factorisation, factor_of, usual_kind
-from gdfe_ros.solver.matrix.inverse import apply_free
-from gdfe_ros.solver.matrix.unknowns import HandlePositions, Unknowns, gather_rigid_rows, handle_centres
+from gdfe_ros.solver.matrix.inverse import Inverse, apply_free
+from gdfe_ros.solver.matrix.substitution import solve_rigid
+from gdfe_ros.solver.matrix.unknowns import Unknowns, clear_fixed
+
+SINGULAR = 1e-10
+"""A rigid motion counts as having no stiffness if its eigenvalue of the Schur complement is below this fraction of the
+largest eigenvalue.
+"""
+
+Solve = Callable[[NDArray[np.float64], NDArray[np.float64]], None]
+
+
+class Coupling(NamedTuple):
+    """Data that extend a solve of the free vertices to the rigid rows; empty if no handle has a free axis.
+
+    Attributes:
+        harmonic: (3 f, 3 q) H, displacement of the free vertices that each component of the rigid rows causes, times
+            -1.
+        inverse_schur: (3 q, 3 q) inverse of the Schur complement S, zero for prescribed components.
+        inverse: inverse of the free block A_ff, for the kernels.
+        fixed: (k,) int64 components of the free rows that are constant (`Unknowns.fixed`).
+    """
+
+    harmonic: NDArray[np.float64]
+    inverse_schur: NDArray[np.float64]
+    inverse: Inverse
+    fixed: NDArray[np.int64]
+
+
+def couple(
+    matrix: sparse.csc_matrix, rest: NDArray[np.float64], unknowns: Unknowns, solve: Solve, inverse: Inverse
+) -> Coupling:
+    """Return the coupling of handles in their rest poses to the free vertices, linearised.
+
+    Args:
+        matrix: the assembled matrix (n, n).
+        rest: (n, 3) rest vertices [m].
+        unknowns: the numbering of the unknowns.
+        solve: function that solves with the free block A_ff for three right-hand sides (f, 3).
+        inverse: the inverse of this block, for the kernels.
+    """
+    motion, rows = rigid_motion(rest, unknowns), matrix[:, unknowns.members]
+    wide = motion.reshape(len(motion), motion.shape[1] * motion.shape[2])
+    pulled = (rows @ wide).reshape(len(rest), *motion.shape[1:])
+    columns = np.moveaxis(pulled[unknowns.free], -1, 0)
+    harmonic = np.zeros_like(columns, order="C")
+    for column, follows in zip(columns, harmonic, strict=True):
+        solve(np.ascontiguousarray(column), follows)
+    schur = np.einsum("mia,mib->ab", motion, pulled[unknowns.members]) - np.einsum("afi,bfi->ab", columns, harmonic)
+    spread = np.ascontiguousarray(harmonic.reshape(len(harmonic), 3 * len(unknowns.free)).T)
+    return Coupling(spread, pseudo_inverse(schur)[0], inverse, unknowns.fixed)
+
+
+def rigid_motion(rest: NDArray[np.float64], unknowns: Unknowns) -> NDArray[np.float64]:
+    """Return the displacement (b, 3, 3 q) of the handles' vertices by each component of the rigid rows, at rest."""
+    motion = np.zeros((len(unknowns.members), 3, 3 * unknowns.rigid_rows))
+    for p, (begin, end) in enumerate(zip(unknowns.member_start[:-1], unknowns.member_start[1:], strict=True)):
+        own, places = motion[begin:end], rest[unknowns.members[begin:end]]
+        own[:, :, 3 * p : 3 * p + 3] = np.diag(unknowns.slides[p])
+        if unknowns.turn_row[p] >= 0:
+            first, arms = 3 * (unknowns.turn_row[p] - len(unknowns.free)), places - places.mean(axis=0)
+            axes = np.eye(3) * unknowns.turns[p] / unknowns.radius[p]
+            own[:, :, first : first + 3] = np.moveaxis(np.cross(axes, arms[:, None]), 1, 2)
+    return motion
+
+
+def pseudo_inverse(matrix: NDArray[np.float64]) -> tuple[NDArray[np.float64], bool]:
+    """Return the pseudo-inverse of a symmetric matrix (k, k), and whether the matrix is positive semidefinite.
+
+    Eigenvalues whose magnitude is at most `SINGULAR` times the largest count as zero.
+    """
+    values, vectors = np.linalg.eigh(0.5 * (matrix + matrix.T))
+    least = SINGULAR * np.abs(values).max(initial=0.0)
+    shares = np.divide(1.0, values, out=np.zeros_like(values), where=np.abs(values) > least)
+    return np.ascontiguousarray(vectors * shares @ vectors.T), bool(values.min(initial=0.0) >= -least)
+
+
+@kernel
+def close_coupling(gradient, coupling, out):
+    """Complete ``out`` (3 r,) to A^-1 ``gradient``; its rows of free vertices already contain A_ff^-1 gradient.
+
+    Components that are constant become zero.
+    """
+    if len(coupling.inverse_schur):
+        solve_rigid(coupling.harmonic, coupling.inverse_schur, gradient, out)
+    clear_fixed(coupling.fixed, out)
 
 
 def assemble(
@@ -31,11 +123,6 @@ def assemble(
         count: number n of vertices; None for the vertices of the elements.
     """
     return scattered(cell_type_of(shape).matrix_blocks(shape, weight, hourglass), shape.cells, count).tocsc()
-
-
-def assemble_centring(shape: ShapeOperators) -> sparse.csc_matrix:
-    """Return the paper's A^T A = sum_e V_e N with N = I - 1/8 (Eq. 3), (n, n)."""
-    return scattered(shape.volume[:, None, None] * (np.eye(8) - 0.125), shape.cells).tocsc()
 
 
 def scattered(blocks: NDArray[np.float64], nodes: NDArray[np.int32], count: int | None = None) -> sparse.coo_matrix:
@@ -91,16 +178,11 @@ class ConstantMatrix:
         self._prescribed = rows[:, unknowns.prescribed].tocsr()
         self._factor = factor_of(block, rest[free], library or usual_kind(len(free)))
         self.kind = self._factor.kind
-        self.coupling = couple(matrix, rest, unknowns, self.solve_exactly, self._factor.inverse)
+        self.coupling = couple(matrix, rest, unknowns, self.solve, self._factor.inverse)
 
     def solve(self, right: NDArray[np.float64], out: NDArray[np.float64]) -> None:
-        """Solve A_ff out = right for three right-hand sides (f, 3), with a relative error up to `factor.SOUND`."""
+        """Solve A_ff out = right for three right-hand sides (f, 3) to double precision."""
         self._factor.solve(right, out)
-        out.reshape(-1)[self._unknowns.fixed] = 0.0
-
-    def solve_exactly(self, right: NDArray[np.float64], out: NDArray[np.float64]) -> None:
-        """Solve A_ff out = right to double precision."""
-        self._factor.solve(right, out, exact=True)
         out.reshape(-1)[self._unknowns.fixed] = 0.0
 
     def multiply(self, motion: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -116,12 +198,10 @@ class ConstantMatrix:
         right = np.zeros((unknowns.rows, 3))
         right[:count] = force[unknowns.free]
         right.reshape(-1)[unknowns.fixed] = 0.0
-        frame = HandlePositions(self._rest, handle_centres(self._rest, unknowns))
-        none, rest = np.zeros((0, 8, 3)), np.zeros(right.size)
-        no_corners = unknowns._replace(corner_start=np.zeros_like(unknowns.corner_start))
-        gather_rigid_rows(rest, self._rest, none, force, True, frame, no_corners, right.reshape(-1))
+        motion = rigid_motion(self._rest, unknowns)
+        right[count:] = np.einsum("mia,mi->a", motion, force[unknowns.members]).reshape(-1, 3)
         out = np.zeros_like(right)
-        self.solve_exactly(right[:count], out[:count])
+        self.solve(right[:count], out[:count])
         close_coupling(right.reshape(-1), self.coupling, out.reshape(-1))
         return float(np.vdot(right, out))
 
@@ -129,7 +209,7 @@ class ConstantMatrix:
         """Return the harmonic extension (f, 3) [m] of a ``motion`` (b, 3) [m] of the prescribed vertices."""
         right = np.ascontiguousarray(-(self._prescribed @ motion))
         out = np.empty_like(right)
-        self.solve_exactly(right, out)
+        self.solve(right, out)
         return out
 
 

@@ -20,25 +20,11 @@ from scipy.linalg.lapack import dpotrf
 
 from gdfe_ros.blas import one_blas_thread
 from gdfe_ros.compiled import kernel
-from gdfe_ros.solver.matrix.elimination import Elimination, eliminated, grouped
+from gdfe_ros.solver.matrix.elimination import Elimination, dissected, eliminated, grouped, narrow_order
 from gdfe_ros.solver.matrix.inverse import LINE, Inverse, apply_free
-from gdfe_ros.solver.matrix.ordering import dissected, narrow_order
 
-DENSE_UP_TO = 200
-"""Up to this number of free vertices, an explicit inverse, applied in compiled code, is the fastest method."""
-COARSE_FROM = 4_000_000
-"""A factor with at least this number of entries is stored as 16-bit integers."""
 CODES = np.iinfo(np.int16).max
 """Integer that stands for the largest entry of a row."""
-
-GROUPS = 4
-"""Number of groups of supernodes in a large factor; threads divide the groups."""
-REGULAR = 1e-12
-"""Multiple of the largest diagonal entry of a supernode that is added to its diagonal if it has no factor; it grows
-tenfold until there is one.
-"""
-ZEROS = 0.15
-"""Largest fraction of zeros in a supernode. This matrix is factored once and used often; few zeros are then fastest."""
 
 
 @kernel
@@ -59,9 +45,9 @@ def supernodal(matrix: sparse.csc_matrix, points: NDArray[np.float64], *, exact:
     graph = matrix.tocsr()
     graph.sort_indices()
     orders = narrow_order(graph, points), dissected(graph, points)
-    found = min((eliminated(graph, order, slack=ZEROS) for order in orders), key=lambda each: each.entries)
-    large = found.entries >= COARSE_FROM
-    found, group_start = grouped(found, GROUPS if large else 0)
+    found = eliminated(graph, orders, power=1, slack=Factor.ZEROS)
+    large = found.entries >= Factor.COARSE_FROM
+    found, group_start = grouped(found, Factor.GROUPS if large else 0)
     length = -(-found.heights // LINE) * LINE
     start = np.concatenate([[0], np.cumsum(found.widths * length)]).astype(np.int64)
     coarse = large and not exact
@@ -90,7 +76,7 @@ def _factor(graph: sparse.csr_matrix, found: Elimination, inverse: Inverse, valu
         for child, places in reversed(left.pop(node, [])):
             extend(child, places, front.T)
         upper, failed = dpotrf(front[:own, :own], clean=1)
-        added = REGULAR * float(np.abs(front[range(own), range(own)]).max())
+        added = Factor.REGULAR * float(np.abs(front[range(own), range(own)]).max())
         while failed:
             front[range(own), range(own)] += added
             upper, failed = dpotrf(front[:own, :own], clean=1)
@@ -139,6 +125,20 @@ class Factor:
             rounding, it is the inverse of the matrix plus a small multiple of its diagonal.
     """
 
+    DENSE_UP_TO = 200
+    """Up to this number of free vertices, an explicit inverse, applied in compiled code, is the fastest method."""
+    COARSE_FROM = 4_000_000
+    """A factor with at least this number of entries is stored as 16-bit integers."""
+    GROUPS = 4
+    """Number of groups of supernodes in a large factor; threads divide the groups."""
+    REGULAR = 1e-12
+    """Multiple of the largest diagonal entry of a supernode that is added to its diagonal if it has no factor; it grows
+    tenfold until there is one.
+    """
+    ZEROS = 0.15
+    """Largest fraction of zeros in a supernode. This matrix is factored once and used often; few zeros are then
+    fastest.
+    """
     SOUND = 1e-3
     """A factor is stored in 16 bits if the relative correction of a solution is at most this. The factor serves as
     preconditioner, and to estimate the distance to the equilibrium.
@@ -159,14 +159,10 @@ class Factor:
             if not self._sound():
                 self.inverse = supernodal(matrix, points, exact=True)
 
-    def solve(self, right: NDArray[np.float64], out: NDArray[np.float64], *, exact: bool = False) -> None:
-        """Write the solution (f, 3) of three right-hand sides (f, 3) to ``out``.
-
-        With a factor of 16 bits, the relative error is up to `SOUND`. If ``exact``, the solution is corrected
-        `REFINED` times.
-        """
+    def solve(self, right: NDArray[np.float64], out: NDArray[np.float64]) -> None:
+        """Write the solution (f, 3) of three right-hand sides (f, 3) to ``out``, to double precision."""
         apply_free(self.inverse, right.reshape(-1), out.reshape(-1), None)
-        for _ in range(self.REFINED if exact and len(self.inverse.coarse) else 0):
+        for _ in range(self.REFINED if len(self.inverse.coarse) else 0):
             out += self._correction(right, out)
 
     def _sound(self) -> bool:
@@ -203,4 +199,4 @@ def factor_of(matrix: sparse.csc_matrix, points: NDArray[np.float64], kind: Fact
 
 def usual_kind(count: int) -> Factorisation:
     """Return the fastest method for a number of free vertices."""
-    return Factorisation.DENSE if count <= DENSE_UP_TO else Factorisation.SUPERNODES
+    return Factorisation.DENSE if count <= Factor.DENSE_UP_TO else Factorisation.SUPERNODES

@@ -15,8 +15,7 @@ from numpy import uint64
 from numpy.typing import NDArray
 
 from gdfe_ros.compiled import inlined, internal, kernel, vector_internal
-from gdfe_ros.solver.matrix.elimination import eliminated
-from gdfe_ros.solver.matrix.ordering import dissected, least_degree, narrow_order
+from gdfe_ros.solver.matrix.elimination import dissected, eliminated, least_degree, narrow_order
 from gdfe_ros.solver.matrix.rotation import unrotated
 from gdfe_ros.solver.matrix.substitution import PANEL, Kept, Plan, solve_columns, solve_unturned
 from gdfe_ros.solver.vectors import clear_part, copy_part
@@ -190,7 +189,7 @@ class Fronts:
         self, graph: sparse.csr_matrix, points: NDArray[np.float64], *, kind: type[np.floating] = np.float32
     ) -> None:
         orders = narrow_order(graph, points), least_degree(graph), dissected(graph, points)
-        found = min((eliminated(graph, order) for order in orders), key=lambda each: each.work)
+        found = eliminated(graph, orders, power=2)
         widths, heights = found.widths, found.heights
         self.price = round(3 * found.work / max(1, 8 * found.entries))
         room = 3 * int(heights.max(initial=0))
@@ -216,11 +215,9 @@ class Fronts:
         self._kind = np.dtype(kind)
         self.memory = self._kind.itemsize * int(self._plan.value_start[-1]) + 8 * (2 * room**2 + self._height)
         self._ends = np.empty(room, np.int64)
-        none, rows, order = np.zeros((0, 0)), 3 * len(found.order), found.order
-        bare = {"harmonic": np.zeros((rows, 0)), "schur": none, "springs": none, "reach": none, "inner": none}
-        turns = {"frames": unrotated(len(order)), "turned": np.empty(rows), "fixed": np.zeros(0, np.int64)}
-        values = np.empty(0, kind)
-        self.kept = Kept(self._plan, values, order, np.empty(rows), np.empty(room), **bare, **turns)
+        rows, empty = 3 * len(found.order), {"values": np.empty(0, kind), "local": np.empty(room)}
+        bare = Kept.none(rows)._replace(plan=self._plan, order=found.order, **empty)
+        self.kept = bare._replace(x=np.empty(rows), harmonic=np.zeros((rows, 0)), frames=unrotated(len(found.order)))
         self._fronts = self._panel = self._stack = np.empty(0)
 
     def _allocate(self) -> None:

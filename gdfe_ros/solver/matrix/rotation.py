@@ -15,10 +15,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gdfe_ros.compiled import inlined, internal, kernel
 from gdfe_ros.materials.tensor import cofactor, determinant, rotation, times
-from gdfe_ros.solver.elements.cell_kernels import mean_gradient
+from gdfe_ros.solver.elements.cell_type import mean_gradient
 from gdfe_ros.solver.vectors import clear_part
 
 SMALL = 1e-4
@@ -143,6 +144,17 @@ def share_sum(sums):
             sums[k, i] = total
 
 
-def unrotated(count: int) -> np.ndarray:
+def unrotated(count: int) -> NDArray[np.float64]:
     """Return the rotations (f, 9) of ``count`` vertices that have not rotated: identities."""
     return np.tile(np.eye(3).ravel(), (count, 1))
+
+
+def apply_left_jacobian(turn: NDArray[np.float64], vector: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return J_l(w) u = u + b w x u + c w x (w x u) of vectors (..., 3)."""
+    square = np.sum(turn * turn, axis=-1, keepdims=True)
+    angle = np.sqrt(square)
+    safe, small = np.maximum(angle, SMALL), angle < SMALL
+    b = np.where(small, 0.5 - square / 24.0, (1.0 - np.cos(safe)) / safe**2)
+    c = np.where(small, 1.0 / 6.0 - square / 120.0, (safe - np.sin(safe)) / safe**3)
+    across = np.cross(turn, vector)
+    return vector + b * across + c * np.cross(turn, across)

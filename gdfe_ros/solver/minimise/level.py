@@ -18,11 +18,10 @@ from numpy.typing import NDArray
 from gdfe_ros.compiled import kernel
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.descent.workspace import Problem
-from gdfe_ros.solver.elements.cell_kernels import add_walls
-from gdfe_ros.solver.elements.cell_type import cell_type_with
+from gdfe_ros.solver.elements.cell_type import add_walls, cell_type_with
 from gdfe_ros.solver.elements.tangent_rows import SPACING
 from gdfe_ros.solver.matrix.assembly import Assembly
-from gdfe_ros.solver.matrix.coupling import SINGULAR, spectral_inverse
+from gdfe_ros.solver.matrix.constant_matrix import pseudo_inverse
 from gdfe_ros.solver.matrix.fronts import Fronts, unturned_solutions
 from gdfe_ros.solver.matrix.rotation import unrotated, vertex_rotations
 from gdfe_ros.solver.matrix.springs import Springs, Tangent, spring_rows
@@ -259,16 +258,6 @@ class TangentLevel:
     def _springs(self, x: NDArray[np.float64]) -> Springs:
         return Springs.joined([term.springs(x) for term in self._terms])
 
-    def assembled(self, tangent: Tangent) -> sparse.csr_matrix:
-        """Return the matrix (3 r, 3 r) of a tangent in the unknowns."""
-        matrix, count = self._assembly.matrix(tangent.blocks), self._free
-        follow = sparse.block_diag([sparse.identity(count), sparse.csr_matrix(tangent.motion)]).tocsr()
-        apart = (follow.T @ matrix @ follow).tocsr()
-        if not tangent.springs.count:
-            return apart
-        rows = sparse.csr_matrix(self._rows(tangent))
-        return (apart + rows.T @ rows).tocsr()
-
     def _rows(self, tangent: Tangent) -> NDArray[np.float64]:
         return spring_rows(tangent.springs, self._unknowns, tangent.motion)
 
@@ -284,11 +273,9 @@ class TangentLevel:
             columns = self._beside.matrix(tangent.blocks) @ motion
             harmonic = self._factor.solve(columns)
             schur = motion.T @ (self._within.matrix(tangent.blocks) @ motion) - columns.T @ harmonic
-            values, vectors = np.linalg.eigh(0.5 * (schur + schur.T))
-            rounding = SINGULAR * np.abs(values).max()
-            if not values.min() >= -rounding:
+            inverse, definite = pseudo_inverse(schur)
+            if not definite:
                 return False
-            inverse = spectral_inverse(values, vectors, rounding)
             rigid = {"harmonic": np.ascontiguousarray(harmonic), "schur": inverse}
             self._kept = self._kept._replace(**rigid, turned=np.empty(count + motion.shape[1]))
         self._connect(tangent)

@@ -1,9 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Linear solvers without a matrix: preconditioned generalised conjugate residuals, and block elimination.
-
-The former are those of Eisenstat, Elman and Schultz (1983). A few multipliers are eliminated from the linearised solve,
-so that each column needs fewer products.
-"""
+"""A linear solver without a matrix: preconditioned generalised conjugate residuals (Eisenstat, Elman, Schultz 1983)."""
 
 from __future__ import annotations
 
@@ -11,14 +7,8 @@ from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import LinAlgError, lu_factor, lu_solve
 
 from gdfe_ros.errors import GdfeError
-
-ROUNDING = 1e-6
-"""Lower bound of the solution's norm in the relative residual, divided by the norm of M^-1 b."""
-ELIMINATED = 12
-"""Largest number of multipliers that are eliminated; each costs one solve with the factor per state."""
 
 Array = NDArray[np.float64]
 Map = Callable[[Array], Array]
@@ -37,6 +27,8 @@ class ConjugateResiduals:
             of the norms of M^-1 b and x.
     """
 
+    ROUNDING = 1e-6
+    """Lower bound of the solution's norm in the relative residual, divided by the norm of M^-1 b."""
     ENOUGH = 1e-5
     """Relative residual that is accepted if the tolerance cannot be reached, because products are finite differences.
     """
@@ -110,45 +102,5 @@ def _reduce(residual: Array, answer: Array, direction: Array, image: Array) -> N
 def _left(residual: Array, answer: Array, size: float) -> float:
     """Return the relative residual; 0 for a right-hand side of zero."""
     # A stiff constraint makes the right-hand side far larger than the solution, whose accuracy matters.
-    scale = min(size, max(float(np.linalg.norm(answer)), ROUNDING * size))
+    scale = min(size, max(float(np.linalg.norm(answer)), ConjugateResiduals.ROUNDING * size))
     return float(np.linalg.norm(residual)) / scale if size > 0.0 else 0.0
-
-
-class SchurComplement:
-    """The Schur complement S = D + C K^-1 B of the system K dx + B dm = f, -C dx + D dm = g.
-
-    Args:
-        product: function that returns the left-hand sides (r + k,) of both equations for a vector (r + k,) of dx, then
-            dm.
-        solve: function that returns K^-1 f for forces f (r,).
-        rows: number r of unknowns dx.
-        count: number k of multipliers dm.
-
-    Raises:
-        LinAlgError: S is singular.
-    """
-
-    def __init__(
-        self, product: Callable[[Array], Array], solve: Callable[[Array], Array], rows: int, count: int
-    ) -> None:
-        self._product, self._solve, self._rows = product, solve, rows
-        self._pushed, complement = np.empty((rows, count)), np.empty((count, count))
-        for j in range(count):
-            one = np.zeros(rows + count)
-            one[rows + j] = 1.0
-            self._pushed[:, j] = solve(product(one)[:rows])
-            one[:rows] = -self._pushed[:, j]
-            complement[:, j] = product(one)[rows:]
-        if not np.isfinite(complement).all():
-            raise LinAlgError("the complement is not finite")
-        self._factor = lu_factor(complement, check_finite=False)
-        if not np.abs(np.diag(self._factor[0])).min() > 1e-14 * np.abs(complement).max():
-            raise LinAlgError("the complement is singular")
-
-    def __call__(self, vector: Array) -> Array:
-        """Return dx, then dm, (r + k,) for the right-hand sides ``vector`` (r + k,): f, then g."""
-        rows = self._rows
-        alone = np.zeros_like(vector)
-        alone[:rows] = self._solve(vector[:rows])
-        multipliers = lu_solve(self._factor, vector[rows:] - self._product(alone)[rows:], check_finite=False)
-        return np.concatenate([alone[:rows] - self._pushed @ multipliers, multipliers])

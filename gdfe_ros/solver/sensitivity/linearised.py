@@ -11,12 +11,10 @@ element.
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import LinAlgError
 
 from gdfe_ros.errors import ENDED, GdfeError
 from gdfe_ros.materials.table import MaterialTable
@@ -29,7 +27,7 @@ from gdfe_ros.solver.forces.pressures import with_bulk
 from gdfe_ros.solver.forces.reactions import vertex_forces
 from gdfe_ros.solver.matrix.unknowns import HandlePositions, gather_rigid_rows, place
 from gdfe_ros.solver.minimise.level import TangentLevel
-from gdfe_ros.solver.sensitivity.krylov import ELIMINATED, ConjugateResiduals, SchurComplement
+from gdfe_ros.solver.sensitivity.krylov import ConjugateResiduals
 from gdfe_ros.solver.sensitivity.softening import Volumes, add_products, slopes
 from gdfe_ros.solver.state import State
 from gdfe_ros.solver.terms.multiplier import Multipliers
@@ -89,7 +87,7 @@ class Linearised:
         self._system: ConjugateResiduals | None = None
         self.body, self.actuation = equilibrium.body, equilibrium.actuation
         solve = Solve.at(equilibrium.model, end)
-        task = equilibrium.evaluated(solve)
+        task = solve.evaluate(equilibrium.whole, threads=None)
         self._watch, self._unknowns = task.problem.watch, self.body.unknowns
         work = equilibrium.whole.workspace
         self.x, self.u, self.frame = work.x.copy(), work.u.copy(), task.problem.frame
@@ -200,7 +198,7 @@ class Linearised:
         right = np.concatenate([-load, change / self._weights])
         if self._system is None:
             tolerance = self.STIFF if self.volumes.rigid else self.EXACT
-            self._system = ConjugateResiduals(self._multiplied, self._eliminated, tolerance=tolerance)
+            self._system = ConjugateResiduals(self._multiplied, self._preconditioned, tolerance=tolerance)
         found = self._system.solve(right)
         unknowns, multipliers = found[:rows], found[rows:] * self._weights
         return StateDerivative(unknowns, self.moved(unknowns), multipliers)
@@ -275,28 +273,16 @@ class Linearised:
             gradient[3 * len(self._unknowns.free) :] += self._turning @ unknowns[3 * len(self._unknowns.free) :]
         return np.concatenate([gradient, (multipliers - change) / self._weights])
 
-    @cached_property
-    def _eliminated(self) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
-        """The preconditioner: a solve with the factor, and block elimination of the multipliers if they are few."""
-        if not 0 < len(self.multipliers) <= ELIMINATED:
-            return self._preconditioned
-        try:
-            return SchurComplement(self._multiplied, self._factored, 3 * self._unknowns.rows, len(self.multipliers))
-        except LinAlgError:
-            return self._preconditioned
-
-    def _factored(self, forces: NDArray[np.float64]) -> NDArray[np.float64]:
-        found = np.zeros_like(forces)
-        self._level.solve(np.ascontiguousarray(forces), found)
-        return found
-
     def _preconditioned(self, vector: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Solve with the factor; the multipliers act on the forces, and stay."""
         rows = 3 * self._unknowns.rows
         gradient, multipliers = vector[:rows], vector[rows:]
         if len(multipliers):
             forces, _ = self._beside(np.zeros_like(self.x), multipliers * self._weights)
             gradient = gradient - self.gathered(forces)
-        return np.concatenate([self._factored(gradient), multipliers])
+        found = np.zeros_like(gradient)
+        self._level.solve(np.ascontiguousarray(gradient), found)
+        return np.concatenate([found, multipliers])
 
     def _beside(
         self, motion: NDArray[np.float64], multipliers: NDArray[np.float64]

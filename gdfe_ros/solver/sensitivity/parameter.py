@@ -24,7 +24,7 @@ from gdfe_ros.solver.motion import inertia, viscosity
 from gdfe_ros.solver.motion.dynamics import Dynamics
 from gdfe_ros.solver.motion.inertia import Inertia, mass_matrix
 from gdfe_ros.solver.motion.viscosity import Viscosity
-from gdfe_ros.solver.terms.dead_load import DeadLoadTerm
+from gdfe_ros.solver.terms.load import DeadLoadTerm
 from gdfe_ros.solver.terms.term import Term
 
 

@@ -19,7 +19,7 @@ from gdfe_ros.materials.stress import curve_state
 from gdfe_ros.materials.table import BULK, CARRIED, PENALTY, SHEAR, MaterialTable
 from gdfe_ros.materials.tensor import cofactor, determinant
 from gdfe_ros.mesh.operators import ShapeOperators
-from gdfe_ros.solver.elements.cell_kernels import mean_gradient, volume_ratio
+from gdfe_ros.solver.elements.cell_type import mean_gradient, volume_ratio
 from gdfe_ros.solver.elements.measures import equivalent_strain, softened_scale, volume_at
 
 SPACING = 1e-6

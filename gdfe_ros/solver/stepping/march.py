@@ -10,9 +10,6 @@ from gdfe_ros.solver.state import State
 from gdfe_ros.solver.value import changed
 from gdfe_ros.solver.vectors import largest_distance
 
-NEAR = 100.0
-"""Two equilibria count as the same if their distance, divided by the tolerance, is at most this."""
-
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class March:
@@ -31,6 +28,8 @@ class March:
         simulated: time [s] by which a moving body advanced; None without dynamics.
     """
 
+    NEAR = 100.0
+    """Two equilibria count as the same if their distance, divided by the tolerance, is at most this."""
     SAME = 1e-6
     """Two energies count as equal if their relative difference is at most this."""
 

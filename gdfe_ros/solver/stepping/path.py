@@ -15,10 +15,13 @@ from gdfe_ros.constraints import Pose
 from gdfe_ros.solver.deadline import Deadline
 from gdfe_ros.solver.elements.barrier import THRESHOLD
 from gdfe_ros.solver.forces.actuation import inflated
+from gdfe_ros.solver.handle_motions import HandleMotions
+from gdfe_ros.solver.matrix.rotation import apply_left_jacobian
 from gdfe_ros.solver.outcome import Outcome, join, tell
 from gdfe_ros.solver.solution import Solution
 from gdfe_ros.solver.state import State
 from gdfe_ros.solver.value import NEGLIGIBLE, changed
+from gdfe_ros.solver.vectors import largest_distance
 
 LARGEST_TURN = math.radians(100.0)
 """Largest rotation of a handle in one increment [rad]."""
@@ -220,6 +223,14 @@ class Attempt:
     SHORTEST_JUMP = 1.0 / 32.0
     """A jump is accepted in an increment of at most this fraction of a load path; shorter increments would jump, too.
     """
+    PROVEN = 0.01
+    """The energy balance shows a jump if the released energy minus the uncertainty of the work, divided by the largest
+    of the energies and the work, exceeds this.
+    """
+    LEAST_MOTION = 5e-3
+    """Least distance between the predicted and the actual end of a jump, divided by the body's size. A cable that
+    becomes taut during an increment also violates the balance, but causes no large displacement.
+    """
 
     path: LoadPath
     began: State
@@ -289,3 +300,51 @@ class Attempt:
         enters = self.solution.entered and self.solution.min_det > 0.0
         what = tell(Outcome.ENTERED if enters else Outcome.FOLDED)
         return join(f"{what} beyond {path.done:.3g} of the way to the command", message)
+
+
+def work_between(old: State, new: Solution, handles: HandleMotions) -> tuple[float, float]:
+    """Return the work [J] of handles and commands between two equilibria, and its uncertainty [J].
+
+    The work follows from the trapezoidal rule. The uncertainty is half of the difference between the work with the
+    first slopes and the work with the last slopes.
+    """
+    work, doubt, found = 0.0, 0.0, new.state
+    for name, pose in found.poses.items():
+        if pose == old.poses[name]:
+            continue
+        begin, end = (handles.pose(name, state.poses, state.turns) for state in (old, found))
+        moved, first, last = _displacement(begin, end), old.summary.reactions[name], found.summary.reactions[name]
+        work += 0.5 * float((first + last) @ moved)
+        doubt += 0.5 * abs(float((last - first) @ moved))
+    for name, slope in new.balance.slopes.items():
+        change, first = found.commands[name] - old.commands[name], old.balance.slopes[name]
+        work += 0.5 * (first + slope) * change
+        doubt += 0.5 * abs((slope - first) * change)
+    return work, doubt
+
+
+def jumped(old: State, new: Solution, handles: HandleMotions, size: float) -> bool:
+    """Return whether a body of ``size`` [m] jumped between two equilibria, as in buckling.
+
+    Along a stable branch, the potential changes by the work of handles and commands, the integral of its slopes with
+    respect to poses and commands. If the slopes are monotone, the integral lies between two bounds: those computed with
+    the first slopes and with the last slopes. Loads always have monotone slopes, because the potential of a stable
+    branch is concave in a load. A jump releases more energy than these bounds allow, and ends far from the positions
+    that were predicted from the last motion.
+    """
+    if old.balance is None or new.balance is None:
+        return False
+    work, doubt = work_between(old, new, handles)
+    before, after = old.summary.energy, new.state.summary.energy
+    rubbed = new.state.dissipated - old.dissipated
+    lost = before + old.balance.potential + work - after - new.balance.potential - rubbed
+    scale = max(before, after, abs(work), abs(new.balance.potential - old.balance.potential))
+    if not lost > doubt + Attempt.PROVEN * scale:
+        return False
+    return bool(largest_distance(new.positions, new.began) > Attempt.LEAST_MOTION * size)
+
+
+def _displacement(begin: Pose, end: Pose) -> NDArray[np.float64]:
+    """Return translation [m] and rotation about world axes [rad] (6,); their product with a wrench is its work."""
+    middle, change = 0.5 * np.add(end.rotation, begin.rotation), np.subtract(end.rotation, begin.rotation)
+    return np.concatenate([np.subtract(end.translation, begin.translation), apply_left_jacobian(middle, change)])

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,17 +13,40 @@ from gdfe_ros.constraints import Pose
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.deadline import Deadline, past
 from gdfe_ros.solver.equilibrium.energy import EquilibriumSolver
-from gdfe_ros.solver.equilibrium.relative import RelativeEquilibrium
 from gdfe_ros.solver.forces.actuation import Actuation, past_limit
+from gdfe_ros.solver.handle_motions import HandleMotions
 from gdfe_ros.solver.outcome import REMEDY_OF_FOLDS, Outcome, join, tell
-from gdfe_ros.solver.settings import Policy, Skip, SolverSettings
+from gdfe_ros.solver.settings import Skip, SolverSettings
 from gdfe_ros.solver.solution import Increment, Solution
 from gdfe_ros.solver.state import State
-from gdfe_ros.solver.stepping.balance import jumped
-from gdfe_ros.solver.stepping.march import NEAR, March, crumpled
-from gdfe_ros.solver.stepping.path import Attempt, Goal, LoadPath, Verdict, planned_increments
+from gdfe_ros.solver.stepping.march import March, crumpled
+from gdfe_ros.solver.stepping.path import Attempt, Goal, LoadPath, Verdict, jumped, planned_increments
 from gdfe_ros.solver.stepping.placing import placed, require_own
 from gdfe_ros.solver.value import changed
+
+
+class Equilibrium(Protocol):
+    """What a stepper needs of a solver of equilibria.
+
+    Attributes:
+        handles: the kinematics of the handles.
+        patience: number of iterations after which a solve is given up and a shorter increment is tried.
+    """
+
+    handles: HandleMotions
+    patience: int
+
+    def at_rest(self) -> State:
+        """Return the undeformed state."""
+
+    def solve(self, problem: Increment, start: State) -> Solution:
+        """Find the equilibrium of ``problem`` from ``start``, which is not modified."""
+
+    def accept(self, solution: Solution, previous: State) -> State:
+        """Return the complete state of ``solution``, which follows the state ``previous``."""
+
+    def skipped(self) -> dict[str, int]:
+        """Return a dict from kind of work to the count that each solve leaves out, as in `StepResult`."""
 
 
 class Stepper:
@@ -32,9 +56,10 @@ class Stepper:
         body: the discretised body.
         settings: settings of the solver.
         actuation: the external terms; None if there are none.
+        equilibrium: another solver of equilibria, instead of that of the policy ``energy``.
 
     Attributes:
-        equilibrium: the equilibrium solver.
+        equilibrium: the solver of equilibria.
     """
 
     FINER = 1e-2
@@ -42,15 +67,17 @@ class Stepper:
     large compared with the handles' moments.
     """
 
-    def __init__(self, body: Body, settings: SolverSettings, actuation: Actuation | None = None) -> None:
+    def __init__(
+        self,
+        body: Body,
+        settings: SolverSettings,
+        actuation: Actuation | None = None,
+        equilibrium: Equilibrium | None = None,
+    ) -> None:
         self.body, self._settings = body, settings
         self.actuation = actuation or Actuation(body)
-        self.equilibrium: EquilibriumSolver | RelativeEquilibrium
-        if settings.policy is Policy.ENERGY:
-            options = {"skip": settings.skip, "threads": settings.threads}
-            self.equilibrium = EquilibriumSolver(body, self.actuation, **options)
-        else:
-            self.equilibrium = RelativeEquilibrium(body, self.actuation)
+        options = {"skip": settings.skip, "threads": settings.threads}
+        self.equilibrium = equilibrium or EquilibriumSolver(body, self.actuation, **options)
 
     def at_rest(self) -> State:
         """Return the undeformed state, with neutral commands."""
@@ -285,7 +312,7 @@ class Stepper:
         """Return the better of ``march`` and the load path from the undeformed body; the latter gets a message."""
         again = self._march(self.at_rest(), goal)
         gain = self._energy(march.state) - self._energy(again.state)
-        if not again.is_better(march, NEAR * goal.tolerance * self.body.size, gain=gain):
+        if not again.is_better(march, March.NEAR * goal.tolerance * self.body.size, gain=gain):
             return march.counting(march, again)
         message = join(tell(Outcome.RESTARTED, flaw=march.flaw), again.message)
         return changed(again.counting(march, again), message=message, restarts=1)

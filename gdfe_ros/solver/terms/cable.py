@@ -25,13 +25,14 @@ from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.matrix.springs import Springs
 from gdfe_ros.solver.state import Saved
-from gdfe_ros.solver.terms.multiplier import fitted_penalty, followed, remembered
-from gdfe_ros.solver.terms.term import Term, as_arrays, term_kernel
+from gdfe_ros.solver.terms.multiplier import EFFORT, STIFFNESS, TARGET, EffortTerm
+from gdfe_ros.solver.terms.term import as_arrays, term_kernel
 from gdfe_ros.solver.value import NEGLIGIBLE
 
-EFFORT, TARGET, STIFFNESS, EYELET, EXCESS, CARRIERS, WEIGHTS = range(7)
-"""Offsets in ``reals`` of T [N], l [m], k [N/m], e [m], c [m], the number of vertices that carry each point, and the
-weights of these vertices; the places of points in the world [m] follow them."""
+EYELET, EXCESS, CARRIERS, WEIGHTS = range(STIFFNESS + 1, STIFFNESS + 5)
+"""Offsets in ``reals``, after T [N], l [m] and k [N/m], of e [m], c [m], the number of vertices that carry each point,
+and the weights of these vertices; the places of points in the world [m] follow them.
+"""
 
 
 @inlined
@@ -109,7 +110,7 @@ def _entry(x, n, reals, k, integers, i, force, size):
     return cable_energy(*as_arrays(x, n, reals, k, integers, i, force, size))
 
 
-class CableTerm(Term):
+class CableTerm(EffortTerm):
     """A cable with a commanded tension, length or shortening.
 
     Args:
@@ -170,7 +171,7 @@ class CableTerm(Term):
             # The segments of a cable that is straight between handles balance each other: use the most compliant one.
             stretches = [self._pull(slice(first, first + 2)) for first in range(len(self._anchored) - 1)]
             force = max(stretches, key=matrix.compliance)
-        self.reals[STIFFNESS] = fitted_penalty(matrix, force, self.name)
+        self.fit_penalty(matrix, force)
 
     def _pull(self, points: slice) -> NDArray[np.float64]:
         """Return dL/dx (n, 3) of the undeformed segments between ``points``."""
@@ -216,17 +217,13 @@ class CableTerm(Term):
         pull(positions, numbers, self.integers, 1.0, slope)
         return Springs.between(self._carrying, np.sqrt(numbers[STIFFNESS]) * slope[self._carrying])
 
-    def neutral(self) -> Saved:
-        """Return the stored state without tension."""
-        return remembered(0.0, {})
-
     def begin(self, commands: Mapping[str, float], saved: Saved, positions: NDArray[np.float64], ratio: float) -> None:
         """Set the command; for a kept length, also the initial tension, extrapolated from the last steps."""
         self._command, numbers = commands[self.name], self.reals
         if self.actuator.mode is Mode.TENSION:
             numbers[EFFORT], numbers[TARGET] = self._command, cable_length(positions, numbers, self.integers)
             return
-        numbers[EFFORT] = 0.0 if self._elastic else max(0.0, followed(saved, ratio))
+        numbers[EFFORT] = 0.0 if self._elastic else max(0.0, self.followed(saved, ratio))
         numbers[TARGET] = self.wanted(self._command)
 
     def resume(self, commands: Mapping[str, float], saved: Saved, found: Saved, positions: NDArray[np.float64]) -> None:
@@ -248,24 +245,12 @@ class CableTerm(Term):
         self.reals[EFFORT] += self._lifted
 
     @property
-    def multipliers(self) -> NDArray[np.float64]:
-        """The tension [N] that keeps the length (1,); empty without such a constraint."""
-        return self.reals[EFFORT : EFFORT + 1].copy() if self.updates else np.zeros(0)
-
-    @property
     def per_metre(self) -> NDArray[np.float64]:
         """The penalty [N/m] of the length (1,); empty without such a constraint."""
         return self.reals[STIFFNESS : STIFFNESS + 1].copy() if self.updates else np.zeros(0)
 
-    def hold(self, multipliers: NDArray[np.float64]) -> None:
-        """Set the tension [N] that keeps the length."""
-        if self.updates:
-            self.reals[EFFORT] = multipliers[0]
-
-    def updated(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+    def renewed(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the tension (1,) [N] after an update."""
-        if not self.updates:
-            return np.zeros(0)
         return np.array([cable_tension(cable_length(positions, self.reals, self.integers), self.reals)])
 
     def wanted(self, command: float) -> float:
@@ -284,14 +269,10 @@ class CableTerm(Term):
 
     def update(self, positions: NDArray[np.float64]) -> float:
         """Update the tension that keeps the length; return the error of the length [m]."""
-        tension = cable_tension(cable_length(positions, self.reals, self.integers), self.reals)
+        (tension,) = self.renewed(positions)
         miss = abs(tension - self.reals[EFFORT]) / self.reals[STIFFNESS]
         self.reals[EFFORT] = tension
         return miss
-
-    def finish(self, saved: Saved, positions: NDArray[np.float64]) -> Saved:
-        """Return the state to store: the tension."""
-        return remembered(float(self.reals[EFFORT]), saved)
 
     def state(self, positions: NDArray[np.float64]) -> ActuatorState:
         """Return command, length and tension."""

@@ -19,12 +19,13 @@ from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.matrix.springs import Springs
 from gdfe_ros.solver.state import Saved
-from gdfe_ros.solver.terms.multiplier import fitted_penalty, followed, remembered
-from gdfe_ros.solver.terms.term import Term, as_arrays, term_kernel
+from gdfe_ros.solver.terms.multiplier import EFFORT, STIFFNESS, TARGET, EffortTerm
+from gdfe_ros.solver.terms.term import as_arrays, term_kernel
 from gdfe_ros.solver.terms.volume import FACES, PRODUCTS, face_forces, pack_faces, volume_curvature
 
-EFFORT, TARGET, STIFFNESS, LIMIT = range(4)
-"""Offsets in ``reals`` of p [Pa], v [m^3], k [Pa/m^3] and the volume [m^3] above which the chamber counts as unstable.
+LIMIT = STIFFNESS + 1
+"""Offset in ``reals``, after p [Pa], v [m^3] and k [Pa/m^3], of the volume [m^3] above which the chamber counts as
+unstable.
 """
 
 
@@ -85,7 +86,7 @@ def _entry(x, n, reals, k, integers, i, force, size):
     return chamber_energy(*as_arrays(x, n, reals, k, integers, i, force, size))
 
 
-class ChamberTerm(Term):
+class ChamberTerm(EffortTerm):
     """A chamber with a commanded pressure or volume.
 
     Args:
@@ -124,7 +125,7 @@ class ChamberTerm(Term):
     def fit(self, matrix: ConstantMatrix) -> None:
         """For a commanded volume, set a penalty in proportion to the body's initial stiffness."""
         if self.updates:
-            self.reals[STIFFNESS] = fitted_penalty(matrix, self._pressed(self._body.rest), self.name)
+            self.fit_penalty(matrix, self._pressed(self._body.rest))
 
     def _pressed(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return -dV/dx (n, 3) [m^2]."""
@@ -161,15 +162,11 @@ class ChamberTerm(Term):
         places = self.actuator.at(positions)
         return float(face_forces(places, self._faces, places[self._faces[FACES]], 0.0, 0.0, np.zeros((0, 3))))
 
-    def neutral(self) -> Saved:
-        """Return the stored state without pressure."""
-        return remembered(0.0, {})
-
     def begin(self, commands: Mapping[str, float], saved: Saved, positions: NDArray[np.float64], ratio: float) -> None:
         """Set the command; for a commanded volume, also the initial pressure, extrapolated from the last steps."""
         self._command, numbers = commands[self.name], self.reals
         if self.updates:
-            numbers[EFFORT], numbers[TARGET], numbers[LIMIT] = followed(saved, ratio), self._command, math.inf
+            numbers[EFFORT], numbers[TARGET], numbers[LIMIT] = self.followed(saved, ratio), self._command, math.inf
             return
         volume = self._volume(positions)
         numbers[EFFORT], numbers[TARGET] = self._command, volume
@@ -183,20 +180,11 @@ class ChamberTerm(Term):
             2.0 / 3.0
         )
 
-    def finish(self, saved: Saved, positions: NDArray[np.float64]) -> Saved:
-        """Return the state to store: the pressure."""
-        return remembered(float(self.reals[EFFORT]), saved)
-
     def resume(self, commands: Mapping[str, float], saved: Saved, found: Saved, positions: NDArray[np.float64]) -> None:
         """Restore the pressure at the end of a solve."""
         self.begin(commands, saved, positions, 0.0)
         if self.updates:
             self.reals[EFFORT] = found["effort"][0]
-
-    @property
-    def multipliers(self) -> NDArray[np.float64]:
-        """The pressure [Pa] that keeps the volume (1,); empty without such a constraint."""
-        return self.reals[EFFORT : EFFORT + 1].copy() if self.updates else np.zeros(0)
 
     @property
     def per_metre(self) -> NDArray[np.float64]:
@@ -205,14 +193,9 @@ class ChamberTerm(Term):
             return np.zeros(0)
         return self.reals[STIFFNESS : STIFFNESS + 1] * max(abs(self._rest_volume), self.actuator.least) ** (2.0 / 3.0)
 
-    def hold(self, multipliers: NDArray[np.float64]) -> None:
-        """Set the pressure [Pa] that keeps the volume."""
-        if self.updates:
-            self.reals[EFFORT] = multipliers[0]
-
-    def updated(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+    def renewed(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the pressure (1,) [Pa] after an update."""
-        return np.array([chamber_pressure(self._volume(positions), self.reals)]) if self.updates else np.zeros(0)
+        return np.array([chamber_pressure(self._volume(positions), self.reals)])
 
     def _limit(self, volume: float) -> float:
         """Return the volume [m^3] beyond which the chamber counts as unstable in a solve from ``volume`` [m^3]."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Multipliers of terms: penalties and extrapolation of commanded lengths and volumes, and all as one vector."""
+"""Multipliers of terms: their penalties and updates, all of them as one vector, and Anderson's acceleration."""
 
 from __future__ import annotations
 
@@ -12,51 +12,92 @@ from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.state import Saved
 from gdfe_ros.solver.terms.term import Term
 
-PENALTY = 10.0
-"""Penalty stiffness of a commanded length or volume, divided by the stiffness with which the body resists a change of
-it. The constant matrix gives this stiffness. The ratio is large enough for few updates. It is small enough to cause
-only one outlying eigenvalue, which the history of a minimisation resolves.
-"""
-
-
-PATIENCE, FAINT = 6, 1e-5
-"""After this number of updates, the error must be less than the first one. Errors below the fraction `FAINT` of the
-body's size do not count.
-"""
-
-
-def wander(errors: Sequence[float], size: float) -> bool:
-    """Return whether updates do not settle, from their ``errors`` [m] in a solve and the body's ``size`` [m].
-
-    They go to and fro, or the constraints contradict each other.
-    """
-    return len(errors) >= PATIENCE and errors[-1] >= max(errors[0], FAINT * size)
-
-
-def fitted_penalty(matrix: ConstantMatrix, force: NDArray[np.float64], name: str) -> float:
-    """Return the penalty of an actuator that acts on the vertices with ``force`` (n, 3) at unit tension or pressure.
-
-    Raises:
-        ValueError: the actuator moves nothing; scenes with such an actuator are rejected on loading.
-    """
-    compliance = matrix.compliance(force)
-    if not compliance > 0.0:
-        raise ValueError(f"actuator {name!r} moves nothing: everything that it acts on is held by handles")
-    return PENALTY / compliance
-
-
-def remembered(effort: float, saved: Saved) -> Saved:
-    """Return the state to store: ``effort`` (tension or pressure) and the previous effort."""
-    return {"effort": np.array([effort, saved["effort"][0] if saved else 0.0])}
-
-
-def followed(saved: Saved, ratio: float) -> float:
-    """Return the initial tension or pressure: the last value plus ``ratio`` times the last change."""
-    last, before = saved["effort"]
-    return float(last + ratio * (last - before))
-
-
 Array = NDArray[np.float64]
+
+
+class UpdatedTerm(Term):
+    """A term whose multipliers are among its own numbers. A solve changes them while `updates` is True.
+
+    Attributes:
+        own_multipliers: the multipliers, of any shape; a view.
+        renewed: method that returns the multipliers, in this shape, after an update at positions (n, 3) [m].
+        errors: error of the constraints [m] before each update of a solve.
+    """
+
+    PATIENCE, FAINT = 6, 1e-5
+    """After this number of updates, the error must be less than the first one. Errors below the fraction `FAINT` of the
+    body's size do not count.
+    """
+    own_multipliers: Array
+    renewed: Callable[[Array], Array]
+    errors: Sequence[float] = ()
+
+    def wander(self, size: float) -> bool:
+        """Return whether updates do not settle; ``size`` [m] is that of the body.
+
+        They go to and fro, or the constraints contradict each other.
+        """
+        errors = self.errors
+        return len(errors) >= self.PATIENCE and errors[-1] >= max(errors[0], self.FAINT * size)
+
+    @property
+    def multipliers(self) -> Array:
+        """The multipliers (k,), a copy; empty if nothing is kept."""
+        return self.own_multipliers.flatten() if self.updates else np.zeros(0)
+
+    def hold(self, multipliers: Array) -> None:
+        """Set the multipliers (k,)."""
+        if self.updates:
+            self.own_multipliers[...] = multipliers.reshape(self.own_multipliers.shape)
+
+    def updated(self, positions: Array) -> Array:
+        """Return the multipliers (k,) after an update at ``positions`` (n, 3) [m]; empty if nothing is kept."""
+        return self.renewed(positions).flatten() if self.updates else np.zeros(0)
+
+
+EFFORT, TARGET, STIFFNESS = range(3)
+"""First offsets in ``reals`` of an `EffortTerm`: the effort, the commanded length [m] or volume [m^3], and the penalty
+[N/m] or [Pa/m^3].
+"""
+
+
+class EffortTerm(UpdatedTerm):
+    """A term with one effort, a tension [N] or a pressure [Pa]: given, or the multiplier of a length or a volume."""
+
+    PENALTY = 10.0
+    """Penalty stiffness of a commanded length or volume, divided by the stiffness with which the body resists a change
+    of it. The constant matrix gives this stiffness. The ratio is large enough for few updates. It is small enough to
+    cause only one outlying eigenvalue, which the history of a minimisation resolves.
+    """
+
+    def fit_penalty(self, matrix: ConstantMatrix, force: Array) -> None:
+        """Set the penalty of a term that acts on the vertices with ``force`` (n, 3) at unit tension or pressure.
+
+        Raises:
+            ValueError: the term moves nothing; scenes with such an actuator are rejected on loading.
+        """
+        compliance = matrix.compliance(force)
+        if not compliance > 0.0:
+            raise ValueError(f"actuator {self.name!r} moves nothing: everything that it acts on is held by handles")
+        self.reals[STIFFNESS] = self.PENALTY / compliance
+
+    @property
+    def own_multipliers(self) -> Array:
+        """The effort (1,), a view."""
+        return self.reals[EFFORT : EFFORT + 1]
+
+    def followed(self, saved: Saved, ratio: float) -> float:
+        """Return the initial effort of a solve: the last one plus ``ratio`` times the last change."""
+        last, before = saved["effort"]
+        return float(last + ratio * (last - before))
+
+    def neutral(self) -> Saved:
+        """Return the stored state without effort."""
+        return {"effort": np.zeros(2)}
+
+    def finish(self, saved: Saved, positions: Array) -> Saved:
+        """Return the state to store: the effort, and the one before it."""
+        return {"effort": np.array([self.reals[EFFORT], saved["effort"][0] if saved else 0.0])}
 
 
 class Multipliers:
@@ -93,3 +134,44 @@ class Multipliers:
 
     def _joined(self, part: Callable[[Term], Array]) -> Array:
         return np.concatenate([np.zeros(0), *(part(term) for term in self._terms)])
+
+
+class Anderson:
+    """Anderson acceleration of the iteration x <- x + f(x), from the last few pairs (x, f).
+
+    It is of type II (Anderson 1965), with restarts.
+
+    Args:
+        growth: largest factor by which the norm of the residual may grow without dropping the history. A large one
+            suits iterations that diverge by themselves, which only the history makes converge.
+    """
+
+    MEMORY = 6
+    """Number of differences between successive iterates that the acceleration uses."""
+    GROWTH = 2.0
+    """If the norm of the residual grows by more than this factor, the history is dropped and a plain iteration follows.
+    """
+
+    def __init__(self, growth: float = GROWTH) -> None:
+        self._growth = growth
+        self._iterates: list[NDArray[np.float64]] = []
+        self._residuals: list[NDArray[np.float64]] = []
+
+    def next(self, x: NDArray[np.float64], f: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the iterate that follows ``x`` with the residual ``f``; all are flat (k,).
+
+        If the norm of the residual has grown by more than ``growth``, the history is dropped and x + f is returned.
+        """
+        if self._residuals and np.linalg.norm(f) > self._growth * np.linalg.norm(self._residuals[-1]):
+            self._iterates.clear()
+            self._residuals.clear()
+        self._iterates.append(x.copy())
+        self._residuals.append(f.copy())
+        del self._iterates[: -self.MEMORY - 1], self._residuals[: -self.MEMORY - 1]
+        if len(self._residuals) == 1:
+            return x + f
+        changes = np.diff(np.array(self._residuals), axis=0)
+        moves = np.diff(np.array(self._iterates), axis=0)
+        # Solve the small normal equations: an SVD of the tall system costs more than the rest of the iteration.
+        weights = np.linalg.lstsq(changes @ changes.T, changes @ f, rcond=1e-14)[0]
+        return x + f - weights @ (moves + changes)

@@ -6,9 +6,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from gdfe_ros.constraints.obstacle import NAME, SelfContact
 
 from gdfe_ros.actuators.load import corner_areas
+from gdfe_ros.constraints.obstacle import NAME, SelfContact
 from gdfe_ros.mesh import HexMesh
 from gdfe_ros.mesh.generators import bar
 from gdfe_ros.scene.loader import scene_from_text

@@ -38,7 +38,7 @@ def moved(tip: str) -> Simulation:
 
 def kept_of(simulation: Simulation) -> Kept:
     """Return the kept factor of a simulation's tangent."""
-    return simulation.stepper.equilibrium._model.minimiser.level.kept
+    return simulation.stepper.equilibrium.model.minimiser.level.kept
 
 
 def rows_of(count: int, total: int) -> NDArray[np.int64]:

@@ -17,7 +17,7 @@ from gdfe_ros.mesh.faces import turned
 from gdfe_ros.mesh.tetmesh import divided
 from gdfe_ros.scene import scene_from_text
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.terms.pressure import PressureTerm
+from gdfe_ros.solver.terms.load import PressureTerm
 from gdfe_ros.solver.terms.term import TermTable, terms_energy
 
 HEAD = """

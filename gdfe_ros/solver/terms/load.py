@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Follower pressures as terms: a pressure p on faces of the body, normal to them as they move and stretch.
+"""Loads as terms: dead loads, and follower pressures.
+
+A dead load has forces of constant magnitude and direction, and the energy E = -s sum_v f_v . (x_v - X_v).
+
+A follower pressure p acts on faces of the body, normal to them as they move and stretch.
 
 Node a of the faces gets the force p f_a, with f_a = int N_a n dA over the deformed faces. Let V be the volume of the
 cones from the faces to a fixed point, V = 1/3 int x . n dA. Then f_a = dV/dx_a + b_a, where b_a is not zero only at
@@ -15,14 +19,13 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.actuators.load import PressureLoad
+from gdfe_ros.actuators.load import Load, PressureLoad
 from gdfe_ros.compiled import kernel
 from gdfe_ros.constraints import Pose
-from gdfe_ros.solver.anderson import Anderson
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.state import Saved, State
-from gdfe_ros.solver.terms.multiplier import wander
+from gdfe_ros.solver.terms.multiplier import Anderson, UpdatedTerm
 from gdfe_ros.solver.terms.term import Term, as_arrays, term_kernel
 from gdfe_ros.solver.terms.volume import COUNT, FACES, NODES, PRODUCTS, face_forces, pack_faces, volume_curvature
 from gdfe_ros.solver.value import NEGLIGIBLE
@@ -50,11 +53,12 @@ def pressure_energy(x, reals, integers, force, size):
 
 
 @term_kernel
-def _entry(x, n, reals, k, integers, i, force, size):
+def pressure_entry(x, n, reals, k, integers, i, force, size):
+    """Call `pressure_energy`."""
     return pressure_energy(*as_arrays(x, n, reals, k, integers, i, force, size))
 
 
-class PressureTerm(Term):
+class PressureTerm(UpdatedTerm):
     """A follower pressure with its commanded factor.
 
     Args:
@@ -67,7 +71,7 @@ class PressureTerm(Term):
     GROWTH = 1e3
     """The forces' iteration may diverge by itself; the history of its acceleration is kept up to this growth."""
 
-    kernel = _entry
+    kernel = pressure_entry
 
     def __init__(self, load: PressureLoad, body: Body) -> None:
         self._load, self._faces = load, load.quads.astype(np.int32)
@@ -93,7 +97,7 @@ class PressureTerm(Term):
         return len(self._edge) > 0 and self.reals[PRESSURE] != 0.0
 
     @property
-    def _held(self) -> NDArray[np.float64]:
+    def own_multipliers(self) -> NDArray[np.float64]:
         """The vectors b (k, 3) [m^2] in use, a view."""
         return self.reals[EDGE:].reshape(-1, 3)
 
@@ -103,9 +107,9 @@ class PressureTerm(Term):
         face_forces(x, self.integers, self.reals[APEX:EDGE], of_volume, of_area, force)
         return force
 
-    def _beside(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the vectors b (k, 3) [m^2] of the nodes on open edges at ``x`` (n, 3) [m]."""
-        return self._pushed(x, -1.0, 1.0)[self._edge]
+    def renewed(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the vectors b (k, 3) [m^2] of the nodes on open edges at ``positions`` (n, 3) [m]."""
+        return self._pushed(positions, -1.0, 1.0)[self._edge]
 
     def _volume(self, x: NDArray[np.float64]) -> float:
         return float(face_forces(x, self.integers, self.reals[APEX:EDGE], 0.0, 0.0, np.zeros((0, 3))))
@@ -130,7 +134,7 @@ class PressureTerm(Term):
 
     def neutral(self) -> Saved:
         """Return the stored state of a pressure that has not moved anything."""
-        return {"swept": np.zeros(1), "edge": np.zeros_like(self._held)}
+        return {"swept": np.zeros(1), "edge": np.zeros_like(self.own_multipliers)}
 
     def aim(self, poses: Mapping[str, Pose], last: State) -> None:
         """Store the previous positions, from which the swept volume is counted."""
@@ -138,34 +142,34 @@ class PressureTerm(Term):
 
     def begin(self, commands: Mapping[str, float], saved: Saved, positions: NDArray[np.float64], ratio: float) -> None:
         """Set the pressure, and the forces at open edges as they are at ``positions``."""
-        numbers, self._anderson, self._changes = self.reals, Anderson(self.GROWTH), []
+        numbers, self._anderson, self.errors = self.reals, Anderson(self.GROWTH), []
         numbers[PRESSURE] = commands[self.name] * self._load.pressure
-        self._held[...] = self._beside(positions)
+        self.own_multipliers[...] = self.renewed(positions)
         numbers[VOLUME] = self._volume(positions)
-        numbers[VOLUME] += np.vdot(self._held, positions[self._edge] - numbers[APEX:EDGE])
+        numbers[VOLUME] += np.vdot(self.own_multipliers, positions[self._edge] - numbers[APEX:EDGE])
         self._swept = float(saved["swept"][0])
 
     def resume(self, commands: Mapping[str, float], saved: Saved, found: Saved, positions: NDArray[np.float64]) -> None:
         """Restore the forces at the end of a solve."""
         self.begin(commands, saved, positions, 0.0)
-        self._held[...] = found["edge"]
+        self.own_multipliers[...] = found["edge"]
 
     def update(self, positions: NDArray[np.float64]) -> float:
         """Let the forces at open edges follow; return their change as a displacement [m], divided by `FINE`."""
-        change = (self._beside(positions) - self._held).ravel()
-        self._held[...] = self._anderson.next(self._held.ravel(), change).reshape(-1, 3)
+        change = (self.renewed(positions) - self.own_multipliers).ravel()
+        self.own_multipliers[...] = self._anderson.next(self.own_multipliers.ravel(), change).reshape(-1, 3)
         moved = abs(self.reals[PRESSURE]) * np.linalg.norm(change.reshape(-1, 3), axis=1).sum()
-        self._changes.append(float(moved) * self._softness / self.FINE)
-        return self._changes[-1]
+        self.errors.append(float(moved) * self._softness / self.FINE)
+        return self.errors[-1]
 
     @property
     def wanders(self) -> bool:
         """Whether the forces at open edges do not settle."""
-        return wander(self._changes, self._size)
+        return self.wander(self._size)
 
     def finish(self, saved: Saved, positions: NDArray[np.float64]) -> Saved:
         """Return the state to store: the volume that the faces have swept, and the vectors b."""
-        return {"swept": np.array([self._sweep(positions)]), "edge": self._held.copy()}
+        return {"swept": np.array([self._sweep(positions)]), "edge": self.own_multipliers.copy()}
 
     def _sweep(self, positions: NDArray[np.float64]) -> float:
         """Return the volume [m^3] int f . dx that the faces have swept since the beginning of the run.
@@ -173,30 +177,69 @@ class PressureTerm(Term):
         The part of open edges depends on the path and is integrated by the trapezoidal rule.
         """
         last = self._last
-        mean = 0.5 * (self._beside(last) + self._beside(positions))
+        mean = 0.5 * (self.renewed(last) + self.renewed(positions))
         along = float(np.vdot(mean, (positions - last)[self._edge]))
         return self._swept + self._volume(positions) - self._volume(last) + along
-
-    @property
-    def multipliers(self) -> NDArray[np.float64]:
-        """The vectors b (3 k,) [m^2]; empty without open edges."""
-        return self._held.ravel() if self.updates else np.zeros(0)
 
     @property
     def per_metre(self) -> NDArray[np.float64]:
         """The order of magnitude (3 k,) [m] of the change of b per 1 m: the size of the faces."""
         return np.full(self.multipliers.shape, np.sqrt(self._area))
 
-    def hold(self, multipliers: NDArray[np.float64]) -> None:
-        """Set the vectors b (3 k,) [m^2]."""
-        if self.updates:
-            self._held[...] = multipliers.reshape(-1, 3)
-
-    def updated(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the vectors b (3 k,) [m^2] at ``positions`` (n, 3) [m]."""
-        return self._beside(positions).ravel() if self.updates else np.zeros(0)
-
     def potential(self, positions: NDArray[np.float64], command: float) -> tuple[float, float]:
         """Return minus the work [J] of the present pressure in the swept volume, and its derivative by the factor."""
         slope = -self._load.pressure * self._sweep(positions)
+        return command * slope, slope
+
+
+FACTOR, FORCES = 0, 1
+"""Offsets in ``reals`` of the factor s, and of the forces f_v [N], each followed by its rest position X_v [m]."""
+
+
+@kernel
+def dead_load_energy(x, reals, integers, force, size):
+    """Return the energy [J] of a dead load and add its gradient; `term_kernel` needs this signature."""
+    energy, factor = 0.0, reals[FACTOR]
+    if factor == 0.0:
+        return 0.0
+    for i in range(len(integers)):
+        v = integers[i]
+        for axis in range(3):
+            pull = factor * reals[FORCES + 6 * i + axis]
+            work = pull * (x[v, axis] - reals[FORCES + 6 * i + 3 + axis])
+            energy -= work
+            size[0] += abs(work)
+            force[v, axis] -= pull
+    return energy
+
+
+@term_kernel
+def dead_load_entry(x, n, reals, k, integers, i, force, size):
+    """Call `dead_load_energy`."""
+    return dead_load_energy(*as_arrays(x, n, reals, k, integers, i, force, size))
+
+
+class DeadLoadTerm(Term):
+    """A load with its commanded factor.
+
+    Args:
+        load: load of the scene.
+        body: the body on which it acts.
+    """
+
+    kernel, exact = dead_load_entry, True
+
+    def __init__(self, load: Load, body: Body) -> None:
+        self._forces, self._rest = load.forces(body.rest, body.cells), body.rest
+        acted = np.flatnonzero(self._forces.any(axis=1)).astype(np.int32)
+        numbers = np.concatenate([self._forces[acted], body.rest[acted]], axis=1).ravel()
+        super().__init__(load.name, np.concatenate([[0.0], numbers]), acted)
+
+    def begin(self, commands: Mapping[str, float], saved: Saved, positions: NDArray[np.float64], ratio: float) -> None:
+        """Set the factor of the load."""
+        self.reals[FACTOR] = commands[self.name]
+
+    def potential(self, positions: NDArray[np.float64], command: float) -> tuple[float, float]:
+        """Return the potential [J] at ``positions`` (n, 3) [m] and its derivative with respect to ``command``."""
+        slope = -float(np.vdot(self._forces, positions - self._rest))
         return command * slope, slope

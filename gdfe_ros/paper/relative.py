@@ -10,36 +10,42 @@ first step, alpha is 0.
 from __future__ import annotations
 
 import numpy as np
+import scipy.sparse as sparse
 from numpy.typing import NDArray
 
 from gdfe_ros.compiled import internal, kernel
 from gdfe_ros.constraints import Pose
+from gdfe_ros.element_fields import corner_forces, strain_states, volume_pressures
 from gdfe_ros.materials.tensor import rotation
 from gdfe_ros.mesh.operators import ShapeOperators
-from gdfe_ros.solver.anderson import Anderson
+from gdfe_ros.paper.shape_factor import shape_factors
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.elements.barrier import flattened
 from gdfe_ros.solver.elements.blocks import Operators
-from gdfe_ros.solver.elements.cell_kernels import mean_gradient
+from gdfe_ros.solver.elements.cell_type import mean_gradient
 from gdfe_ros.solver.equilibrium.predictor import Prediction, Predictor
-from gdfe_ros.solver.equilibrium.shape_factor import shape_factors
 from gdfe_ros.solver.forces.actuation import Actuation
-from gdfe_ros.solver.forces.fields import corner_forces, store_energies, strain_states, volume_pressures
+from gdfe_ros.solver.forces.pressures import store_energies
 from gdfe_ros.solver.forces.reactions import handle_reactions
 from gdfe_ros.solver.handle_motions import HandleMotions
-from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix, assemble_centring
-from gdfe_ros.solver.matrix.coupling import close_coupling
+from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix, close_coupling, scattered
 from gdfe_ros.solver.matrix.unknowns import gather_rigid_rows, gather_rows, place
 from gdfe_ros.solver.minimise.minimiser import Observer
 from gdfe_ros.solver.outcome import Outcome
 from gdfe_ros.solver.solution import Increment, Solution
 from gdfe_ros.solver.state import ShapeState, State, Summary
+from gdfe_ros.solver.terms.multiplier import Anderson
 from gdfe_ros.solver.vectors import largest
 
 LEAST_VOLUME = 1e-3
 """Lower bound of the volume ratio from which the scale of V^V is computed; without this bound, the scale could become
 infinite. For an inverted element, the absolute value of the ratio is used.
 """
+
+
+def assemble_centring(shape: ShapeOperators) -> sparse.csc_matrix:
+    """Return the paper's A^T A = sum_e V_e N with N = I - 1/8 (Eq. 3), (n, n)."""
+    return scattered(shape.volume[:, None, None] * (np.eye(8) - 0.125), shape.cells).tocsc()
 
 
 def blend(before: NDArray[np.float64], now: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -107,7 +113,6 @@ class RelativeEquilibrium:
         body: the discretised body.
         actuation: the growths, which change the desired shapes; None if there are none. Other actuators are not
             possible, because this policy has no forces.
-        library: library that factors the constant matrix; None chooses by size.
 
     Attributes:
         matrix: the constant matrix.

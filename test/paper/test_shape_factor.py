@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gdfe_ros.solver.equilibrium.shape_factor import CALIBRATED_TO, geometric_ratio, shape_factors
+from gdfe_ros.paper.shape_factor import CALIBRATED_TO, geometric_ratio, shape_factors
 
 
 def test_equation_seven_as_printed() -> None:

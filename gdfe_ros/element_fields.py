@@ -8,20 +8,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.compiled import internal, kernel
+from gdfe_ros.compiled import kernel
 from gdfe_ros.materials.material import Law
 from gdfe_ros.materials.stress import logarithmic_volume
 from gdfe_ros.materials.table import BULK, CARRIED, PENALTY, SHEAR
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.elements.blocks import Operators
-from gdfe_ros.solver.elements.cell_kernels import least_corners, volume_ratio
-from gdfe_ros.solver.elements.measures import (
-    softened_scale,
-    strain_state,
-    update_hourglass_scales,
-    volume_at,
-)
+from gdfe_ros.solver.elements.cell_type import volume_ratio
+from gdfe_ros.solver.elements.measures import softened_scale, strain_state, update_hourglass_scales
 from gdfe_ros.solver.elements.response import evaluate
+from gdfe_ros.solver.forces.pressures import store_energies, uncounted
 
 
 @dataclass(frozen=True)
@@ -113,27 +109,6 @@ def corner_forces(
     return force, energies
 
 
-@internal
-def uncounted(j, pressure, volume, table, k, solved):
-    """Return the volume energy V U(J) [J] of an element with a pressure, minus the volume energy of the kernels.
-
-    With ``solved``, U(J) is replaced by its tangent U(J*) + p (J - J*). Here p is the pressure of the solve, and U'(J*)
-    = p. With a large bulk modulus, U(J) itself would magnify the remaining error of J. For an incompressible element
-    the result is 0, because J is 1 to the tolerance.
-    """
-    bulk, change = table.parameters[k, BULK], j - 1.0
-    if bulk == np.inf:
-        return 0.0
-    total = pressure + table.parameters[k, PENALTY] * change
-    counted = change * (pressure + 0.5 * table.parameters[k, PENALTY] * change)
-    target = volume_at(total, table, k) if solved else j
-    if table.law[k] == Law.NEO_HOOKEAN:
-        full, _ = logarithmic_volume(target, bulk - 2.0 / 3.0 * table.parameters[k, SHEAR])
-    else:
-        full = 0.5 * bulk * (target - 1.0) ** 2
-    return volume * (full + total * (j - target) - counted)
-
-
 @kernel
 def _element_states(x, shape, material, table, values, centroids, scale, missing):
     """Write, in one pass, the values of `strain_states`, centroids [m], scales and the results of `uncounted` [J]."""
@@ -159,24 +134,6 @@ def strain_states(x, shape, material, table, values):
         k = material[e]
         strain, j, secant, tangent = strain_state(x, shape, e, table, k)
         values[0, e], values[1, e], values[2, e], values[3, e] = strain, j, secant, tangent
-
-
-@kernel
-def store_energies(x, elements, shape, material, table, pressure, energies, stored, least, solved):
-    """Write the energies [J] of ``elements``, with U(J) as their volume part, to ``stored`` (m,).
-
-    The least volume ratio at a corner of each element is written to ``least`` (m,). For elements with a pressure, the
-    kernels' ``energies`` (m,) [J] contain V (p_e (J - 1) + kappa/2 (J - 1)^2) instead. ``solved`` is True if the
-    pressures are the result of a solve (see `uncounted`).
-    """
-    least_corners(x, shape, elements, least)
-    for e in elements:
-        k = material[e]
-        stored[e] = energies[e]
-        if table.parameters[k, CARRIED] == 0.0:
-            continue
-        j = volume_ratio(x, shape, e)
-        stored[e] += uncounted(j, pressure[e], shape.volume[e], table, k, solved)
 
 
 def volume_pressures(
