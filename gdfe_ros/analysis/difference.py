@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from gdfe_ros.analysis.bag_run import CONTACTS, RECORD, BagRun, BagStep, BagSteps, StepKey, step_keys
 from gdfe_ros.analysis.message_values import Values
 from gdfe_ros.mesh import Mesh
-from gdfe_ros.mesh.quality import EDGES
+from gdfe_ros.mesh.hex_shape import EDGES
 from gdfe_ros.mesh.tetrahedra import EDGES as TET_EDGES
 from gdfe_ros.scene import Scene
 from gdfe_ros.scene.document import parse_document

@@ -13,9 +13,9 @@ from scipy.spatial import cKDTree
 
 from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh.cavities import open_edges
+from gdfe_ros.mesh.hex_shape import cell_volumes
 from gdfe_ros.mesh.mesh import HexMesh
 from gdfe_ros.mesh.outside import hang
-from gdfe_ros.mesh.quality import cell_volumes
 from gdfe_ros.mesh.shells import inside, shell_numbers, shells
 from gdfe_ros.mesh.surface_edges import edge_counts, number_edges, refine
 from gdfe_ros.mesh.touching import Touching

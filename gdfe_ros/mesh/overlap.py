@@ -12,8 +12,8 @@ from scipy.spatial import cKDTree
 
 from gdfe_ros.mesh.box_tree import BoxTree
 from gdfe_ros.mesh.faces import HEX_FACES
+from gdfe_ros.mesh.hex_shape import EDGES
 from gdfe_ros.mesh.mesh import Mesh
-from gdfe_ros.mesh.quality import EDGES
 from gdfe_ros.mesh.tet_faces import flat_quads
 from gdfe_ros.mesh.tetrahedra import EDGES as TET_EDGES
 from gdfe_ros.mesh.tetrahedra import FACES as TET_FACES

@@ -25,8 +25,8 @@ def differentiate(x, u, frame, unknowns, row_of, handle_of, axes, ends, pressing
     """Write the derivative of each point's gap and slip with respect to the rows of unknowns.
 
     ``row_of`` and ``handle_of`` (n,) are the row of each free vertex, and the number of each vertex' handle with a free
-    axis; otherwise -1. ``axes``, ``ends``, ``pressing`` and ``rubbing`` are those of `law.stencils`. The results are
-    the ``rows`` (k, e) on which each point depends, their number ``counts`` (k,), and the derivatives ``blocks``
+    axis; otherwise -1. ``axes``, ``ends``, ``pressing`` and ``rubbing`` are those of `Stencils`. The results are the
+    ``rows`` (k, e) on which each point depends, their number ``counts`` (k,), and the derivatives ``blocks``
     (k, e, 3, 3).
     """
     count = len(unknowns.free)

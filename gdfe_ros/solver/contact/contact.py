@@ -13,7 +13,7 @@ from gdfe_ros.constraints import Pose
 from gdfe_ros.constraints.obstacle import ArmLink, ContactPoints, Obstacle
 from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.contact import gap, law
+from gdfe_ros.solver.contact import gap, held_forces
 from gdfe_ros.solver.contact.contact_term import FAINT, ContactTerm, Stencils
 from gdfe_ros.solver.contact.gap import ANCHOR, HEAD, NORMAL, OFFSET, PLANE, PRESS, SHEAR, STRIDE, VERTICES, WEIGHTS
 from gdfe_ros.solver.contact.skin import Skin
@@ -50,7 +50,7 @@ class Contact(ContactTerm):
         friction: Coulomb's coefficient.
     """
 
-    kernel, potential = law.contact_entry, staticmethod(law.contact_energy)
+    kernel, potential = held_forces.contact_entry, staticmethod(held_forces.contact_energy)
     _FRICTION, _HEAD, _STRIDE, _PRESS = gap.FRICTION, HEAD, STRIDE, PRESS
 
     def __init__(
@@ -100,7 +100,7 @@ class Contact(ContactTerm):
         return self._scale[self._chosen]
 
     def fit(self, matrix: ConstantMatrix) -> None:
-        """Take the stiffnesses that scale `law.project_forces` from the constant matrix' diagonal."""
+        """Take the stiffnesses that scale `held_forces.project_forces` from the constant matrix' diagonal."""
         self._scale = self._points.stiffness(matrix.assembled.diagonal())
 
     def leave_out(self, held: Sequence[tuple[str, NDArray[np.int32]]]) -> None:
@@ -154,7 +154,7 @@ class Contact(ContactTerm):
     def stencils(self, positions: NDArray[np.float64]) -> Stencils:
         """Return what the complementarity problem needs of the chosen points at ``positions`` (n, 3) [m]."""
         found = Stencils.empty(self.count, self.ends().shape[1])
-        law.stencils(positions, self.reals, self.integers, *found)
+        held_forces.stencils(positions, self.reals, self.integers, *found)
         return found
 
     def present_stencils(self, positions: NDArray[np.float64]) -> Stencils:
@@ -166,7 +166,7 @@ class Contact(ContactTerm):
 
     def hold_forces(self, axes: NDArray[np.float64], forces: NDArray[np.float64]) -> None:
         """Set the forces (k, 3) [N] of the chosen points along ``axes`` (k, 3, 3)."""
-        law.hold_forces(axes, forces, self.reals, self.integers)
+        held_forces.hold_forces(axes, forces, self.reals, self.integers)
 
     def finish(self, saved: Saved, positions: NDArray[np.float64]) -> Saved:
         """Return the state to store: contact forces, and the anchors of the sticking points.
@@ -252,7 +252,7 @@ class Contact(ContactTerm):
         held = self.multipliers
         if not self.near:
             return held
-        law.project_forces(positions, self.reals, self.integers)
+        held_forces.project_forces(positions, self.reals, self.integers)
         self._correct(positions)
         found = self.multipliers
         self.hold(held)
@@ -435,7 +435,7 @@ class Contact(ContactTerm):
         return self._points.at(positions)[self._chosen]
 
     def _correct(self, positions: NDArray[np.float64]) -> float:
-        """Update the offsets of the points (see `law`); return the largest change [m]."""
+        """Update the offsets of the points (see `held_forces`); return the largest change [m]."""
         if not len(self._faces):
             return 0.0
         surface, faces = self._points, self._faces
@@ -453,7 +453,7 @@ class Contact(ContactTerm):
         count = len(self._chosen)
         forces, shears = np.zeros((count, 3)), np.zeros((count, 3))
         presses, slips = np.zeros(count), np.zeros(count, dtype=np.bool_)
-        law.contact_forces(positions, self.reals, self.integers, forces, presses, shears, slips)
+        held_forces.contact_forces(positions, self.reals, self.integers, forces, presses, shears, slips)
         return forces, presses, shears, slips
 
     def _spread(self, presses: NDArray[np.float64], shears: NDArray[np.float64]) -> Saved:

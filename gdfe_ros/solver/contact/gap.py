@@ -16,8 +16,8 @@ AXES, ORIGIN, NUMBERS, FRICTION, SIGNS, HEAD = 0, 9, 12, 15, 16, 28
 shape's numbers, the friction coefficient, a rigid body's signs s_a (4, 3) [1/m], and the rows of the points.
 """
 SCALE, PRESS, SHEAR, ANCHOR, NORMAL, OFFSET, WEIGHTS, PLANE, FIXED, STRIDE = 0, 1, 2, 5, 8, 11, 12, 20, 24, 25
-"""Layout of a point's row. The offsets are those of the stiffness [N/m] that scales `law.project_forces`, normal force
-[N], friction force t (3,) [N], anchor (3,) [m] in the frame, normal (3,), offset [m], weights (8,) and entry plane
+"""Layout of a point's row. The offsets are those of the stiffness [N/m] of the body there, normal force [N],
+friction force t (3,) [N], anchor (3,) [m] in the frame, normal (3,), offset [m], weights (8,) and entry plane
 (4,). The plane n . q = d in the frame is stored as (n, d); n = 0 means no entry plane. `FIXED` is 1 if the plane always
 replaces the obstacle. `STRIDE` is the row's length.
 """

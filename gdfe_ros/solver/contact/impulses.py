@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from gdfe_ros.solver.contact.complementarity import HALF, find_violations, solve_laws
 from gdfe_ros.solver.contact.compliance import add_pairs, differentiate, join, project, pull, stack
 from gdfe_ros.solver.contact.contact_term import FAINT, MARGIN, ContactTerm
+from gdfe_ros.solver.contact.held_forces import ROUNDING
 from gdfe_ros.solver.contact.kept_columns import ConstantColumns, HalvedColumns, KeptColumns
-from gdfe_ros.solver.contact.law import ROUNDING
 from gdfe_ros.solver.descent.loop import Metric, choose_once, precondition
 from gdfe_ros.solver.descent.workspace import Problem, Workspace, numbers
 from gdfe_ros.solver.matrix.constant_matrix import apply_inverse

@@ -63,7 +63,7 @@ class ContactSurface:
     def _of_nodes(cls, body: Body, faces: NDArray[np.int32], driven: NDArray[np.bool_]) -> ContactSurface:
         """Return the surface of tetrahedra: all six nodes of each face touch.
 
-        Gaps have no offset (see `law`), because the faces are curved themselves. In a prototype with offsets, faces
+        Gaps have no offset, because the faces are curved themselves. In a prototype with offsets, faces
         entered a ball between their nodes by 4 to 9 % of the depth of the ball in the body.
         """
         flat = flat_quads(faces)

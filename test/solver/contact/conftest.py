@@ -11,7 +11,7 @@ import pytest
 
 from gdfe_ros import Simulation
 from gdfe_ros.scene.loader import scene_from_text
-from gdfe_ros.solver.contact import pair_law
+from gdfe_ros.solver.contact import held_pairs
 from gdfe_ros.solver.contact.own_contact import OwnContact
 
 CUBE = """
@@ -63,7 +63,7 @@ def pair_slopes() -> Callable[..., np.ndarray]:
 
     def compare(term: OwnContact, x: np.ndarray, every: int = 1) -> np.ndarray:
         def energy(positions: np.ndarray, force: np.ndarray) -> float:
-            return pair_law.pair_energy(positions, term.reals, term.integers, force, np.zeros(1))
+            return held_pairs.pair_energy(positions, term.reals, term.integers, force, np.zeros(1))
 
         force = np.zeros_like(x)
         energy(x, force)

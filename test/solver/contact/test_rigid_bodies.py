@@ -12,7 +12,7 @@ import pytest
 from gdfe_ros import Command, Pose, Simulation
 from gdfe_ros.errors import CommandError
 from gdfe_ros.scene.loader import scene_from_text
-from gdfe_ros.solver.contact import law
+from gdfe_ros.solver.contact import held_forces
 
 CUSHION = """
 name: cushion
@@ -98,7 +98,7 @@ def test_the_gradient_is_that_of_rigid_motions(cushion: Callable[..., Simulation
     x = simulation.state.positions + 0.0
     x[:-4] += np.random.default_rng(5).normal(scale=1e-4, size=(len(x) - 4, 3))
     force, own = np.zeros_like(x), x[-4:] - x[-4:].mean(axis=0)
-    law.contact_energy(x, term.reals, term.integers, force, np.zeros(1))
+    held_forces.contact_energy(x, term.reals, term.integers, force, np.zeros(1))
     moment = np.cross(own, force[-4:]).sum(axis=0)
     for axis in np.eye(3):
         for way, slope in (
@@ -109,7 +109,9 @@ def test_the_gradient_is_that_of_rigid_motions(cushion: Callable[..., Simulation
             for sign in (1, -1):
                 beside = x + 0.0
                 beside[-4:] += sign * 1e-7 * way
-                energies.append(law.contact_energy(beside, term.reals, term.integers, np.zeros_like(x), np.zeros(1)))
+                energies.append(
+                    held_forces.contact_energy(beside, term.reals, term.integers, np.zeros_like(x), np.zeros(1))
+                )
             assert (energies[0] - energies[1]) / 2e-7 == pytest.approx(slope, abs=1e-4 * np.abs(force).max())
 
 

@@ -13,7 +13,7 @@ import trimesh
 
 from gdfe_ros import Simulation, load_scene
 from gdfe_ros.scene.loader import scene_from_text
-from gdfe_ros.solver.contact import law
+from gdfe_ros.solver.contact import held_forces
 from gdfe_ros.solver.contact.round_contact import RoundContact
 
 G = 9.81
@@ -131,7 +131,7 @@ def test_the_gradient_is_that_of_the_energy(on_slope: Callable[..., Simulation])
     rows[12:16] = 0.25
     rows[16:20] = 0.25 + np.array([0.002, 0.001, -0.009]) @ contact._rigid.signs.T
     slopes, size = np.zeros_like(x), np.zeros(1)
-    law.contact_energy(x, contact.reals, contact.integers, slopes, size)
+    held_forces.contact_energy(x, contact.reals, contact.integers, slopes, size)
     assert np.abs(slopes).max() > 0.01
     for _ in range(10):
         way = np.zeros_like(x)
@@ -140,7 +140,9 @@ def test_the_gradient_is_that_of_the_energy(on_slope: Callable[..., Simulation])
         step, values = 1e-7, []
         for sign in (1.0, -1.0):
             values.append(
-                law.contact_energy(x + sign * step * way, contact.reals, contact.integers, np.zeros_like(x), size)
+                held_forces.contact_energy(
+                    x + sign * step * way, contact.reals, contact.integers, np.zeros_like(x), size
+                )
             )
         assert np.einsum("ni,ni->", slopes, way) == pytest.approx((values[0] - values[1]) / (2.0 * step), rel=1e-5)
 

@@ -11,7 +11,7 @@ import trimesh
 
 from gdfe_ros import Command, Pose, Simulation
 from gdfe_ros.mesh.packing import pack_surface
-from gdfe_ros.solver.contact import law
+from gdfe_ros.solver.contact import held_forces
 
 BALL = trimesh.creation.icosphere(subdivisions=4, radius=0.04)
 MESH = {"mesh": {"embedded": pack_surface(BALL.vertices, BALL.faces)}}
@@ -32,13 +32,15 @@ def test_the_gradient_is_that_of_the_energy(cube: Callable[..., Simulation], for
     """The forces equal central differences of the energy, for sticking and for slipping vertices."""
     x, reals, integers = touching(cube, form, friction)
     force, size = np.zeros_like(x), np.zeros(1)
-    law.contact_energy(x, reals, integers, force, size)
+    held_forces.contact_energy(x, reals, integers, force, size)
     assert np.abs(force).max() > 0.1
     for vertex, axis in np.argwhere(force != 0.0)[::3]:
         beside, energies = np.zeros_like(x), []
         beside[vertex, axis] = 1e-7
         for sign in (1, -1):
-            energies.append(law.contact_energy(x + sign * beside, reals, integers, np.zeros_like(x), np.zeros(1)))
+            energies.append(
+                held_forces.contact_energy(x + sign * beside, reals, integers, np.zeros_like(x), np.zeros(1))
+            )
         slope = (energies[0] - energies[1]) / 2e-7
         assert slope == pytest.approx(force[vertex, axis], abs=2e-5 * np.abs(force).max())
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Compiled contact forces of pairs: a vertex and a face, or two edges, of the same body.
 
-The law is that of `gdfe_ros.solver.contact.law`: while a step is made, the forces of each pair are held, and
+The law is that of `gdfe_ros.solver.contact.held_forces`: while a step is made, the forces of each pair are held, and
 `complementarity` finds them before the step. The pair of a vertex x and its face has a plane with the normal n through
 the face point y = sum w_a x_a. The gap is g = n . (x - y). The slip s is the component of x - y - o in the plane, where
 the offset o is x - y of the same material points in the last state. During a step, gap and slip
@@ -18,7 +18,7 @@ from __future__ import annotations
 import math
 
 from gdfe_ros.compiled import inlined, kernel
-from gdfe_ros.solver.contact.law import ROUNDING, put_tangents, shortened
+from gdfe_ros.solver.contact.held_forces import ROUNDING, put_tangents, shortened
 from gdfe_ros.solver.terms.term import as_arrays, term_kernel
 
 FRICTION, HEAD = 0, 1
@@ -147,7 +147,7 @@ def pair_forces(x, reals, integers, presses, shears, slips, slid):
 
 @kernel
 def project_pairs(x, reals, integers):
-    """Do `law.project_forces` for pairs: replace the forces by those of the projections of `complementarity`."""
+    """Replace the forces of pairs by those of the projections of `complementarity`; see `project_forces`."""
     for pair in range(integers[COUNT]):
         r, i = HEAD + STRIDE * pair, VERTICES + WIDTH * pair
         k, held = reals[r + SCALE], reals[r + PRESS]
@@ -161,7 +161,7 @@ def project_pairs(x, reals, integers):
 
 @kernel
 def pair_stencils(x, reals, integers, places, axes, held, soft, ends, pressing, rubbing):
-    """Do `law.stencils` for pairs. ``soft`` (k,) [m/N] is the compliance of the spring at a rim; 0 above a face."""
+    """Write the stencils of pairs. ``soft`` (k,) [m/N] is the compliance of the spring at a rim; 0 above a face."""
     share = ends.shape[1] // WIDTH
     for pair in range(integers[COUNT]):
         r, i = HEAD + STRIDE * pair, VERTICES + WIDTH * pair
