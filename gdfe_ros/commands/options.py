@@ -7,6 +7,7 @@ import argparse
 import math
 from collections.abc import Iterable
 from contextlib import AbstractContextManager, nullcontext
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -82,10 +83,10 @@ def require_folder(option: str, path: Path | None) -> None:
 
 
 def add_workers(parser: argparse.ArgumentParser) -> None:
-    """Declare ``--workers`` and ``--scheduler``."""
-    parser.add_argument(
-        "--workers", type=_count, default=2, metavar="N", help="number of processes on this machine (default: 2)"
-    )
+    """Declare ``--workers`` and ``--scheduler``; without dask the default is this process alone."""
+    default = 2 if find_spec("distributed") else 1
+    text = "number of processes on this machine (default: 2; without the extra sweep 1)"
+    parser.add_argument("--workers", type=_count, default=default, metavar="N", help=text)
     parser.add_argument(
         "--scheduler", metavar="ADDRESS", help="address of the scheduler of your own dask cluster, instead of --workers"
     )
