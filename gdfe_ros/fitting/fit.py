@@ -18,7 +18,7 @@ from gdfe_ros.fitting.parameter import FittedParameter
 from gdfe_ros.fitting.problem import FitPoint, FitProblem, Solved, require_motion, solve
 from gdfe_ros.fitting.recording import Recording
 from gdfe_ros.fitting.statistics import Confidence, Match, confidence, matches, require_bounds, warnings
-from gdfe_ros.fitting.trajectory import NotSimulatedError, Simulator
+from gdfe_ros.fitting.trajectory import NotSimulatedError, Simulations
 from gdfe_ros.scene import Scene, scene_from_text
 
 if TYPE_CHECKING:
@@ -89,8 +89,8 @@ def fit_scene(
     for recording in (*recordings, *held_out):
         require_motion(recording, scene.mesh.size)
     surface = _surface(scene, [*recordings, *held_out])
-    simulator = Simulator(scene.source, client)
-    problem = FitProblem(simulator, parameters, recordings, surface=surface)
+    simulations = Simulations(scene.source, client)
+    problem = FitProblem(simulations, parameters, recordings, surface=surface)
     solved = solve(problem, moves=scene.dynamics is not None, loss=loss, told=told)
     known = confidence(problem, solved)
     require_bounds(problem, solved, known)
@@ -98,7 +98,7 @@ def fit_scene(
     fitted = matches(problem, solved.point)
     other = point = None
     if held_out:
-        other = FitProblem(simulator, parameters, held_out, surface=surface)
+        other = FitProblem(simulations, parameters, held_out, surface=surface)
         point = predict(other, solved.point.values)
     predicted = matches(other, point, held_out=True) if held_out else []
     return Fit(
@@ -111,7 +111,7 @@ def fit_scene(
         prediction=point,
         matches=(*fitted, *predicted),
         warnings=tuple([*warnings(fitted, predicted, known, parameters), *_unconverged(solved.point, problem)]),
-        simulations=simulator.count,
+        simulations=simulations.count,
     )
 
 

@@ -15,7 +15,7 @@ from gdfe_ros.fitting.comparison import Own, SurfaceDistances, first_own, residu
 from gdfe_ros.fitting.observable import POSITIONS
 from gdfe_ros.fitting.parameter import FittedParameter
 from gdfe_ros.fitting.recording import Recording
-from gdfe_ros.fitting.trajectory import NotSimulatedError, Simulator, Trajectory, trajectory_columns
+from gdfe_ros.fitting.trajectory import NotSimulatedError, Simulations, Trajectory, trajectory_columns
 
 SHARE = 0.01
 """Assumed standard deviation of a series that states none, divided by the largest range of the series with its unit."""
@@ -48,7 +48,7 @@ class FitProblem:
     The unknowns are the coordinates u of the parameters, then the unknowns of each recording: time shift and frame.
 
     Args:
-        simulator: runs the simulations.
+        simulations: runs the simulations.
         parameters: parameters to fit.
         recordings: recordings to fit.
         surface: function for distances from the surface; None if no cloud is compared with the surface.
@@ -60,7 +60,7 @@ class FitProblem:
 
     def __init__(
         self,
-        simulator: Simulator,
+        simulations: Simulations,
         parameters: Sequence[FittedParameter],
         recordings: Sequence[Recording],
         *,
@@ -68,7 +68,7 @@ class FitProblem:
         sigmas: Sequence[Sequence[float]] | None = None,
     ) -> None:
         self.parameters, self.recordings = tuple(parameters), tuple(recordings)
-        self._simulator, self._surface = simulator, surface
+        self._simulations, self._surface = simulations, surface
         self.sigmas = sigmas or standard_deviations(recordings)
         self.horizons = [np.inf] * len(self.recordings)
         self._known: tuple[tuple[object, ...], list[Trajectory | NotSimulatedError]] | None = None
@@ -130,7 +130,7 @@ class FitProblem:
         if self._known is None or self._known[0] != key:
             given = {p.key: value for p, value in zip(self.parameters, values, strict=True)}
             tasks = [(given, *pair) for pair in zip(self.recordings, self.horizons, strict=True)]
-            self._known = (key, self._simulator.run(tasks))
+            self._known = (key, self._simulations.run(tasks))
         return self._known[1]
 
     def residuals(self, unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -152,7 +152,7 @@ class FitProblem:
         base = self.stacked(here.trajectories, here.own)
         given = {"horizons": self.horizons}
         changes = trajectory_columns(
-            self._simulator, self.recordings, self.parameters, here.values, here.trajectories, **given
+            self._simulations, self.recordings, self.parameters, here.values, here.trajectories, **given
         )
         columns = []
         for change in changes:

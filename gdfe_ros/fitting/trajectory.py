@@ -54,7 +54,7 @@ class Trajectory:
         return Trajectory(self.times, tuple(own + length * other for own, other in pairs), self.not_converged)
 
 
-class Simulator:
+class Simulations:
     """Simulates recordings on workers.
 
     Args:
@@ -150,7 +150,7 @@ interval. The relative error of the derivative is about 1 %, plus the solver's t
 
 
 def trajectory_columns(
-    simulator: Simulator,
+    simulations: Simulations,
     recordings: Sequence[Recording],
     parameters: Sequence[FittedParameter],
     values: Sequence[float],
@@ -163,7 +163,7 @@ def trajectory_columns(
     The differences are one-sided, towards the middle of the bounds.
 
     Args:
-        simulator: runs the simulations.
+        simulations: runs the simulations.
         recordings: recordings to simulate.
         parameters: parameters with the coordinates u.
         values: values of the parameters.
@@ -176,13 +176,13 @@ def trajectory_columns(
     steps = [_step(parameter, value) for parameter, value in zip(parameters, values, strict=True)]
     pairs = list(zip(recordings, horizons, strict=True))
     tasks = [(_changed(parameters, values, place, step), *pair) for place, step in enumerate(steps) for pair in pairs]
-    results = simulator.run(tasks)
+    results = simulations.run(tasks)
     columns = []
     for place, step in enumerate(steps):
         changed, length = results[place * len(pairs) : (place + 1) * len(pairs)], step
         if any(isinstance(item, NotSimulatedError) for item in changed):
             length = -step
-            changed = simulator.run([(_changed(parameters, values, place, length), *pair) for pair in pairs])
+            changed = simulations.run([(_changed(parameters, values, place, length), *pair) for pair in pairs])
         for item in changed:
             if isinstance(item, NotSimulatedError):
                 raise item

@@ -14,7 +14,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from gdfe_ros.cli import main
 from gdfe_ros.fitting.reading import read_recordings
-from gdfe_ros.fitting.trajectory import Simulator
+from gdfe_ros.fitting.trajectory import Simulations
 from gdfe_ros.recording.topic import TopicInfo
 from gdfe_ros.recording.writer import BagWriter
 from gdfe_ros.scene import scene_from_text
@@ -172,6 +172,6 @@ def test_workers_find_what_one_process_finds(
         for client in (None, workers):
             if client is not None:
                 kill_one(client)
-            found.append([trajectory.outputs[0] for trajectory in Simulator(pulled_text, client).run(tasks)])
+            found.append([trajectory.outputs[0] for trajectory in Simulations(pulled_text, client).run(tasks)])
     for alone, shared in zip(*found, strict=True):
         np.testing.assert_array_equal(alone, shared)
