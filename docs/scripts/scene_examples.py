@@ -216,7 +216,7 @@ EXAMPLES: dict[type[BaseModel], tuple[str, ...]] = {
         "{where: {face: y-}, slide: [x, z]}   # a plane of symmetry",
     ),
     obstacle_schema.ObstacleModel: (
-        "{plane: [0, 0, 1], at: [0, 0, -0.05], friction: 0.5, fixed: true}",
+        "{plane: [0, 0, 1], at: [0, 0, -0.05], friction: 0.5, restitution: 0.3, fixed: true}",
         "{sphere: {radius: 0.04}, at: [0.1, 0, -0.09], gaps: vertices}",
         "{box: {size: [0.1, 0.2, 0.02]}, at: [0.1, 0, -0.09], rotation_deg: [0, 30, 0]}",
         "{capsule: {radius: 0.01, length: 0.1}}",
@@ -228,13 +228,14 @@ EXAMPLES: dict[type[BaseModel], tuple[str, ...]] = {
         "{embedded: QUJD, cell: 0.0005}   # as bags carry a surface",
     ),
     obstacle_schema.BodyModel: (
-        "{box: {size: [0.02, 0.02, 0.02]}, density: 800, at: [0.1, 0, -0.08], rotation_deg: [0, 0, 30], friction: 0.5}",
+        "{box: {size: [0.02, 0.02, 0.02]}, density: 800, at: [0.1, 0, -0.08], rotation_deg: [0, 0, 30], "
+        "friction: 0.5, restitution: 0.8}",
         "{cylinder: {radius: 0.01, length: 0.1}, density: 800, gaps: vertices}",
         "{sphere: {radius: 0.01}, mass: 0.004, at: [0.1, 0, -0.08]}",
         "{capsule: {radius: 0.005, length: 0.04}, density: 800}",
         "{mesh: {file: part.stl, scale: 0.001}, density: 1200}",
     ),
-    obstacle_schema.SelfContactModel: ("{friction: 0.5, where: {box: {x: [0.0, 0.1]}}}",),
+    obstacle_schema.SelfContactModel: ("{friction: 0.5, restitution: 0.1, where: {box: {x: [0.0, 0.1]}}}",),
     obstacle_schema.SensorModel: ("{where: {face: z-}}",),
     obstacle_schema.SphereObstacleModel: ("{radius: 0.04}",),
     obstacle_schema.BoxObstacleModel: ("{size: [0.1, 0.2, 0.02]}",),

@@ -15,6 +15,7 @@ from datetime import datetime
 from pathlib import Path
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 from rich.table import Table
 
@@ -34,12 +35,12 @@ FORCE, STRAIN = 1.2, 0.03
 GRAVITY = np.array([0.0, 0.0, -9.81])
 SOFT, RIGID = "ecoflex", "box"
 """Material of the soft object, and name of the rigid object."""
+SPAN = 8
+"""Number of steps over which the balance of forces is checked."""
 LIFTED = 1e-4
 """Height [m] of an object's lowest corner over the table from which it counts as lifted: the table carries nothing."""
 CONTACT = 4e-4
 """Area [m^2] of a fingertip's contact: 20 mm wide and 20 mm high."""
-_BDF2 = np.array([1.5, -2.0, 0.5])
-"""Coefficients of the second-order backward difference, for the values at the end of this step and of earlier ones."""
 
 
 def forces_of(scene: Scene, strain: float = STRAIN) -> list[float]:
@@ -107,10 +108,10 @@ def balance_errors(
     *,
     dt: float,
 ) -> NDArray[np.float64]:
-    """Return the error of the balance of forces on an object, over its weight, in each step in which it is lifted.
+    """Return the error of the balance of forces on an object, over its weight, in each `SPAN` steps with it lifted.
 
-    The fingertips must exert m (a - g). The acceleration a is the difference of the scheme BDF2, applied twice to the
-    centre of mass. It reaches back over four steps, in all of which the object must be off the table.
+    Over these steps, the mean force of the fingertips must be m (a - g), with the mean acceleration a: the change of
+    the velocity, by central differences of the centre of mass. The object must be off the table all the time.
 
     Args:
         mass: mass of the object [kg].
@@ -119,11 +120,12 @@ def balance_errors(
         forces: (n, 3) force of the fingertips on the object [N].
         dt: duration of a step [s].
     """
-    velocities = sum(c * centres[2 - i : len(centres) - i] for i, c in enumerate(_BDF2)) / dt
-    accelerations = sum(c * velocities[2 - i : len(velocities) - i] for i, c in enumerate(_BDF2)) / dt
-    errors = np.linalg.norm(forces[4:] - mass * (accelerations - GRAVITY), axis=1) / (-mass * GRAVITY[2])
-    high = lowest > LIFTED
-    return errors[np.all([high[i : len(high) - 4 + i] for i in range(5)], axis=0)]
+    velocities = (centres[2:] - centres[:-2]) / (2.0 * dt)
+    accelerations = (velocities[SPAN:] - velocities[:-SPAN]) / (SPAN * dt)
+    means = sliding_window_view(forces[2:-1], SPAN, axis=0).mean(axis=2)
+    lifted = sliding_window_view(lowest > LIFTED, SPAN + 3).all(axis=1)
+    errors = np.linalg.norm(means - mass * (accelerations - GRAVITY), axis=1) / (-mass * GRAVITY[2])
+    return errors[lifted]
 
 
 def soft_object(scene: Scene) -> tuple[float, NDArray[np.int32]]:

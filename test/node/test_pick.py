@@ -13,7 +13,7 @@ from gdfe_ros.examples.pick import pick, published_errors
 
 
 def test_a_node_picks_a_box(tmp_path: Path, interfaces: Callable[[str], None]) -> None:
-    """The box is lifted, carried with m (a - g) to 1 % in every step, and the bag replays to the bit."""
+    """The box is lifted, carried with m (a - g) to 1 % in the mean of eight steps, and the bag replays to the bit."""
     interfaces("control_msgs")
     states = pick("pick_ur5e", bag=tmp_path / "bag", duration=2.9)
     run = BagRun(tmp_path / "bag")

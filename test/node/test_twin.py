@@ -201,7 +201,7 @@ def test_what_a_robot_sends_wrongly_is_refused_with_its_reason(ros: Any) -> None
         "1e+300 m from rest; allowed: 1.23 m",
         "after this machine's clock; allowed: 5 s",
         "before this machine's clock; allowed: 5 s",
-        "tendon: inf is not a finite",
+        "actuator 'tendon': tension inf is not finite",
         "no actuator jaw",
         "bytes; allowed: up to 1000000",
         "have the frame 'camera'",

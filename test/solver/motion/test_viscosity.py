@@ -89,10 +89,13 @@ def test_rigid_motion_is_not_resisted() -> None:
 
 
 def test_stress_relaxes_as_the_series_says(moving: Callable) -> None:
-    """After a sudden stretch of 1 %, the force relaxes as the sum of all Prony branches."""
+    """After a sudden stretch of 1 %, the force relaxes as the sum of all Prony branches.
+
+    The default tolerance allows errors of a tenth of this stretch.
+    """
     branches = [{"share": 0.3, "time": 0.1}, {"share": 0.2, "time": 1.0}]
     ends = {"base": {"where": {"face": "x-"}, "free": ["y", "z"]}, "tip": {"where": {"face": "x+"}, "free": ["y", "z"]}}
-    free = {"materials__rubber__poisson": 0.0, "materials__rubber__density": 1e-3}
+    free = {"materials__rubber__poisson": 0.0, "materials__rubber__density": 1e-3, "solver__tolerance": 1e-6}
     held = moving(handles=ends, dynamics__prony=branches, dynamics__step=0.005, **free)
     held.step(Command(handles={"tip": Pose((1e-4, 0.0, 0.0))}), dt=0.005)
     slow = 1e6 * 0.02**2 * 1e-3
