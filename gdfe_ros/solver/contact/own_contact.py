@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from gdfe_ros.constraints import Pose
 from gdfe_ros.constraints.obstacle import NAME, SelfContact
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.contact import held_pairs as held
+from gdfe_ros.solver.contact import held_pairs as pair
 from gdfe_ros.solver.contact.contact_term import MARGIN, ContactTerm, Stencils
 from gdfe_ros.solver.contact.crossing import LEAST, SEATS
 from gdfe_ros.solver.contact.inside import Inside
@@ -50,8 +50,8 @@ class OwnContact(ContactTerm):
         body: the discretised body.
     """
 
-    kernel, potential = held.pair_entry, staticmethod(held.pair_energy)
-    _FRICTION, _HEAD, _STRIDE, _PRESS = held.FRICTION, held.HEAD, held.STRIDE, held.PRESS
+    kernel, potential = pair.pair_entry, staticmethod(pair.pair_energy)
+    _FRICTION, _HEAD, _STRIDE, _PRESS = pair.FRICTION, pair.HEAD, pair.STRIDE, pair.PRESS
 
     def __init__(self, meant: SelfContact, body: Body) -> None:
         self.points = OwnPoints.of(body)
@@ -59,10 +59,10 @@ class OwnContact(ContactTerm):
         self.surface = self.pairs.surface
         self.penetration = Inside(body, self.points, self.surface.topology, meant)
         count, vertices = self.pairs.count, len(self.surface.topology.vertices)
-        reals = np.concatenate([np.zeros(held.HEAD + held.STRIDE * count), self.points.weights.ravel()])
-        ends = np.zeros(held.VERTICES + held.WIDTH * count, dtype=np.int32)
-        ends[held.BODY], ends[held.CARRIERS] = len(body.rest), len(ends)
-        reals[held.FRICTION], ends[held.CARRIED] = meant.friction, held.HEAD + held.STRIDE * count
+        reals = np.concatenate([np.zeros(pair.HEAD + pair.STRIDE * count), self.points.weights.ravel()])
+        ends = np.zeros(pair.VERTICES + pair.WIDTH * count, dtype=np.int32)
+        ends[pair.BODY], ends[pair.CARRIERS] = len(body.rest), len(ends)
+        reals[pair.FRICTION], ends[pair.CARRIED] = meant.friction, pair.HEAD + pair.STRIDE * count
         super().__init__(NAME, body, reals, np.concatenate([ends, self.points.corners.ravel()]))
         self.restitution = meant.restitution
         self._yielding, self.valid = np.zeros(0), VALID * self.surface.topology.depth
@@ -79,7 +79,7 @@ class OwnContact(ContactTerm):
     @property
     def scale(self) -> NDArray[np.float64]:
         """Stiffnesses (k,) [N/m] of the body at the pairs."""
-        return self._rows()[:, held.SCALE]
+        return self._rows()[:, pair.SCALE]
 
     def ends(self) -> NDArray[np.int32]:
         """Return the vertices (k, 1) on which the forces of pairs can act."""
@@ -140,7 +140,7 @@ class OwnContact(ContactTerm):
             self._begins = False
             return
         rows, chosen = self._rows(), self._chosen
-        self._press[chosen], self._shear[chosen] = rows[:, held.PRESS], rows[:, held.SHEAR : held.OFFSET]
+        self._press[chosen], self._shear[chosen] = rows[:, pair.PRESS], rows[:, pair.SHEAR : pair.OFFSET]
         self._set_reach(x, self._deepest)
         found = self.pairs.look(x, self._from, self._reach, self._partners, self._sunk)
         before, pressed = self._partners, self._press > 0.0
@@ -151,22 +151,22 @@ class OwnContact(ContactTerm):
 
     def stencils(self, positions: NDArray[np.float64]) -> Stencils:
         """Return what the complementarity problem needs of the pairs at ``positions`` (n, 3) [m]."""
-        found = Stencils.empty(self.count, held.WIDTH * (8 if len(self.points.corners) else 1))
-        held.pair_stencils(positions, self.reals, self.integers, *found)
+        found = Stencils.empty(self.count, pair.WIDTH * (8 if len(self.points.corners) else 1))
+        pair.pair_stencils(positions, self.reals, self.integers, *found)
         return found
 
     def hold_forces(self, axes: NDArray[np.float64], forces: NDArray[np.float64]) -> None:
         """Set the forces (k, 3) [N] of the pairs along ``axes`` (k, 3, 3)."""
         rows = self._rows()
-        rows[:, held.PRESS] = forces[:, 0]
-        rows[:, held.SHEAR : held.OFFSET] = -np.einsum("ka,kai->ki", forces[:, 1:], axes[:, 1:])
+        rows[:, pair.PRESS] = forces[:, 0]
+        rows[:, pair.SHEAR : pair.OFFSET] = -np.einsum("ka,kai->ki", forces[:, 1:], axes[:, 1:])
 
     def finish(self, saved: Saved, positions: NDArray[np.float64]) -> Saved:
         """Return the state to store: the pairs, and their forces.
 
         The entry ``lost`` is the energy dissipated by friction so far [J].
         """
-        if not self._rows()[:, held.PRESS].any():
+        if not self._rows()[:, pair.PRESS].any():
             return {**self._free, "lost": saved["lost"]}
         chosen, rows, kept = self._chosen, self._rows(), {name: array.copy() for name, array in self._free.items()}
         presses, shears, slips, _ = self._forces(positions)
@@ -174,7 +174,7 @@ class OwnContact(ContactTerm):
         axes = frames(self.points.at(positions), self.pairs.carriers(chosen, self._face))
         kept["press"][chosen], kept["slips"][chosen] = presses, slips
         kept["shear"][chosen] = np.einsum("kji,kj->ki", axes, shears)
-        kept["normal"][chosen] = rows[:, held.NORMAL : held.NORMAL + 3]
+        kept["normal"][chosen] = rows[:, pair.NORMAL : pair.NORMAL + 3]
         kept["face"][chosen], kept["weights"][chosen] = self._face, self._weights
         return self.exerted(saved, kept, positions, presses, -shears)
 
@@ -283,20 +283,20 @@ class OwnContact(ContactTerm):
         normal = found.normal[chosen]
         shear = tangential(self._shear[chosen], normal)
         self._chosen, self._face, self._weights = chosen, found.face[chosen], found.weights[chosen]
-        self.integers[held.COUNT] = len(chosen)
+        self.integers[pair.COUNT] = len(chosen)
         rows = self._rows()
-        rows[:, held.SCALE], rows[:, held.PRESS] = 1.0 / give, self._press[chosen]
-        rows[:, held.NORMAL : held.WEIGHTS], rows[:, held.WEIGHTS : held.SHEAR] = normal, self._weights
+        rows[:, pair.SCALE], rows[:, pair.PRESS] = 1.0 / give, self._press[chosen]
+        rows[:, pair.NORMAL : pair.WEIGHTS], rows[:, pair.WEIGHTS : pair.SHEAR] = normal, self._weights
         before = self._before(chosen, self._face, self._weights)
-        rows[:, held.SHEAR : held.OFFSET], rows[:, held.OFFSET : held.SUPPORT] = shear, tangential(before, normal)
-        rows[:, held.SUPPORT] = found.support[chosen]
-        ends = self.integers[held.VERTICES : held.VERTICES + held.WIDTH * len(chosen)].reshape(-1, held.WIDTH)
-        ends[:, held.VERTEX], ends[:, held.FACE :] = self.pairs.first[chosen], corners
+        rows[:, pair.SHEAR : pair.OFFSET], rows[:, pair.OFFSET : pair.SUPPORT] = shear, tangential(before, normal)
+        rows[:, pair.SUPPORT] = found.support[chosen]
+        ends = self.integers[pair.VERTICES : pair.VERTICES + pair.WIDTH * len(chosen)].reshape(-1, pair.WIDTH)
+        ends[:, pair.VERTEX], ends[:, pair.FACE :] = self.pairs.first[chosen], corners
 
     def _forces(self, positions: NDArray[np.float64]) -> tuple[NDArray, NDArray, NDArray, NDArray]:
         """Return normal (k,) and friction forces (k, 3) [N], slip flags (k,) and slips (k, 3) [m]."""
         count = len(self._chosen)
         presses, slips = np.zeros(count), np.zeros(count, dtype=np.bool_)
         shears, slid = np.zeros((count, 3)), np.zeros((count, 3))
-        held.pair_forces(positions, self.reals, self.integers, presses, shears, slips, slid)
+        pair.pair_forces(positions, self.reals, self.integers, presses, shears, slips, slid)
         return presses, shears, slips, slid

@@ -10,14 +10,14 @@ from numpy.typing import NDArray
 
 from gdfe_ros.constraints.obstacle import SelfContact
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.contact import held_pairs as held
+from gdfe_ros.solver.contact import held_pairs as pair
 from gdfe_ros.solver.contact.contact import SLIP
 from gdfe_ros.solver.contact.own_contact import REACH, OwnContact
 from gdfe_ros.solver.contact.own_surface import DEPTH, Nearest
 from gdfe_ros.solver.contact.pair_touch import frames, tangential
 from gdfe_ros.solver.state import Saved
 
-HELD = [*range(held.PRESS, held.OFFSET), held.SUPPORT]
+HELD = [*range(pair.PRESS, pair.OFFSET), pair.SUPPORT]
 """Columns of a pair's row that an update changes."""
 WIDTH = len(HELD) + 3
 """Number of multipliers of a pair: the columns `HELD`, and the three components of the change of its offset."""
@@ -42,7 +42,7 @@ class DifferentiableOwnContact(OwnContact):
         """
         if not found["press"].any():
             self._chosen = self._face = np.zeros(0, dtype=np.int64)
-            self._weights, self.integers[held.COUNT] = np.zeros((0, 4)), 0
+            self._weights, self.integers[pair.COUNT] = np.zeros((0, 4)), 0
             return
         x = self.points.at(positions)
         near = self.pairs.look(x, x, REACH * self._body.size, found["face"].astype(np.int64))
@@ -62,7 +62,7 @@ class DifferentiableOwnContact(OwnContact):
         if not self.near:
             return
         self._from, rows = self.points.at(self._last.positions), self._rows()
-        rows[:, held.OFFSET : held.SUPPORT] = self._ends + self._slid(rows) - self._anchors
+        rows[:, pair.OFFSET : pair.SUPPORT] = self._ends + self._slid(rows) - self._anchors
 
     @property
     def multipliers(self) -> NDArray[np.float64]:
@@ -77,10 +77,10 @@ class DifferentiableOwnContact(OwnContact):
         offsets.
         """
         topology, rows = self.surface.topology, self._rows()
-        scales = np.full((len(rows), held.STRIDE), DEPTH / topology.depth)
-        scales[:, held.PRESS] = rows[:, held.SCALE]
-        scales[:, held.SHEAR : held.OFFSET] = rows[:, held.SCALE, None]
-        scales[:, held.SUPPORT] = 1.0 / topology.rim
+        scales = np.full((len(rows), pair.STRIDE), DEPTH / topology.depth)
+        scales[:, pair.PRESS] = rows[:, pair.SCALE]
+        scales[:, pair.SHEAR : pair.OFFSET] = rows[:, pair.SCALE, None]
+        scales[:, pair.SUPPORT] = 1.0 / topology.rim
         return np.hstack([scales[:, HELD], np.ones((len(rows), 3))]).ravel()
 
     def hold(self, multipliers: NDArray[np.float64]) -> None:
@@ -89,7 +89,7 @@ class DifferentiableOwnContact(OwnContact):
         if not len(rows):
             return
         rows[:, HELD] = given[:, : len(HELD)]
-        rows[:, held.OFFSET : held.SUPPORT] += given[:, len(HELD) :] - self._moved()
+        rows[:, pair.OFFSET : pair.SUPPORT] += given[:, len(HELD) :] - self._moved()
         self._moved()[...] = given[:, len(HELD) :]
 
     def updated(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -97,15 +97,15 @@ class DifferentiableOwnContact(OwnContact):
         held = self.multipliers
         if not len(held):
             return held
-        held.project_pairs(positions, self.reals, self.integers)
+        pair.project_pairs(positions, self.reals, self.integers)
         x = self.points.at(positions)
         found, near = self._rows().copy(), self._nearest(x, self._face)
         self.hold(held)
         on = near.face >= 0  # a vertex that leaves its face sideways keeps its normal
-        found[on, held.NORMAL : held.WEIGHTS], found[on, held.WEIGHTS : held.SHEAR] = near.normal[on], near.weights[on]
-        found[on, held.SUPPORT] = near.support[on]
-        shears, normals = found[:, held.SHEAR : held.OFFSET], found[:, held.NORMAL : held.WEIGHTS]
-        found[:, held.SHEAR : held.OFFSET] = tangential(shears, normals)
+        found[on, pair.NORMAL : pair.WEIGHTS], found[on, pair.WEIGHTS : pair.SHEAR] = near.normal[on], near.weights[on]
+        found[on, pair.SUPPORT] = near.support[on]
+        shears, normals = found[:, pair.SHEAR : pair.OFFSET], found[:, pair.NORMAL : pair.WEIGHTS]
+        found[:, pair.SHEAR : pair.OFFSET] = tangential(shears, normals)
         return np.hstack([found[:, HELD], self._slid(found) - self._anchors]).ravel()
 
     def _nearest(self, x: NDArray[np.float64], face: NDArray[np.int64]) -> Nearest:
@@ -117,8 +117,8 @@ class DifferentiableOwnContact(OwnContact):
 
         The face points have the corner weights of ``rows``.
         """
-        before = self._before(self._chosen, self._face, rows[:, held.WEIGHTS : held.SHEAR])
-        return tangential(before, rows[:, held.NORMAL : held.WEIGHTS])
+        before = self._before(self._chosen, self._face, rows[:, pair.WEIGHTS : pair.SHEAR])
+        return tangential(before, rows[:, pair.NORMAL : pair.WEIGHTS])
 
     def _set_anchors(self, x: NDArray[np.float64]) -> None:
         """Set the offsets at the points ``x`` (n + p, 3) [m].
@@ -129,13 +129,13 @@ class DifferentiableOwnContact(OwnContact):
         rows, slips, corners = self._rows(), self._slips, self.pairs.carriers(self._chosen, self._face)
         self._anchors = self._slid(rows)
         away = x[self.pairs.first[self._chosen]] - np.einsum("ka,kai->ki", self._weights, x[corners])
-        slid = tangential(away - self._anchors, rows[:, held.NORMAL : held.WEIGHTS])
-        shears = rows[:, held.SHEAR : held.OFFSET]
+        slid = tangential(away - self._anchors, rows[:, pair.NORMAL : pair.WEIGHTS])
+        shears = rows[:, pair.SHEAR : pair.OFFSET]
         length = np.linalg.norm(shears, axis=1)[:, None]
         far = np.maximum(np.linalg.norm(slid, axis=1), SLIP * self._body.size)[:, None]
         ends = away - far * shears / np.where(length > 0.0, length, 1.0)
-        rows[slips, held.OFFSET : held.SUPPORT] = ends[slips]
-        self._ends = rows[:, held.OFFSET : held.SUPPORT].copy()
+        rows[slips, pair.OFFSET : pair.SUPPORT] = ends[slips]
+        self._ends = rows[:, pair.OFFSET : pair.SUPPORT].copy()
 
     def _moved(self) -> NDArray[np.float64]:
         """Return the changes (k, 3) [m] of the offsets, a view; they are stored after the rows of all pairs."""
