@@ -42,7 +42,7 @@ def simulate(demand: float, *, seconds: float) -> dict[str, float]:
     The least friction follows from the normal force of the pads in a first run with sufficient friction.
 
     Returns:
-        ``press`` [N], ``sunk`` [m] and ``drift`` [m], as in `benchmarks.grip.grip`.
+        ``press`` [N], ``sunk`` [m] and ``drift`` [m], as in `benchmarks.contact.grip`.
 
     Raises:
         PeerError: the state became unusable.

@@ -324,14 +324,6 @@ class Contact(ContactTerm):
             return self._touched.found(positions)
         return self._touched.frame(pose)
 
-    def _ways(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the contact Jacobian (k, c): d(relative position of a point) / d(position of each coupled vertex)."""
-        ways = self._points.weights[self._chosen]
-        if not isinstance(self._touched, RigidBody):
-            return ways
-        places = self._in_frame(self._points.at(positions)[self._chosen])
-        return np.column_stack([ways, -0.25 - places @ self._touched.signs.T])
-
     def _entered(self, starts: NDArray[np.float64], places: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the entry planes (p, 4) of points that move on straight lines to ``places`` (p, 3) [m].
 

@@ -20,6 +20,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from gdfe_ros.solver import outcome
 from gdfe_ros.solver.contact.complementarity import solve_laws
 from gdfe_ros.solver.contact.compliance import join, project, pull, stack
 from gdfe_ros.solver.contact.contact_term import ContactTerm
@@ -161,5 +162,5 @@ def _tell(parts: Sequence[Pressing], left: float, now: State) -> State:
     """Return ``now`` as not converged, because impulses leave the violation ``left`` [m/s] of the laws."""
     names = ", ".join(part.contact.name for part in parts if len(part.chosen))
     text = f"the impulses of the contacts {names} leave {left:.3g} m/s; remedy: a smaller dynamics.step"
-    message = "; ".join(part for part in (now.summary.message, text) if part)
+    message = outcome.join(now.summary.message, text)
     return now.with_(summary=changed(now.summary, converged=False, message=message))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Internal steps of any length by one time integration scheme: prediction, solve, pushes and impacts."""
+"""Internal steps of any length by one time integration scheme: prediction, solve, and impulses of contacts."""
 
 from __future__ import annotations
 
@@ -204,7 +204,6 @@ class InternalStep:
         share: fraction of the whole step's change of commands that is completed after the internal step.
         integrator: the integrator that made it; None for the start of a motion, which only computes the accelerations
             of ``after``.
-        first: whether it is the first internal step of a motion.
     """
 
     before: State
@@ -212,7 +211,6 @@ class InternalStep:
     h: float
     share: float = 0.0
     integrator: Integrator | None = None
-    first: bool = False
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -239,9 +237,8 @@ class Trial:
 
     def observed(self, before: State, after: State, share: float) -> InternalStep:
         """Return this internal step, from ``before`` to ``after``, for observers; ``share`` as in `InternalStep`."""
-        first = bool(before.terms[inertia.NAME]["first"][0])
-        given = {"h": self.h, "share": share, "integrator": self.integrator, "first": first}
-        return InternalStep(before=self.integrator.begun(before), after=after, **given)
+        began, given = self.integrator.begun(before), {"h": self.h, "share": share, "integrator": self.integrator}
+        return InternalStep(before=began, after=after, **given)
 
 
 def unfolded(solution: Solution) -> bool:

@@ -12,6 +12,7 @@ from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.motion import inertia, viscosity
 from gdfe_ros.solver.motion.dynamics import Dynamics, Scheme
 from gdfe_ros.solver.motion.inertia import kinematics_of
+from gdfe_ros.solver.outcome import join
 from gdfe_ros.solver.state import Array, Bound, Ledger, State
 from gdfe_ros.solver.value import NEGLIGIBLE, changed
 
@@ -165,8 +166,6 @@ def told(state: State, excess: float, h: float, scheme: Scheme) -> State:
         f"an internal step of {h:.3g} s gained {excess:.3g} J of energy without a source; remedy: a smaller "
         "dynamics.step, a start outside of all obstacles"
     ) + ("" if scheme == Scheme.BDF2 else ", or dynamics.scheme: bdf2")
-    message = "; ".join(part for part in (summary.message, text) if part)
     raised = changed(bound, start=bound.start + excess, least=bound.least + excess)
-    return state.with_(
-        summary=changed(summary, converged=False, message=message), ledger=changed(state.ledger, bound=raised)
-    )
+    failed = changed(summary, converged=False, message=join(summary.message, text))
+    return state.with_(summary=failed, ledger=changed(state.ledger, bound=raised))
