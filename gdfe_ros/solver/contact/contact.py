@@ -13,10 +13,10 @@ from gdfe_ros.constraints import Pose
 from gdfe_ros.constraints.obstacle import ArmLink, ContactPoints, Obstacle
 from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.contact import gap, held_forces
-from gdfe_ros.solver.contact.contact_term import FAINT, ContactTerm, Stencils
-from gdfe_ros.solver.contact.gap import ANCHOR, HEAD, NORMAL, OFFSET, PLANE, PRESS, SHEAR, STRIDE, VERTICES, WEIGHTS
+from gdfe_ros.solver.contact import gap
+from gdfe_ros.solver.contact.contact_term import FAINT, ContactTerm
 from gdfe_ros.solver.contact.skin import Skin
+from gdfe_ros.solver.contact.stencil import Stencils
 from gdfe_ros.solver.contact.surface import SHAPE, TURNED, ContactSurface, Corners
 from gdfe_ros.solver.contact.touch import NOTHING, Touch
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
@@ -35,8 +35,6 @@ only after a motion that may bring a point within this distance.
 """
 SLIP = 3e-7
 """Slip, divided by the body's size, that the linearisation assumes for a slipping point whose own slip is smaller."""
-HELD = [PRESS, SHEAR, SHEAR + 1, SHEAR + 2, NORMAL, NORMAL + 1, NORMAL + 2, OFFSET]
-"""Columns of a point's row that are multipliers: a solve changes them, and the sensitivities differentiate them."""
 
 
 class Contact(ContactTerm):
@@ -48,41 +46,36 @@ class Contact(ContactTerm):
         body: the discretised body.
         points: the points that must stay outside.
         friction: Coulomb's coefficient.
+        restitution: ratio of the normal speeds of a point after and before an impact.
     """
 
-    kernel, potential = held_forces.contact_entry, staticmethod(held_forces.contact_energy)
-    _FRICTION, _HEAD, _STRIDE, _PRESS = gap.FRICTION, HEAD, STRIDE, PRESS
+    OTHERS = 12
+    """Rotation and origin of the obstacle's frame."""
 
     def __init__(
-        self, name: str, touched: Obstacle, body: Body, points: ContactSurface | Corners, friction: float
+        self,
+        name: str,
+        touched: Obstacle,
+        body: Body,
+        points: ContactSurface | Corners,
+        *,
+        friction: float,
+        restitution: float,
     ) -> None:
         self._touched, self._points, self._radius = touched, points, 0.0
-        count, carriers = points.carriers.shape
-        reals = np.concatenate([np.zeros(HEAD + STRIDE * count), touched.form.samples])
-        integers = np.zeros(VERTICES + carriers * count, dtype=np.int32)
-        reals[gap.NUMBERS : gap.FRICTION], reals[gap.FRICTION] = touched.form.numbers, friction
-        integers[gap.KIND], integers[gap.CARRIERS], integers[gap.RUB] = touched.form.kind, carriers, WEIGHTS
-        integers[gap.BODY : gap.RUB] = touched.vertices if isinstance(touched, RigidBody) else -1
+        count, vertices = len(points.carriers), points.carriers.ravel()
         if isinstance(touched, RigidBody):
-            reals[gap.SIGNS : HEAD] = touched.signs.ravel()
-        super().__init__(name, body, reals, integers)
-        self.restitution = touched.restitution
+            vertices = np.concatenate([vertices, touched.vertices])
+        super().__init__(name, body, count, np.unique(vertices), friction=friction, restitution=restitution)
+        self._form = gap.form_numbers(touched.form)
         self._scale, self._held_fast = np.zeros(count), np.zeros(count, dtype=bool)
         self._distances, self._normals = np.zeros(count), np.zeros((count, 3))
-        self._faces = np.zeros(0, dtype=np.int64)
+        self._take_none()
         self._clear, self._lag, self._led = -np.inf, 0.0, np.zeros((0, 3))
         self._pose = self._seen_at = Pose()
         self._last: State | None = None
         self._seen: NDArray[np.float64] | None = None
-        none = np.zeros((count, 3))
-        self._free = {
-            "press": np.zeros(count),
-            "shear": none,
-            "anchor": none + np.nan,
-            "slips": np.ones(count),
-            "push": np.zeros(count),
-            "rub": none,
-        }
+        self._free["anchor"] = np.full((count, 3), np.nan)
 
     @property
     def on_body(self) -> bool:
@@ -100,7 +93,7 @@ class Contact(ContactTerm):
         return self._scale[self._chosen]
 
     def fit(self, matrix: ConstantMatrix) -> None:
-        """Take the stiffnesses that scale `held_forces.project_forces` from the constant matrix' diagonal."""
+        """Take the stiffnesses of the points from the constant matrix' diagonal."""
         self._scale = self._points.stiffness(matrix.assembled.diagonal())
 
     def leave_out(self, held: Sequence[tuple[str, NDArray[np.int32]]]) -> None:
@@ -115,20 +108,6 @@ class Contact(ContactTerm):
         for vertices in own:
             self._held_fast |= np.isin(carriers, vertices).all(axis=1)
 
-    def ends(self) -> NDArray[np.int32]:
-        """Return the vertices (k, c) on which each point's force acts.
-
-        These are the point's carriers, then the four vertices of the touched rigid body, if a rigid body is touched.
-        """
-        ends = self._points.carriers
-        if isinstance(self._touched, RigidBody):
-            ends = np.column_stack([ends, np.tile(self._touched.vertices, (len(ends), 1))])
-        return ends
-
-    def neutral(self) -> Saved:
-        """Return the stored state without contact: no forces, no anchors, no dissipated energy."""
-        return {**self._free, "lost": np.zeros(1)}
-
     def aim(self, poses: Mapping[str, Pose], last: State) -> None:
         """Set the commanded pose of the obstacle and the state at the end of the last step."""
         self._pose, self._last = poses[self._touched.name], last
@@ -142,65 +121,61 @@ class Contact(ContactTerm):
             self._take_none()
         else:
             self._choose(saved, positions)
+            self.turn(positions)
 
     def follow(self, positions: NDArray[np.float64], ahead: float) -> None:
-        """Choose the points again if the body has moved far enough; correct the offsets of the chosen points."""
+        """Choose the points again if the body has moved far enough; turn the forces with the obstacle."""
         if self._moved(positions) < max(self._clear - self._lag, 0.5 * REACH * self._body.size):
-            self._correct(positions)
+            self.turn(positions)
             return
-        rows = self._rows()
-        self._choose({**self._saved, **self._spread(rows[:, PRESS], rows[:, SHEAR : SHEAR + 3])}, positions)
+        shears, press, shear = self.stored(self._shear), self._free["press"].copy(), self._free["shear"].copy()
+        press[self._chosen], shear[self._chosen] = self._press, shears
+        self._choose({**self._saved, "press": press, "shear": shear}, positions)
+        self.turn(positions)
 
-    def stencils(self, positions: NDArray[np.float64]) -> Stencils:
-        """Return what the complementarity problem needs of the chosen points at ``positions`` (n, 3) [m]."""
-        found = Stencils.empty(self.count, self.ends().shape[1])
-        held_forces.stencils(positions, self.reals, self.integers, *found)
-        return found
+    def find_stencils(self, positions: NDArray[np.float64]) -> Stencils:
+        """Return the stencils of the chosen points at ``positions`` (n, 3) [m], and turn their forces."""
+        chosen, rubbing = self._chosen, self._rubbing_weights()
+        places, ends = self._points.at(positions)[chosen], self._points.carriers[chosen]
+        if isinstance(self._touched, RigidBody):
+            self._take_frame(positions)
+        self._correct(positions)
+        gaps, normals = gap.measure(places, self._frame_numbers, self._form, self._touched.form.kind)
+        if self._planes.any():
+            gap.replace_by_planes(places, self._planes, self._fixed, self._frame_numbers, gaps, normals)
+        anchors, pressing = self._anchors[:, :3], self._points.weights[chosen]
+        slips = self._rubbing(positions) - self._origin - anchors @ self._axes.T
+        if isinstance(self._touched, RigidBody):
+            ends = np.column_stack([ends, np.tile(self._touched.vertices, (len(ends), 1))])
+            pressing = np.column_stack([pressing, self._touched_weights(self._in_frame(places))])
+            rubbing = np.column_stack([rubbing, self._touched_weights(anchors)])
+        forces, soft = (self._press, self._shear), np.zeros(len(chosen))
+        return Stencils.of(gaps - self._offsets, normals, slips, forces, soft, ends, pressing, rubbing)
 
     def present_stencils(self, positions: NDArray[np.float64]) -> Stencils:
-        """Return `stencils` whose friction acts on a touched rigid body at the points' present places."""
-        found = self.stencils(positions)
-        if isinstance(self._touched, RigidBody):
-            found.rubbing[:, -4:] = -0.25 - self._in_frame(self._rubbing(positions)) @ self._touched.signs.T
-        return found
+        """Return the stencils, whose friction acts on a touched rigid body at the points' present places."""
+        if not isinstance(self._touched, RigidBody):
+            return self.stencils
+        rubbing = self.stencils.rubbing.copy()
+        rubbing[:, -4:] = self._touched_weights(self._in_frame(self._rubbing(positions)))
+        return self.stencils._replace(rubbing=rubbing)
 
-    def hold_forces(self, axes: NDArray[np.float64], forces: NDArray[np.float64]) -> None:
-        """Set the forces (k, 3) [N] of the chosen points along ``axes`` (k, 3, 3)."""
-        held_forces.hold_forces(axes, forces, self.reals, self.integers)
+    def _touched_weights(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the weights (k, 4) with which a touched rigid body's vertices move ``places`` (k, 3) [m] back."""
+        return -0.25 - places @ self._touched.signs.T
 
-    def finish(self, saved: Saved, positions: NDArray[np.float64]) -> Saved:
-        """Return the state to store: contact forces, and the anchors of the sticking points.
+    def stored(self, vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return vectors (k, 3) in the obstacle's axes."""
+        return vectors @ self._axes
 
-        Points that slip store no anchor. In the next step, their anchors are their positions at its start. The entry
-        ``lost`` is the energy dissipated by friction so far [J].
+    def keep_places(self, kept: Saved) -> None:
+        """Write the anchors of the points that stick.
+
+        Points that slip store none: in the next step, their anchors are their positions at its start.
         """
-        if not self.near:
-            return {**self._free, "lost": saved["lost"]}
-        forces, presses, shears, slips = self._forces(positions)
-        slips |= ~(presses > 0.0)
-        anchor, slipping = self._free["anchor"].copy(), self._free["slips"].copy()
-        anchor[self._chosen[~slips]], slipping[self._chosen] = self._kept(self._rubbing(positions))[~slips], slips
-        kept = {**self._spread(presses, -shears), "anchor": anchor, "slips": slipping}
-        return self.exerted(saved, kept, positions, np.linalg.norm(forces - shears, axis=1), shears)
-
-    def exerted(
-        self,
-        saved: Saved,
-        kept: Saved,
-        positions: NDArray[np.float64],
-        pushes: NDArray[np.float64],
-        shears: NDArray[np.float64],
-    ) -> Saved:
-        """Return the state ``kept`` after a step from ``saved``, with the mean forces on the chosen points in the step.
-
-        These are the normal forces ``pushes`` (k,) and the friction forces ``shears`` (k, 3) [N].
-        """
-        slips, rubs = kept["slips"][self._chosen] > 0.0, shears @ self._axes
-        slid = self._in_frame(self._rubbing(positions)) - self._rows()[:, ANCHOR : ANCHOR + 3]
-        push, rub = np.zeros(len(self._scale)), np.zeros((len(self._scale), 3))
-        push[self._chosen], rub[self._chosen] = pushes, rubs
-        lost = saved["lost"] - np.einsum("ki,ki->", rubs[slips], slid[slips])
-        return {**kept, "push": push, "rub": rub, "lost": lost}
+        sticks = kept["slips"][self._chosen] == 0.0
+        kept["anchor"] = self._free["anchor"].copy()
+        kept["anchor"][self._chosen[sticks]] = self._kept()[sticks]
 
     def resume(self, commands: Mapping[str, float], saved: Saved, found: Saved, positions: NDArray[np.float64]) -> None:
         """Prepare the linearisation of a solve: choose the points in contact at its end, with their contact forces.
@@ -213,50 +188,21 @@ class Contact(ContactTerm):
             self._take_none()
             return
         self._choose({**saved, "press": found["press"], "shear": found["shear"]}, positions)
-        rows = self._rows()
-        length = np.linalg.norm(rows[:, NORMAL : NORMAL + 3], axis=1)[:, None]
-        rows[:, NORMAL : NORMAL + 3] /= np.where(length > 0.0, length, 1.0)
-        shears = rows[:, SHEAR : SHEAR + 3] @ self._axes
+        self.turn(positions)
+        shears, slips = self.stored(self._shear), self.stored(self.stencils.slips)
         size = np.linalg.norm(shears, axis=1)
-        slid = self._in_frame(self._rubbing(positions)) - rows[:, ANCHOR : ANCHOR + 3]
-        still = np.linalg.norm(slid, axis=1) < SLIP * self._body.size
+        still = np.linalg.norm(slips, axis=1) < SLIP * self._body.size
         on = (found["slips"][self._chosen] > 0.0) & (size > 0.0) & still
         self._led = SLIP * self._body.size * shears / np.where(size > 0.0, size, 1.0)[:, None] * on[:, None]
-        rows[:, ANCHOR : ANCHOR + 3] -= self._led
+        self._anchors[:, :3] -= self._led
+        self.turn(positions)
 
     def vary(self, commands: Mapping[str, float], saved: Saved, positions: NDArray[np.float64]) -> None:
         """Update the obstacle's frame and the anchors of the chosen points; keep the choice of points."""
-        if not self.near:
-            return
-        self._origin[...], self._axes[...] = self._frame(positions, self._pose)
-        self._rows()[:, ANCHOR : ANCHOR + 3] = self._anchors(saved, positions) - self._led
-
-    @property
-    def multipliers(self) -> NDArray[np.float64]:
-        """Normal forces, friction forces [N], normals and offsets [m] of the chosen points, flattened (8 k,)."""
-        return self._rows()[:, HELD].ravel()
-
-    @property
-    def per_metre(self) -> NDArray[np.float64]:
-        """Expected change of each multiplier per metre (8 k,): stiffness [N/m], 1 / size for normals, 1 for offsets."""
-        k, one = self._rows()[:, gap.SCALE], np.ones(len(self._chosen))
-        turned = one / self._body.size
-        return np.stack([k, k, k, k, turned, turned, turned, one], axis=1).ravel()
-
-    def hold(self, multipliers: NDArray[np.float64]) -> None:
-        """Set the multipliers (8 k,) of the chosen points."""
-        self._rows()[:, HELD] = multipliers.reshape(-1, len(HELD))
-
-    def updated(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the multipliers (8 k,) after one plain update; the term's own multipliers stay unchanged."""
-        held = self.multipliers
-        if not self.near:
-            return held
-        held_forces.project_forces(positions, self.reals, self.integers)
-        self._correct(positions)
-        found = self.multipliers
-        self.hold(held)
-        return found
+        if self.near:
+            self._take_frame(positions)
+            self._set_anchors(saved, positions)
+            self._anchors[:, :3] -= self._led
 
     def wrench(self, positions: NDArray[np.float64], saved: Saved | None = None) -> NDArray[np.float64]:
         """Return the obstacle's wrench (6,) on the points: force [N], then moment [N m] about the obstacle's origin.
@@ -265,11 +211,9 @@ class Contact(ContactTerm):
         """
         if not self.near:
             return np.zeros(6)
-        forces = self._forces(positions)[0]
+        normals, held = self.stencils.normals, self.stencils.axes[:, 0]
+        forces = self._press[:, None] * held - self._shear
         if saved is not None:
-            normals = self._rows()[:, NORMAL : NORMAL + 3]
-            length = np.linalg.norm(normals, axis=1, keepdims=True)
-            normals = normals / np.where(length > 0.0, length, 1.0)
             forces = saved["push"][self._chosen, None] * normals + saved["rub"][self._chosen] @ self._axes.T
         arms = self._rubbing(positions) - self._origin
         return np.concatenate([forces.sum(axis=0), np.cross(arms, forces).sum(axis=0)])
@@ -288,16 +232,13 @@ class Contact(ContactTerm):
     def touch(self, state: State, origin: NDArray[np.float64]) -> Touch:
         """Return the contacts and forces stored in ``state``; its positions are relative to ``origin`` (3,) [m]."""
         saved = state.terms[self.name]
-        if saved["press"] is self._free["press"]:
-            return NOTHING
         on = np.flatnonzero(saved["push"])
         if not len(on):
             return NOTHING
         middle, axes = self._frame(state.positions, state.poses[self._touched.name])
-        places, gaps, normals = self._points.at(state.positions)[on], np.empty(len(on)), np.empty((len(on), 3))
-        form = self._touched.form
-        head = np.concatenate([axes.ravel(), middle, form.numbers, form.samples])
-        gap.distances(places, head, form.kind, gaps, normals)
+        places = self._points.at(state.positions)[on]
+        frame, kind = np.append(axes, middle), self._touched.form.kind
+        gaps, normals = gap.measure(places, frame, self._form, kind)
         length = np.linalg.norm(normals, axis=1, keepdims=True)  # below 1 at a mesh's edges
         return Touch(
             vertices=self._points.vertices[on] if self.on_body else np.zeros(0, dtype=np.int32),
@@ -311,18 +252,27 @@ class Contact(ContactTerm):
         )
 
     @property
+    def _frame_numbers(self) -> NDArray[np.float64]:
+        """The rotation and origin of the obstacle's frame (12,), a view."""
+        return self._others
+
+    @property
     def _origin(self) -> NDArray[np.float64]:
-        return self.reals[gap.ORIGIN : gap.NUMBERS]
+        return self._others[gap.ORIGIN :]
 
     @property
     def _axes(self) -> NDArray[np.float64]:
-        return self.reals[gap.AXES : gap.ORIGIN].reshape(3, 3)
+        return self._others[: gap.ORIGIN].reshape(3, 3)
 
     def _frame(self, positions: NDArray[np.float64], pose: Pose) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return origin (3,) [m] and rotation (3, 3) of the touched obstacle or rigid body."""
         if isinstance(self._touched, RigidBody):
             return self._touched.found(positions)
         return self._touched.frame(pose)
+
+    def _take_frame(self, positions: NDArray[np.float64]) -> None:
+        """Write the obstacle's present frame to the numbers of the term."""
+        self._origin[...], self._axes[...] = self._frame(positions, self._pose)
 
     def _entered(self, starts: NDArray[np.float64], places: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the entry planes (p, 4) of points that move on straight lines to ``places`` (p, 3) [m].
@@ -335,7 +285,7 @@ class Contact(ContactTerm):
         fast = np.flatnonzero(np.einsum("pi,pi->p", moved, moved) > reach * reach)
         if len(fast):
             found = np.zeros((len(fast), 4))
-            gap.entries(starts[fast], ends[fast], reach, self.reals, self._touched.form.kind, found)
+            gap.entries(starts[fast], ends[fast], reach, self._form, self._touched.form.kind, found)
             planes[fast] = found
         return planes
 
@@ -376,84 +326,60 @@ class Contact(ContactTerm):
 
     def _take_none(self) -> None:
         self._chosen = self._faces = np.zeros(0, dtype=np.int64)
-        self.integers[gap.COUNT] = 0
+        self._press, self._shear, self.integers[0] = np.zeros(0), np.zeros((0, 3)), 0
 
     def _in_frame(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
         return (places - self._origin) @ self._axes
 
     def _choose(self, saved: Saved, positions: NDArray[np.float64]) -> None:
         """Choose the points that are near at ``positions`` (n, 3) [m], touched in the last step, or enter now."""
-        points, integers, places = self._points, self.integers, self._points.at(positions)
-        self._origin[...], self._axes[...] = self._frame(positions, self._pose)
+        places = self._points.at(positions)
+        self._take_frame(positions)
         self._measure(places)
         self._seen, self._seen_at, self._lag = positions.copy(), self._pose, 0.0
         self._clear = self._distances.min(initial=np.inf) - REACH * self._body.size
-        starts = self._starts(places)
-        planes = self._entered(starts, places)
-        entered = planes[:, :3].any(axis=1)
-        near = (self._distances < REACH * self._body.size) | (saved["press"] > 0.0) | entered
-        chosen = np.flatnonzero(near & ~self._held_fast)
-        self._chosen, integers[gap.COUNT] = chosen, len(chosen)
-        integers[VERTICES : VERTICES + len(chosen) * integers[gap.CARRIERS]] = points.carriers[chosen].ravel()
-        rows, press = self._rows(), saved["press"][chosen]
-        rows[:, gap.SCALE], rows[:, PRESS] = self._scale[chosen], press
-        rows[:, WEIGHTS : WEIGHTS + points.weights.shape[1]] = points.weights[chosen]
-        rows[:, PLANE : PLANE + 4], rows[:, gap.FIXED] = planes[chosen], 0.0
-        rows[:, SHEAR : SHEAR + 3] = saved["shear"][chosen] @ self._axes.T
-        rows[:, ANCHOR : ANCHOR + 3] = self._anchored(saved, starts)
-        came = entered[chosen][:, None]
-        rows[:, NORMAL : NORMAL + 3] = np.where(came, planes[chosen, :3] @ self._axes.T, self._normals[chosen])
-        self._faces = points.about(chosen) if self._touched.points is ContactPoints.FACES else np.zeros(0, np.int64)
-        self._correct(positions)
+        planes = self._entered(self._starts(places), places)
+        near = (self._distances < REACH * self._body.size) | (saved["press"] > 0.0) | planes[:, :3].any(axis=1)
+        self._chosen = chosen = np.flatnonzero(near & ~self._held_fast)
+        self._press, self._shear = saved["press"][chosen], saved["shear"][chosen] @ self._axes.T
+        self._planes, self._fixed, self._offsets = planes[chosen], np.zeros(len(chosen), bool), np.zeros(len(chosen))
+        self._set_anchors(saved, positions)
+        faces = self._touched.points is ContactPoints.FACES
+        self._faces = self._points.about(chosen) if faces else np.zeros(0, np.int64)
 
     def _measure(self, places: NDArray[np.float64]) -> None:
         """Write the distances [m] and normals of all points at ``places`` (p, 3) [m] to the term's arrays."""
-        gap.distances(places, self.reals, self.integers[gap.KIND], self._distances, self._normals)
+        gap.distances(places, self._frame_numbers, self._form, self._touched.form.kind, self._distances, self._normals)
 
-    def _anchors(self, saved: Saved, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the anchors (k, 3) [m] of the chosen points at the start of a step, in the obstacle's frame."""
-        return self._anchored(saved, self._starts(self._points.at(positions)))
-
-    def _anchored(self, saved: Saved, starts: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _set_anchors(self, saved: Saved, positions: NDArray[np.float64]) -> None:
+        """Set the anchors of the chosen points at the start of a step, in the obstacle's frame."""
         anchors = saved["anchor"][self._chosen]
-        return np.where(np.isnan(anchors), starts[self._chosen], anchors)
+        starts = self._starts(self._points.at(positions))[self._chosen]
+        self._anchors[...] = np.where(np.isnan(anchors), starts, anchors)
 
-    def _kept(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the anchors (k, 3) [m] that the state stores for the chosen points at ``places`` (k, 3) [m]."""
-        return self._rows()[:, ANCHOR : ANCHOR + 3]
+    def _kept(self) -> NDArray[np.float64]:
+        """Return the anchors (k, 3) [m] that the state stores for the chosen points."""
+        return self._anchors
 
     def _rubbing(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the positions (k, 3) [m] at which friction acts on the chosen points."""
         return self._points.at(positions)[self._chosen]
 
-    def _correct(self, positions: NDArray[np.float64]) -> float:
-        """Update the offsets of the points (see `held_forces`); return the largest change [m]."""
-        if not len(self._faces):
-            return 0.0
-        surface, faces = self._points, self._faces
-        nearer = np.zeros(len(positions))
-        kind = self.integers[gap.KIND]
-        gap.nearness(positions, surface.quads[faces], surface.gauss[faces], SHAPE, self.reals, kind, nearer)
-        chosen, rows = self._chosen, self._rows()
-        offsets = np.maximum(0.0, nearer[surface.carriers[chosen, 0]] / surface.areas[chosen])
-        change = np.abs(offsets - rows[:, OFFSET]).max(initial=0.0)
-        rows[:, OFFSET] = offsets
-        return float(change)
+    def _rubbing_weights(self) -> NDArray[np.float64]:
+        """Return the weights (k, c) of the carriers in these positions."""
+        return self._points.weights[self._chosen]
 
-    def _forces(self, positions: NDArray[np.float64]) -> tuple[NDArray, NDArray, NDArray, NDArray]:
-        """Return contact (k, 3), normal (k,), friction forces (k, 3) [N] and slip flags (k,) of the chosen points."""
-        count = len(self._chosen)
-        forces, shears = np.zeros((count, 3)), np.zeros((count, 3))
-        presses, slips = np.zeros(count), np.zeros(count, dtype=np.bool_)
-        held_forces.contact_forces(positions, self.reals, self.integers, forces, presses, shears, slips)
-        return forces, presses, shears, slips
+    def _correct(self, positions: NDArray[np.float64]) -> None:
+        """Update the offsets of the points.
 
-    def _spread(self, presses: NDArray[np.float64], shears: NDArray[np.float64]) -> Saved:
-        """Return normal and friction forces [N] of all points, as stored; they are zero for points not chosen.
-
-        ``presses`` (k,) [N] and ``shears`` (k, 3) [N] are the forces of the chosen points. The returned friction forces
-        are in the obstacle's axes.
+        Between its corners, a flat face comes nearer to a round obstacle than at its corners. The error of a face is
+        the distance interpolated between its corners, minus the true distance. The offset of a vertex is the mean of
+        this error over the faces around it, at least 0. On a ball the offsets halve the error of the gaps.
         """
-        press, shear = np.zeros(len(self._scale)), np.zeros((len(self._scale), 3))
-        press[self._chosen], shear[self._chosen] = presses, shears @ self._axes
-        return {"press": press, "shear": shear}
+        if not len(self._faces):
+            return
+        surface, faces, nearer = self._points, self._faces, np.zeros(len(positions))
+        obstacle = self._frame_numbers, self._form, self._touched.form.kind
+        gap.nearness(positions, surface.quads[faces], surface.gauss[faces], SHAPE, *obstacle, nearer)
+        chosen = self._chosen
+        self._offsets = np.maximum(0.0, nearer[surface.carriers[chosen, 0]] / surface.areas[chosen])

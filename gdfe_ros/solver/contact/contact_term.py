@@ -1,16 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Base class of the contact terms, and what the complementarity problem needs of their points."""
+"""Base class of the contact terms: points near a surface, with the forces that they hold."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import ClassVar, NamedTuple, Self
+from abc import abstractmethod
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.state import State
+from gdfe_ros.solver.contact.stencil import LOADS, Stencils, held_energy, held_entry, write_loads
+from gdfe_ros.solver.state import Saved, State
 from gdfe_ros.solver.terms.term import Term
 
 FAINT = 1e-7
@@ -19,63 +20,61 @@ MARGIN = 1e-3
 """Points take part in a step's complementarity problem if their gap after the step without new forces, divided by the
 body's size, is below this. Others that would enter join in further rounds.
 """
-
-
-class Stencils(NamedTuple):
-    """The contact points, or pairs, that are near.
-
-    Attributes:
-        places: (k, 3) [m] gap, and slip along two tangents.
-        axes: (k, 3, 3) gradient of the gap, and the tangents.
-        held: (k, 3) [N] present forces along these axes.
-        soft: (k,) [m/N] compliance of the spring through which the normal force acts.
-        ends: (k, c) vertices that move the point relative to what it touches.
-        pressing, rubbing: (k, c) weights of these vertices in the displacements that change the gap, and the slip.
-    """
-
-    places: NDArray[np.float64]
-    axes: NDArray[np.float64]
-    held: NDArray[np.float64]
-    soft: NDArray[np.float64]
-    ends: NDArray[np.int64]
-    pressing: NDArray[np.float64]
-    rubbing: NDArray[np.float64]
-
-    @classmethod
-    def empty(cls, count: int, width: int) -> Self:
-        """Return arrays for ``count`` points with ``width`` vertices each, to be written."""
-        places, axes, held, soft = (np.empty((count, *shape)) for shape in ((3,), (3, 3), (3,), ()))
-        weights = np.empty((2, count, width))
-        return cls(places, axes, held, soft, np.empty((count, width), np.int64), *weights)
+ROUNDING = 1e-9
+"""A point slips if its friction force is below Coulomb's limit by less than this fraction."""
 
 
 class ContactTerm(Term):
     """Contact with an obstacle, with a rigid body, or between parts of the body.
 
+    The stored state has an entry for each of all points: ``press`` l (p,) [N], ``shear`` t (p, 3) [N], whether it
+    ``slips`` (p,), and the mean forces of the step, ``push`` (p,) and ``rub`` (p, 3) [N]. Vectors are stored in axes
+    that turn with the surface. ``lost`` is the energy that friction has dissipated so far [J].
+
     Args:
         name: name of the term.
         body: the discretised body.
-        reals, integers: arrays that the compiled kernels read.
+        count: number p of all points.
+        vertices: (v,) vertices on which forces can act.
+        friction: Coulomb's coefficient.
+        restitution: ratio of the normal speeds of a point after and before an impact.
 
     Attributes:
-        potential: the compiled energy; `add_forces` computes the forces as its gradient.
+        friction, restitution: the arguments.
+        stencils: the near points at the positions of the last call of `turn`.
         on_body: whether the points of the term belong to the elastic body; False for self-contact.
-        restitution: ratio of the normal speeds of a point after and before an impact.
         valid: relative displacement [m] for which the stencils of the points hold.
         changed: whether points that press touch other faces since `follow` was last called.
     """
 
-    potential: ClassVar[Callable[..., float]]
+    kernel = held_entry
     on_body = False
-    _FRICTION: ClassVar[int]
-    _HEAD: ClassVar[int]
-    _STRIDE: ClassVar[int]
-    _PRESS: ClassVar[int]
+    ANCHOR: ClassVar[int] = 3
+    """Numbers of each point that derivatives differentiate: its anchor, the place where its slip begins."""
+    OTHERS: ClassVar[int] = 0
+    """Further numbers that derivatives differentiate."""
 
-    def __init__(self, name: str, body: Body, reals: NDArray[np.float64], integers: NDArray[np.int32]) -> None:
-        super().__init__(name, reals, integers)
-        self._body, self.restitution, self.valid, self.changed = body, 0.0, np.inf, False
+    def __init__(
+        self, name: str, body: Body, count: int, vertices: NDArray[np.int32], *, friction: float, restitution: float
+    ) -> None:
+        numbers = LOADS * len(vertices) + self.ANCHOR * count + self.OTHERS
+        super().__init__(name, np.zeros(numbers), np.concatenate([[0], vertices]).astype(np.int32))
+        self._body, self.friction, self.restitution = body, friction, restitution
+        self.valid, self.changed = np.inf, False
+        self._number = np.full(len(body.rest), -1, dtype=np.int64)
+        self._number[vertices] = np.arange(len(vertices))
+        self._vertices, self._count = vertices, count
         self._chosen = np.zeros(0, dtype=np.int64)
+        self._press, self._shear = np.zeros(0), np.zeros((0, 3))
+        none = np.zeros((count, 3))
+        self._free = {
+            "press": np.zeros(count),
+            "shear": none,
+            "slips": np.ones(count),
+            "push": np.zeros(count),
+            "rub": none,
+        }
+        self.stencils: Stencils
 
     @property
     def near(self) -> bool:
@@ -88,31 +87,71 @@ class ContactTerm(Term):
         return len(self._chosen)
 
     @property
-    def friction(self) -> float:
-        """Coulomb's coefficient."""
-        return float(self.reals[self._FRICTION])
+    @abstractmethod
+    def scale(self) -> NDArray[np.float64]:
+        """Stiffnesses (k,) [N/m] of the body at the near points."""
 
     @property
     def acts(self) -> bool:
         """Whether any point or pair holds a force."""
-        return bool(self._rows()[:, self._PRESS].any())
+        return bool(self._press.any())
 
     @property
     def delicate(self) -> bool:
         """Whether friction acts on a point or pair that is near."""
         return self.near and self.friction > 0.0
 
-    def _rows(self) -> NDArray[np.float64]:
-        """Return the rows (k, stride) of the near points or pairs, a view."""
-        return self.reals[self._HEAD : self._HEAD + self._STRIDE * len(self._chosen)].reshape(-1, self._STRIDE)
+    @property
+    def vertices(self) -> NDArray[np.int32]:
+        """The vertices (v,) on which forces can act."""
+        return self._vertices
 
-    def ends(self) -> NDArray[np.int32]:
-        """Return the vertices (k, c) on which the points' forces can act."""
-        raise NotImplementedError
+    @property
+    def _loads(self) -> NDArray[np.float64]:
+        return self.reals[: LOADS * len(self._vertices)]
+
+    @property
+    def _anchors(self) -> NDArray[np.float64]:
+        """The numbers (k, `ANCHOR`) of the near points, a view."""
+        first = LOADS * len(self._vertices)
+        return self.reals[first : first + self.ANCHOR * self.count].reshape(-1, self.ANCHOR)
+
+    @property
+    def _others(self) -> NDArray[np.float64]:
+        return self.reals[len(self.reals) - self.OTHERS :]
+
+    def neutral(self) -> Saved:
+        """Return the stored state without contact."""
+        return {**self._free, "lost": np.zeros(1)}
+
+    @abstractmethod
+    def find_stencils(self, positions: NDArray[np.float64]) -> Stencils:
+        """Return the stencils of the near points at ``positions`` (n, 3) [m]; their forces turn with it."""
+
+    def turn(self, positions: NDArray[np.float64]) -> None:
+        """Take the stencils at ``positions`` (n, 3) [m]; the forces turn with the surfaces."""
+        if not self.near:
+            self.integers[0] = 0
+            return
+        self.stencils = self.find_stencils(positions)
+        self._loads.reshape(-1, LOADS)[:, 3:] = positions[self._vertices]
+        self._write_loads()
+
+    def hold_forces(self, forces: NDArray[np.float64]) -> None:
+        """Set the forces (k, 3) [N] of the near points along the axes of the stencils."""
+        self.stencils = self.stencils._replace(held=forces)
+        self._press, self._shear = forces[:, 0], -np.einsum("ka,kai->ki", forces[:, 1:], self.stencils.axes[:, 1:])
+        self._write_loads()
+
+    def _write_loads(self) -> None:
+        self.integers[0] = self.acts
+        self._loads.reshape(-1, LOADS)[:, :3] = 0.0
+        if self.acts:
+            write_loads(self.stencils, self._number, self.reals)
 
     def present_stencils(self, positions: NDArray[np.float64]) -> Stencils:
-        """Return the stencils at ``positions`` (n, 3) [m], with friction at the present places."""
-        return self.stencils(positions)
+        """Return the stencils at ``positions`` (n, 3) [m] of `turn`, with friction at the present places."""
+        return self.stencils
 
     def led(self, positions: NDArray[np.float64], before: State) -> NDArray[np.float64]:
         """Return the displacement (k, 3) [m] of what commanded poses move, at the near points, since ``before``."""
@@ -123,7 +162,74 @@ class ContactTerm(Term):
         return 0.0
 
     def add_forces(self, positions: NDArray[np.float64], forces: NDArray[np.float64]) -> None:
-        """Add the contact forces at the final ``positions`` (n, 3) [m] of a solve to ``forces`` (n, 3) [N]."""
+        """Add the contact forces to ``forces`` (n, 3) [N]."""
         slopes = np.zeros_like(forces)
-        self.potential(positions, self.reals, self.integers, slopes, np.zeros(1))
+        held_energy(positions, self.reals, self.integers, slopes, np.zeros(1))
         forces -= slopes
+
+    def finish(self, saved: Saved, positions: NDArray[np.float64]) -> Saved:
+        """Return the state to store after a solve that ended at ``positions`` (n, 3) [m] and began with ``saved``."""
+        if not self.acts:
+            return {**self._free, "lost": saved["lost"]}
+        self.turn(positions)
+        slips = ~(self._press > 0.0)
+        slips |= np.linalg.norm(self._shear, axis=1) >= (1.0 - ROUNDING) * self.friction * self._press
+        kept, chosen = {name: array.copy() for name, array in self._free.items()}, self._chosen
+        kept["press"][chosen], kept["shear"][chosen], kept["slips"][chosen] = (
+            self._press,
+            self.stored(self._shear),
+            slips,
+        )
+        self.keep_places(kept)
+        pushes = self._press * np.linalg.norm(self.stencils.axes[:, 0], axis=1)
+        return self.exerted(saved, kept, pushes, -self._shear)
+
+    @abstractmethod
+    def stored(self, vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return vectors (k, 3) of the near points in the axes of the stored state."""
+
+    @abstractmethod
+    def keep_places(self, kept: Saved) -> None:
+        """Write the places where the near points touch to the state ``kept``, which has the forces and slips."""
+
+    def exerted(self, saved: Saved, kept: Saved, pushes: NDArray[np.float64], shears: NDArray[np.float64]) -> Saved:
+        """Return the state ``kept`` after a step from ``saved``, with the mean forces on the near points in the step.
+
+        These are the normal forces ``pushes`` (k,) and the friction forces ``shears`` (k, 3) [N].
+        """
+        slips = kept["slips"][self._chosen] > 0.0
+        push, rub = self._free["push"].copy(), self._free["rub"].copy()
+        push[self._chosen], rub[self._chosen] = pushes, self.stored(shears)
+        lost = saved["lost"] - np.einsum("ki,ki->", shears[slips], self.stencils.slips[slips])
+        return {**kept, "push": push, "rub": rub, "lost": lost}
+
+    @property
+    def multipliers(self) -> NDArray[np.float64]:
+        """Normal force l and vector t [N] of each near point, flattened (4 k,)."""
+        return np.column_stack([self._press, self._shear]).ravel()
+
+    @property
+    def per_metre(self) -> NDArray[np.float64]:
+        """Expected change of each multiplier per metre (4 k,): the body's stiffness [N/m]."""
+        return np.repeat(self.scale, 4)
+
+    def hold(self, multipliers: NDArray[np.float64]) -> None:
+        """Set the multipliers (4 k,); `turn` then writes the forces at some positions."""
+        held = multipliers.reshape(-1, 4)
+        self._press, self._shear = held[:, 0].copy(), held[:, 1:].copy()
+
+    def updated(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the multipliers (4 k,) after the projections of `complementarity` at ``positions`` (n, 3) [m].
+
+        The multipliers of a solution do not change. Derivatives differentiate the projections.
+        """
+        if not len(self._chosen):
+            return np.zeros(0)
+        self.turn(positions)
+        found, scale = self.stencils, self.scale
+        gaps = found.places[:, 0] + found.soft * self._press
+        press = np.maximum(0.0, self._press - scale / (1.0 + scale * found.soft) * gaps)
+        trial = self._shear + scale[:, None] * found.slips
+        size, limit = np.linalg.norm(trial, axis=1), self.friction * press
+        share = np.where(size > limit, limit / np.where(size > 0.0, size, 1.0), 1.0)
+        return np.column_stack([press, share[:, None] * trial]).ravel()

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from gdfe_ros.solver.contact.complementarity import HALF, find_violations, solve_laws
 from gdfe_ros.solver.contact.compliance import add_pairs, differentiate, join, project, pull, stack
-from gdfe_ros.solver.contact.contact_term import FAINT, MARGIN, ContactTerm
-from gdfe_ros.solver.contact.held_forces import ROUNDING
+from gdfe_ros.solver.contact.contact_term import FAINT, MARGIN, ROUNDING, ContactTerm
 from gdfe_ros.solver.contact.kept_columns import ConstantColumns, HalvedColumns, KeptColumns
+from gdfe_ros.solver.contact.stencil import held_energy
 from gdfe_ros.solver.descent.loop import Metric, choose_once, precondition
 from gdfe_ros.solver.descent.workspace import Problem, Workspace, numbers
 from gdfe_ros.solver.matrix.constant_matrix import apply_inverse
@@ -106,7 +106,7 @@ class Impulses:
         """Prepare a solve."""
         self.left, self._nearest, self._changes = 0.0, np.inf, 0
         self._least, self._in_vain = np.inf, 0
-        self._last, self._inertia = np.zeros(self._rows), 0.0
+        self._last, self._inertia, self._head = np.zeros(self._rows), 0.0, 0
 
     @property
     def near(self) -> bool:
@@ -136,8 +136,25 @@ class Impulses:
                 contact.follow(work.x, np.inf)
 
         if acting:
+            before = work.gradient.copy()
             self._exchange(problem, work, choose_again)
+            self._curve(work, work.gradient - before)
         self._waiting = [contact for contact in self.contacts if contact not in acting]
+
+    def _curve(self, work: Workspace, change: NDArray[np.float64]) -> None:
+        """Add to the newest pair the ``change`` (3 r,) [N] of the gradient by forces that turned in the last step.
+
+        The pairs thus contain the curvature of the surfaces: forces turn where a point moves along them.
+        """
+        status = numbers(work)
+        newest, fresh = (int(status["head"]) - 1) % len(work.curvature), status["head"] != self._head
+        self._head = int(status["head"])
+        if not (status["count"] and fresh):
+            return
+        curvature = work.curvature[newest] + float(work.steps[newest] @ change)
+        if curvature > 0.0:
+            work.changes[newest] += change
+            work.curvature[newest] = curvature
 
     def approach(self, work: Workspace) -> bool:
         """Choose the points again of the other contacts, before the step in ``work``; return whether any is near."""
@@ -269,7 +286,8 @@ class Impulses:
             self._numbered = unknowns
         self._acting, parts = [contact for contact in self.contacts if contact.near], []
         for contact in self._acting:
-            places, axes, held, soft, ends, pressing, rubbing = contact.stencils(work.x)
+            places, axes, held, soft, ends, pressing, rubbing = contact.stencils
+            places = places.copy()
             places[:, 0] += soft * held[:, 0]
             count, width = ends.shape
             rows, blocks = np.zeros((count, 2 * width), np.int64), np.zeros((count, 2 * width, 3, 3))
@@ -285,11 +303,10 @@ class Impulses:
     def _hold(self, points: Points, forces: NDArray[np.float64], problem: Problem, work: Workspace) -> None:
         """Set the forces (k, 3) [N] of all points."""
         ends = np.cumsum([contact.count for contact in self._acting])[:-1]
-        parts = zip(self._acting, np.split(points.axes, ends), np.split(forces, ends), strict=True)
 
         def hold() -> None:
-            for contact, axes, part in parts:
-                contact.hold_forces(axes, part)
+            for contact, part in zip(self._acting, np.split(forces, ends), strict=True):
+                contact.hold_forces(part)
 
         self._exchange(problem, work, hold)
 
@@ -300,7 +317,7 @@ class Impulses:
             for contact in self.contacts:
                 if contact.near:
                     given = work.x, contact.reals, contact.integers, slopes[place], np.zeros(1)
-                    energies[place] += contact.potential(*given)
+                    energies[place] += held_energy(*given)
             if place == 0:
                 change()
         numbers(work)["energy"] += energies[1] - energies[0]
@@ -358,7 +375,7 @@ class Impulses:
 
     def _rows_of(self, free: NDArray[np.int32]) -> NDArray[np.int64]:
         """Return the rows, ascending, of the ``free`` vertices that any contact point may involve."""
-        ends = np.unique(np.concatenate([contact.ends().ravel() for contact in self.contacts]))
+        ends = np.unique(np.concatenate([contact.vertices for contact in self.contacts]))
         return np.flatnonzero(np.isin(free, ends))
 
     def _pair_images(

@@ -56,10 +56,7 @@ class Placed:
     def seen_from(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return signed distances (k,) [m] of points (k, 3) [m] to the thing, negative inside, and normals (k, 3)."""
         form: Form = self.thing.form
-        head = np.concatenate([self.axes.ravel(), self.origin, form.numbers, form.samples])
-        away, normals = np.empty(len(points)), np.empty((len(points), 3))
-        gap.distances(points, head, form.kind, away, normals)
-        return away, normals
+        return gap.measure(points, np.append(self.axes, self.origin), gap.form_numbers(form), form.kind)
 
 
 def placed_at_rest(handles: Sequence[Handle]) -> list[Placed]:

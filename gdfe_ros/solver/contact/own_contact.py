@@ -12,14 +12,15 @@ from numpy.typing import NDArray
 from gdfe_ros.constraints import Pose
 from gdfe_ros.constraints.obstacle import NAME, SelfContact
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.contact import held_pairs as pair
-from gdfe_ros.solver.contact.contact_term import MARGIN, ContactTerm, Stencils
+from gdfe_ros.solver.contact.contact import SLIP
+from gdfe_ros.solver.contact.contact_term import MARGIN, ContactTerm
 from gdfe_ros.solver.contact.crossing import LEAST, SEATS
 from gdfe_ros.solver.contact.inside import Inside
 from gdfe_ros.solver.contact.own_pairs import OwnPairs
 from gdfe_ros.solver.contact.own_points import OwnPoints
 from gdfe_ros.solver.contact.own_surface import Nearest
 from gdfe_ros.solver.contact.pair_touch import frames, tangential, touching_points
+from gdfe_ros.solver.contact.stencil import Stencils
 from gdfe_ros.solver.contact.touch import NOTHING, Touch
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.state import Saved, State
@@ -50,50 +51,34 @@ class OwnContact(ContactTerm):
         body: the discretised body.
     """
 
-    kernel, potential = pair.pair_entry, staticmethod(pair.pair_energy)
-    _FRICTION, _HEAD, _STRIDE, _PRESS = pair.FRICTION, pair.HEAD, pair.STRIDE, pair.PRESS
-
     def __init__(self, meant: SelfContact, body: Body) -> None:
         self.points = OwnPoints.of(body)
         self.pairs = OwnPairs(body, self.points, meant)
         self.surface = self.pairs.surface
         self.penetration = Inside(body, self.points, self.surface.topology, meant)
-        count, vertices = self.pairs.count, len(self.surface.topology.vertices)
-        reals = np.concatenate([np.zeros(pair.HEAD + pair.STRIDE * count), self.points.weights.ravel()])
-        ends = np.zeros(pair.VERTICES + pair.WIDTH * count, dtype=np.int32)
-        ends[pair.BODY], ends[pair.CARRIERS] = len(body.rest), len(ends)
-        reals[pair.FRICTION], ends[pair.CARRIED] = meant.friction, pair.HEAD + pair.STRIDE * count
-        super().__init__(NAME, body, reals, np.concatenate([ends, self.points.corners.ravel()]))
-        self.restitution = meant.restitution
+        touching = self.surface.topology.vertices
+        given = self.pairs.count, np.unique(self.points.carriers[touching])
+        super().__init__(NAME, body, *given, friction=meant.friction, restitution=meant.restitution)
         self._yielding, self.valid = np.zeros(0), VALID * self.surface.topology.depth
         self._begins, self._clear, self._clearance = False, False, 0.0
         self._aside = MARGIN * body.size + self.surface.topology.rim  # pairs that stay farther apart take no part
         self._last: State | None = None
-        self._reach, self._sunk = 0.0, np.zeros(vertices, dtype=np.bool_)
-        none = np.zeros((count, 3))
-        self._free = {
-            "press": np.zeros(count), "shear": none, "push": np.zeros(count), "rub": none, "normal": none,
-            "slips": np.ones(count), "face": np.full(count, -1.0), "weights": np.zeros((count, 4)),
-        }  # fmt: skip
+        self._reach, self._sunk = 0.0, np.zeros(len(touching), dtype=np.bool_)
+        self._slid: NDArray[np.float64] | None = None
+        self._free.update(
+            normal=self._free["shear"],
+            face=np.full(self.pairs.count, -1.0),
+            weights=np.zeros((self.pairs.count, 4)),
+        )
 
     @property
     def scale(self) -> NDArray[np.float64]:
         """Stiffnesses (k,) [N/m] of the body at the pairs."""
-        return self._rows()[:, pair.SCALE]
-
-    def ends(self) -> NDArray[np.int32]:
-        """Return the vertices (k, 1) on which the forces of pairs can act."""
-        vertices = self.surface.topology.vertices
-        carriers = self.points.corners[vertices[vertices >= self.points.count] - self.points.count]
-        return np.unique(np.concatenate([vertices[vertices < self.points.count], carriers.ravel()]))[:, None]
+        return self._stiffness
 
     def fit(self, matrix: ConstantMatrix) -> None:
         """Set the points' compliances from the constant matrix' diagonal; vertices that handles drive have none."""
         self._yielding = self.points.yielding(self._body, matrix.assembled.diagonal())
-
-    def neutral(self) -> Saved:
-        """Return the stored state without contact: no forces, no faces, no dissipated energy."""
-        return {**self._free, "lost": np.zeros(1)}
 
     def aim(self, poses: Mapping[str, Pose], last: State) -> None:
         """Set the state from which pairs are searched: the anchor of ``last`` if it has one, else ``last`` itself."""
@@ -101,7 +86,7 @@ class OwnContact(ContactTerm):
 
     def begin(self, commands: Mapping[str, float], saved: Saved, positions: NDArray[np.float64], ratio: float) -> None:
         """Search the pairs. Start from the forces of the last step, rotated with their faces."""
-        x = self.points.at(positions)
+        x, self._clear = self.points.at(positions), False
         last = x if self._last is None else self.points.at(self._last.positions)
         self._from = self._seen = last
         far = self.pairs.motion(x, last)
@@ -109,16 +94,21 @@ class OwnContact(ContactTerm):
         self._find_sunk()
         self._set_reach(x, 0.0)
         found = self.pairs.look(last, last, self._reach, saved["face"].astype(np.int64), self._sunk)
-        some, every = saved["face"] >= 0.0, np.arange(self.pairs.count)
-        axes = frames(x, self.pairs.carriers(every[some], saved["face"][some].astype(np.int64)))
-        self._press, self._shear, self._normal = saved["press"].copy(), saved["shear"].copy(), saved["normal"]
-        self._shear[some] = np.einsum("kij,kj->ki", axes, saved["shear"][some])
-        on = found.face >= 0
-        before, after = (frames(at, self.pairs.carriers(every[on], found.face[on])) for at in (last, x))
+        self._slid, on = None, found.face >= 0
+        self._take_forces(saved, x)
+        before, after = (frames(at, self.pairs.carriers(np.flatnonzero(on), found.face[on])) for at in (last, x))
         found.normal[on] = np.einsum("kij,klj,kl->ki", after, before, found.normal[on])
-        self._pack(found, x)
+        self._choose(found)
+        self.turn(positions)
         self._deepest = 2.0 * far
         self._measure_clearance(last)
+
+    def _take_forces(self, saved: Saved, x: NDArray[np.float64]) -> None:
+        """Take the forces of all pairs from a stored state, turned with their faces at the points ``x``."""
+        some = np.flatnonzero(saved["face"] >= 0.0)
+        axes = frames(x, self.pairs.carriers(some, saved["face"][some].astype(np.int64)))
+        self._presses, self._shears, self._normals = saved["press"].copy(), saved["shear"].copy(), saved["normal"]
+        self._shears[some] = np.einsum("kij,kj->ki", axes, saved["shear"][some])
 
     @property
     def near(self) -> bool:
@@ -138,61 +128,52 @@ class OwnContact(ContactTerm):
             return
         if self._begins:
             self._begins = False
+            self.turn(positions)
             return
-        rows, chosen = self._rows(), self._chosen
-        self._press[chosen], self._shear[chosen] = rows[:, pair.PRESS], rows[:, pair.SHEAR : pair.OFFSET]
+        self._presses[self._chosen], self._shears[self._chosen] = self._press, self._shear
         self._set_reach(x, self._deepest)
         found = self.pairs.look(x, self._from, self._reach, self._partners, self._sunk)
-        before, pressed = self._partners, self._press > 0.0
-        self._pack(found, x)
-        self.changed = bool((pressed & ((found.face != before) | (self._press == 0.0))).any())
+        before, pressed = self._partners, self._presses > 0.0
+        self._choose(found)
+        self.turn(positions)
+        self.changed = bool((pressed & ((found.face != before) | (self._presses == 0.0))).any())
         if not pressed.any():
             self._measure_clearance(x)
 
-    def stencils(self, positions: NDArray[np.float64]) -> Stencils:
-        """Return what the complementarity problem needs of the pairs at ``positions`` (n, 3) [m]."""
-        found = Stencils.empty(self.count, pair.WIDTH * (8 if len(self.points.corners) else 1))
-        pair.pair_stencils(positions, self.reals, self.integers, *found)
-        return found
+    def find_stencils(self, positions: NDArray[np.float64]) -> Stencils:
+        """Return the stencils of the pairs at ``positions`` (n, 3) [m], and turn their forces.
 
-    def hold_forces(self, axes: NDArray[np.float64], forces: NDArray[np.float64]) -> None:
-        """Set the forces (k, 3) [N] of the pairs along ``axes`` (k, 3, 3)."""
-        rows = self._rows()
-        rows[:, pair.PRESS] = forces[:, 0]
-        rows[:, pair.SHEAR : pair.OFFSET] = -np.einsum("ka,kai->ki", forces[:, 1:], axes[:, 1:])
+        The vector from the second member of a pair to the first is x_v - sum w_a x_a, and the slip is its component in
+        the plane, minus that of the same material points in the last state.
 
-    def finish(self, saved: Saved, positions: NDArray[np.float64]) -> Saved:
-        """Return the state to store: the pairs, and their forces.
-
-        The entry ``lost`` is the energy dissipated by friction so far [J].
+        A face carries a vertex at its rim with the fraction c only: c is 1 above the face, and 0 at the outer edge of
+        the rim. The force acts through a spring of stiffness k c / (1 - c), with k the stiffness of the body at the
+        pair: the gap closes up to the spring's length. A vertex that slides over an edge is thus released gradually,
+        and no equilibrium is skipped.
         """
-        if not self._rows()[:, pair.PRESS].any():
-            return {**self._free, "lost": saved["lost"]}
-        chosen, rows, kept = self._chosen, self._rows(), {name: array.copy() for name, array in self._free.items()}
-        presses, shears, slips, _ = self._forces(positions)
-        slips |= ~(presses > 0.0)
-        axes = frames(self.points.at(positions), self.pairs.carriers(chosen, self._face))
-        kept["press"][chosen], kept["slips"][chosen] = presses, slips
-        kept["shear"][chosen] = np.einsum("kji,kj->ki", axes, shears)
-        kept["normal"][chosen] = rows[:, pair.NORMAL : pair.NORMAL + 3]
-        kept["face"][chosen], kept["weights"][chosen] = self._face, self._weights
-        return self.exerted(saved, kept, positions, presses, -shears)
+        x = self.points.at(positions)
+        self._at = x
+        if self._slid is not None:
+            self._look_again(x)
+        ends = np.column_stack([self.pairs.first[self._chosen], self._corners])
+        weights = np.column_stack([np.ones(self.count), -self._weights])
+        away = np.einsum("ka,kai->ki", weights, x[ends])
+        gaps, support = np.einsum("ki,ki->k", self._normal, away), self._support
+        carriers = self.points.carriers[ends].reshape(self.count, -1)
+        shares = (weights[:, :, None] * self.points.shares[ends]).reshape(self.count, -1)
+        soft = (1.0 - support) / (support * self._stiffness)
+        slips = away - self._anchors - self._turned
+        return Stencils.of(gaps, self._normal, slips, (self._press, self._shear), soft, carriers, shares, shares)
 
-    def exerted(
-        self,
-        saved: Saved,
-        kept: Saved,
-        positions: NDArray[np.float64],
-        pushes: NDArray[np.float64],
-        shears: NDArray[np.float64],
-    ) -> Saved:
-        """Do what `Contact.exerted` does, for pairs."""
-        chosen, slips, slid = self._chosen, kept["slips"][self._chosen] > 0.0, self._forces(positions)[3]
-        axes = frames(self.points.at(positions), self.pairs.carriers(chosen, self._face))
-        push, rub = self._free["press"].copy(), self._free["shear"].copy()
-        push[chosen], rub[chosen] = pushes, np.einsum("kji,kj->ki", axes, shears)
-        lost = saved["lost"] - np.einsum("ki,ki->", shears[slips], slid[slips])
-        return {**kept, "push": push, "rub": rub, "lost": lost}
+    def stored(self, vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return vectors (k, 3) in the frames of the faces."""
+        axes = frames(self._at, self.pairs.carriers(self._chosen, self._face))
+        return np.einsum("kji,kj->ki", axes, vectors)
+
+    def keep_places(self, kept: Saved) -> None:
+        """Write normals, faces and weights of the pairs."""
+        kept["normal"][self._chosen] = self._normal
+        kept["face"][self._chosen], kept["weights"][self._chosen] = self._face, self._weights
 
     def touch(self, state: State, origin: NDArray[np.float64]) -> Touch:
         """Return the forces on both sides of all pairs; positions of ``state`` are relative to ``origin`` (3,) [m]."""
@@ -252,51 +233,72 @@ class OwnContact(ContactTerm):
         depths = self.penetration.depths(self._from, DEEPEST * self._body.size)[0]
         self._sunk, self._least = depths > 0.0, float(depths.max())
 
-    def _before(
-        self, pairs: NDArray[np.int64], face: NDArray[np.int64], weights: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
-        """Return the vectors (k, 3) [m] from the second member of each pair to the first, in the last state.
-
-        ``weights`` (k, 4) are those of the corners. The vectors do not turn with the faces. All slips are then
-        projections of one displacement field, so that vertex on vertex, each in the other's pair, do not contradict.
-        """
-        return self._from[self.pairs.first[pairs]] - np.einsum(
-            "ka,kai->ki", weights, self._from[self.pairs.carriers(pairs, face)]
-        )
-
-    def _pack(self, found: Nearest, x: NDArray[np.float64]) -> None:
-        """Write the pairs found at the points ``x`` (n + p, 3) [m] to the kernels' arrays.
-
-        Persisting pairs keep their forces.
-        """
+    def _choose(self, found: Nearest) -> None:
+        """Choose the pairs that were found. Persisting pairs keep their forces."""
         near = np.flatnonzero((found.face >= 0) & (found.support >= LEAST))
         corners = self.pairs.carriers(near, found.face[near])
         give = self.pairs.give(self._yielding, near, corners, found.weights[near])
-        yields = give > 0.0
-        chosen, corners, give = near[yields], corners[yields], give[yields]
-        lost = np.einsum("ki,ki->k", self._normal, found.normal) < SAME_SIDE
+        chosen = near[give > 0.0]
         kept = np.zeros(self.pairs.count, dtype=np.bool_)
-        kept[chosen] = ~lost[chosen]
-        self._press[~kept], self._shear[~kept] = 0.0, 0.0
-        self._normal, self._partners = found.normal, found.face
+        kept[chosen] = np.einsum("ki,ki->k", self._normals[chosen], found.normal[chosen]) >= SAME_SIDE
+        self._presses[~kept], self._shears[~kept] = 0.0, 0.0
+        self._normals, self._partners = found.normal, found.face
         self._deepest = -float(found.gap.min(initial=0.0))
-        normal = found.normal[chosen]
-        shear = tangential(self._shear[chosen], normal)
-        self._chosen, self._face, self._weights = chosen, found.face[chosen], found.weights[chosen]
-        self.integers[pair.COUNT] = len(chosen)
-        rows = self._rows()
-        rows[:, pair.SCALE], rows[:, pair.PRESS] = 1.0 / give, self._press[chosen]
-        rows[:, pair.NORMAL : pair.WEIGHTS], rows[:, pair.WEIGHTS : pair.SHEAR] = normal, self._weights
-        before = self._before(chosen, self._face, self._weights)
-        rows[:, pair.SHEAR : pair.OFFSET], rows[:, pair.OFFSET : pair.SUPPORT] = shear, tangential(before, normal)
-        rows[:, pair.SUPPORT] = found.support[chosen]
-        ends = self.integers[pair.VERTICES : pair.VERTICES + pair.WIDTH * len(chosen)].reshape(-1, pair.WIDTH)
-        ends[:, pair.VERTEX], ends[:, pair.FACE :] = self.pairs.first[chosen], corners
+        self._chosen, self._corners, self._stiffness = chosen, corners[give > 0.0], 1.0 / give[give > 0.0]
+        self._press, self._shear, self._face = self._presses[chosen], self._shears[chosen], found.face[chosen]
+        self._weights, self._normal, self._support = found.weights[chosen], found.normal[chosen], found.support[chosen]
+        self._anchors[...], self._turned = self._slip_before(), np.zeros((len(chosen), 3))
 
-    def _forces(self, positions: NDArray[np.float64]) -> tuple[NDArray, NDArray, NDArray, NDArray]:
-        """Return normal (k,) and friction forces (k, 3) [N], slip flags (k,) and slips (k, 3) [m]."""
-        count = len(self._chosen)
-        presses, slips = np.zeros(count), np.zeros(count, dtype=np.bool_)
-        shears, slid = np.zeros((count, 3)), np.zeros((count, 3))
-        pair.pair_forces(positions, self.reals, self.integers, presses, shears, slips, slid)
-        return presses, shears, slips, slid
+    def _slip_before(self) -> NDArray[np.float64]:
+        """Return the vectors (k, 3) [m] from the second member of each pair to the first, in the last state.
+
+        They do not turn with the faces. All slips are then projections of one displacement field, so that vertex on
+        vertex, each in the other's pair, do not contradict.
+        """
+        own, corners = self._from[self.pairs.first[self._chosen]], self._from[self._corners]
+        return tangential(own - np.einsum("ka,kai->ki", self._weights, corners), self._normal)
+
+    def resume(self, commands: Mapping[str, float], saved: Saved, found: Saved, positions: NDArray[np.float64]) -> None:
+        """Prepare the linearisation of a solve: choose the pairs that press at its end, with their forces and faces.
+
+        The direction of slip must be defined. A slipping pair that has hardly moved therefore gets a slip of `SLIP`
+        times the body's size in the direction of its friction force.
+        """
+        self._slid, self._clear = None, False
+        if not found["press"].any():
+            self._chosen, self._stiffness = np.zeros(0, dtype=np.int64), np.zeros(0)
+            self._press, self._shear = np.zeros(0), np.zeros((0, 3))
+            self.turn(positions)
+            return
+        x = self.points.at(positions)
+        near = self.pairs.look(x, x, REACH * self._body.size, found["face"].astype(np.int64))
+        near.face[~(found["press"] > 0.0)] = -1
+        self._from = self.points.at(self._last.positions)
+        self._take_forces(found, x)
+        self._choose(near)
+        self._slid, self._solved = self._slip_before(), (self._normal, self._weights, self._support)
+        self.turn(positions)
+        slips, size = self.stencils.slips, np.linalg.norm(self._shear, axis=1)
+        on = (found["slips"][self._chosen] > 0.0) & (size > 0.0)
+        far = np.maximum(np.linalg.norm(slips, axis=1), SLIP * self._body.size) / np.where(size > 0.0, size, 1.0)
+        self._anchors[on] += (slips - far[:, None] * self._shear)[on]
+        self._led = self._anchors - self._slid
+        self.turn(positions)
+
+    def vary(self, commands: Mapping[str, float], saved: Saved, positions: NDArray[np.float64]) -> None:
+        """Update the anchors of the chosen pairs; keep the choice of pairs."""
+        if self.near:
+            kept, self._from = self._from, self.points.at(self._last.positions)
+            self._normal, self._weights, self._support = self._solved
+            self._anchors[...] = self._slip_before() + self._led
+            self._from = kept
+
+    def _look_again(self, x: NDArray[np.float64]) -> None:
+        """Take the nearest points at the points ``x`` (n + p, 3) [m] on the pairs' own faces, for derivatives."""
+        near = self.pairs.nearest_to(x, self._chosen, self._face).of(self._chosen)
+        on = near.face >= 0  # a vertex that leaves its face sideways keeps its normal
+        given = zip((near.normal, near.weights, near.support), self._solved, strict=True)
+        self._normal, self._weights, self._support = (
+            np.where(on.reshape(-1, *[1] * (new.ndim - 1)), new, old) for new, old in given
+        )
+        self._turned = self._slip_before() - self._slid

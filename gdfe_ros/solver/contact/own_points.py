@@ -24,6 +24,8 @@ class OwnPoints:
         weights: (p, 8) weights of these vertices.
         main: (n + p,) int32 for each point, the vertex with the largest weight.
         numbers: (n + p,) int32 number of each contact point; -1 for a vertex.
+        carriers, shares: (n + p, c) int32 vertices that carry each point, and their weights. With skins c is 8, and a
+            vertex carries itself; without, c is 1.
     """
 
     count: int
@@ -31,6 +33,8 @@ class OwnPoints:
     weights: NDArray[np.float64]
     main: NDArray[np.int32]
     numbers: NDArray[np.int32]
+    carriers: NDArray[np.int32]
+    shares: NDArray[np.float64]
 
     @classmethod
     def of(cls, body: Body) -> OwnPoints:
@@ -40,7 +44,11 @@ class OwnPoints:
         weights = np.zeros((0, 8)) if skin is None else skin.weights
         main = np.take_along_axis(corners, np.abs(weights).argmax(axis=1)[:, None], axis=1)[:, 0]
         numbers = np.concatenate([np.full(count, -1), np.arange(len(corners))]).astype(np.int32)
-        return cls(count, corners, weights, np.concatenate([np.arange(count, dtype=np.int32), main]), numbers)
+        own, width = np.arange(count, dtype=np.int32), 8 if len(corners) else 1
+        carriers, shares = np.repeat(own[:, None], width, axis=1), np.tile(np.eye(1, width), (count, 1))
+        if len(corners):
+            carriers, shares = np.concatenate([carriers, corners]), np.concatenate([shares, weights])
+        return cls(count, corners, weights, np.concatenate([own, main]), numbers, carriers, shares)
 
     def at(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return all points (n + p, 3) [m] for vertices at ``positions`` (n, 3) [m]."""

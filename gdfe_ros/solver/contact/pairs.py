@@ -8,7 +8,7 @@ from gdfe_ros.constraints.rigid_body import rigid_pairs
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact.contact import Contact
 from gdfe_ros.solver.contact.contact_term import ContactTerm
-from gdfe_ros.solver.contact.own_slopes import DifferentiableOwnContact
+from gdfe_ros.solver.contact.own_contact import OwnContact
 from gdfe_ros.solver.contact.rigid_contact import RigidContact
 from gdfe_ros.solver.contact.round_contact import RoundContact
 from gdfe_ros.solver.contact.skin import Skin
@@ -20,10 +20,10 @@ def contacts_of(body: Body) -> list[ContactTerm]:
     touched = [handle for handle in body.handles if isinstance(handle, Obstacle)]
     surface, found = (ContactSurface if body.skin is None else Skin).of(body) if touched else None, []
     for thing in touched:
-        found.append(Contact(thing.name, thing, body, surface, thing.friction))
+        found.append(Contact(thing.name, thing, body, surface, friction=thing.friction, restitution=thing.restitution))
     for rigid, thing in rigid_pairs(touched):
         kind = RoundContact if rigid.form.rounding > 0.0 else RigidContact
         found.append(kind(rigid, thing, body))
     if body.self_contact is not None:
-        found.append(DifferentiableOwnContact(body.self_contact, body))
+        found.append(OwnContact(body.self_contact, body))
     return found

@@ -11,7 +11,6 @@ from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact import gap
 from gdfe_ros.solver.contact.contact import Contact
-from gdfe_ros.solver.contact.gap import PLANE
 from gdfe_ros.solver.contact.surface import Corners
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.state import Saved
@@ -38,9 +37,10 @@ class RigidContact(Contact):
     def __init__(self, rigid: RigidBody, touched: Obstacle, body: Body, *, points: Corners | None = None) -> None:
         if points is None:
             points = Corners.over(rigid) if isinstance(touched, RigidBody) else Corners.of(rigid)
-        friction = max(rigid.friction, touched.friction)
-        super().__init__(f"{rigid.name} on {touched.name}", touched, body, points, friction)
-        self._rigid, self.restitution = rigid, max(rigid.restitution, touched.restitution)
+        friction, restitution = max(rigid.friction, touched.friction), max(rigid.restitution, touched.restitution)
+        name = f"{rigid.name} on {touched.name}"
+        super().__init__(name, touched, body, points, friction=friction, restitution=restitution)
+        self._rigid = rigid
 
     def _choose(self, saved: Saved, positions: NDArray[np.float64]) -> None:
         """Choose the points as `Contact` does, and give those at edges of the touched thing a fixed plane.
@@ -53,26 +53,21 @@ class RigidContact(Contact):
         if self._radius > 0.0 or not len(near):
             return
         places, shift = self._points.at(positions)[self._chosen[near]], BESIDE * self._body.size
-        form, beside = self._touched.form, []
-        head, kind = np.concatenate([self.reals[: gap.FRICTION], form.samples]), form.kind
-        for way in (*np.eye(3), *-np.eye(3)):
-            found = np.empty(len(near)), np.empty((len(near), 3))
-            gap.distances(places + shift * way, head, kind, *found)
-            beside.append(found[1])
+        obstacle = self._frame_numbers, self._form, self._touched.form.kind
+        beside = [gap.measure(places + shift * way, *obstacle)[1] for way in (*np.eye(3), *-np.eye(3))]
         spread = np.linalg.norm(np.ptp(beside, axis=0), axis=1)
         edge = near[spread > SMOOTH]
         if not len(edge):
             return
-        away, facing = np.empty(1), np.empty((1, 3))
-        gap.distances(positions[self._rigid.vertices].mean(axis=0)[None], head, kind, away, facing)
-        length, rows = np.linalg.norm(facing), self._rows()
+        facing = gap.measure(positions[self._rigid.vertices].mean(axis=0)[None], *obstacle)[1][0]
+        length = np.linalg.norm(facing)
         if not length > 0.0:
             return
         chosen = self._chosen[edge]
         surface = self._points.at(positions)[chosen] - self._distances[chosen, None] * self._normals[chosen]
-        normal = facing[0] @ self._axes / length
-        rows[edge, PLANE : PLANE + 3] = normal
-        rows[edge, PLANE + 3], rows[edge, gap.FIXED] = self._in_frame(surface) @ normal, 1.0
+        normal = facing @ self._axes / length
+        self._planes[edge, :3], self._planes[edge, 3] = normal, self._in_frame(surface) @ normal
+        self._fixed[edge] = True
 
     def fit(self, matrix: ConstantMatrix) -> None:
         """Set the stiffnesses as `Contact` does; those of two rigid bodies act in series."""

@@ -10,13 +10,9 @@ from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact import gap
-from gdfe_ros.solver.contact.gap import ANCHOR, NORMAL, OFFSET, WEIGHTS
 from gdfe_ros.solver.contact.rigid_contact import RigidContact
 from gdfe_ros.solver.contact.surface import Corners
 from gdfe_ros.solver.state import Saved
-
-MATERIAL = WEIGHTS + 4
-"""Place in a point's row of the weights (4,) of the material point on which friction acts."""
 
 
 class RoundContact(RigidContact):
@@ -31,49 +27,41 @@ class RoundContact(RigidContact):
         body: the discretised body.
     """
 
+    ANCHOR = 7
+    """Three numbers of the anchor, and the weights of the material point on which friction acts."""
+
     def __init__(self, rigid: RigidBody, touched: Obstacle, body: Body) -> None:
         super().__init__(rigid, touched, body, points=Corners.of(rigid))
-        self._rigid, self._radius, self.integers[gap.RUB] = rigid, rigid.form.rounding, MATERIAL
+        self._radius = rigid.form.rounding
 
     def _measure(self, places: NDArray[np.float64]) -> None:
         super()._measure(places)
         self._distances -= self._radius
 
-    def _choose(self, saved: Saved, positions: NDArray[np.float64]) -> None:
-        """Choose the points as `Contact` does, and the material points that touched when the step began."""
-        super()._choose(saved, positions)
-        self._rows()[:, ANCHOR : ANCHOR + 3] = self._anchors(saved, positions)
-
-    def _anchors(self, saved: Saved, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Set the material points. Return their anchors (k, 3) [m]: positions at the step's start minus stored slip."""
+    def _set_anchors(self, saved: Saved, positions: NDArray[np.float64]) -> None:
+        """Set the material points that touched when the step began, and their places then minus the stored slip."""
         state, chosen = self._last, self._chosen
         before = positions if state is None else state.positions
         pose = self._pose if state is None else state.poses[self._touched.name]
         origin, axes = self._frame(before, pose)
         centres = np.ascontiguousarray(self._points.at(before)[chosen])
-        now = self._origin.copy(), self._axes.copy()
-        away, normals = np.empty(len(centres)), np.empty((len(centres), 3))
-        self._origin[...], self._axes[...] = origin, axes
-        gap.distances(centres, self.reals, self._touched.form.kind, away, normals)
-        self._origin[...], self._axes[...] = now
+        normals = gap.measure(centres, np.append(axes, origin), self._form, self._touched.form.kind)[1]
         normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), np.finfo(float).tiny)
-        arms = -self._radius * normals
+        arms, slid = -self._radius * normals, saved["anchor"][chosen]
         own = arms @ self._rigid.found(before)[1] @ self._rigid.signs.T
-        self._rows()[:, MATERIAL : MATERIAL + 4] = self._points.weights[chosen] + own
-        slid = saved["anchor"][chosen]
-        return (centres + arms - origin) @ axes - np.where(np.isnan(slid), 0.0, slid)
+        self._anchors[:, 3:] = self._points.weights[chosen] + own
+        self._anchors[:, :3] = (centres + arms - origin) @ axes - np.where(np.isnan(slid), 0.0, slid)
 
-    def _kept(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _kept(self) -> NDArray[np.float64]:
         """Return the slips (k, 3) [m] of the material points along the surface, in the obstacle's frame."""
-        slid = self._in_frame(places) - self._rows()[:, ANCHOR : ANCHOR + 3]
-        normals = self._rows()[:, NORMAL : NORMAL + 3] @ self._axes
-        return slid - np.einsum("ki,ki->k", slid, normals)[:, None] * normals
+        return self.stored(self.stencils.slips)
 
     def _rubbing(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        rows = self._rows()
-        return rows[:, MATERIAL : MATERIAL + 4] @ positions[self._rigid.vertices]
+        return self._anchors[:, 3:] @ positions[self._rigid.vertices]
 
-    def _correct(self, positions: NDArray[np.float64]) -> float:
-        """Set the offsets to the radius; return their error 0."""
-        self._rows()[:, OFFSET] = self._radius
-        return 0.0
+    def _rubbing_weights(self) -> NDArray[np.float64]:
+        return self._anchors[:, 3:].copy()
+
+    def _correct(self, positions: NDArray[np.float64]) -> None:
+        """Set the offsets to the radius."""
+        self._offsets = np.full(self.count, self._radius)

@@ -152,7 +152,7 @@ def _publish(parts: Sequence[Pressing], forces: Array, before: State, now: State
         pushes[part.chosen] = forces[first:last, 0]
         shears[part.chosen] = np.einsum("ka,kai->ki", forces[first:last, 1:], part.axes[:, 1:])
         name, first = contact.name, last
-        terms[name] = contact.exerted(before.terms[name], terms[name], now.positions, pushes, shears)
+        terms[name] = contact.exerted(before.terms[name], terms[name], pushes, shears)
         if contact.on_body:
             reactions[name] = contact.wrench(now.positions, terms[name])
     return now.with_(terms=terms, summary=changed(now.summary, reactions=reactions))

@@ -46,7 +46,7 @@ def stopped_at(
     """
     terms = dict(state.terms)
     for contact in actuation.contacts:
-        if np.isin(contact.ends(), vertices).any():
+        if np.isin(contact.vertices, vertices).any():
             terms[contact.name] = {**contact.neutral(), "lost": terms[contact.name]["lost"]}
     if terms[inertia.NAME]["h"][0]:
         terms[inertia.NAME] = _stopped(terms[inertia.NAME], vertices, positions)

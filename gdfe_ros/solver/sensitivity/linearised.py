@@ -127,6 +127,8 @@ class Linearised:
     def term_forces(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return dE/dx (n, 3) [N] of all terms other than the elements."""
         force = np.zeros_like(x)
+        for contact in self.actuation.contacts:
+            contact.turn(x)
         if len(self.actuation.table.address):
             terms_energy(x, self.actuation.table, force, np.zeros(1))
         return force
@@ -151,8 +153,9 @@ class Linearised:
         return np.zeros((*self.body.cells.shape, 3))
 
     def restore(self) -> None:
-        """Reset the arrays ``reals`` of all terms to their values at the end of the solve."""
+        """Reset the numbers and multipliers of all terms to their values at the end of the solve."""
         self.actuation.table.reals[...] = self.numbers
+        self.joint.hold(self.multipliers)
 
     def moved(self, unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the displacements (n, 3) [m] of all vertices for a displacement (3 r,) of the unknowns."""

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
@@ -11,8 +11,7 @@ import pytest
 
 from gdfe_ros import Simulation
 from gdfe_ros.scene.loader import scene_from_text
-from gdfe_ros.solver.contact import held_pairs
-from gdfe_ros.solver.contact.own_contact import OwnContact
+from gdfe_ros.solver.contact.contact_term import ContactTerm
 
 CUBE = """
 name: cube
@@ -55,24 +54,23 @@ def slider() -> Callable[..., Simulation]:
 
 
 @pytest.fixture
-def pair_slopes() -> Callable[..., np.ndarray]:
-    """Give a function that compares the forces of self-contact with differences of its energy, and returns them.
+def virtual_work() -> Callable[..., np.ndarray]:
+    """Give a function that compares the forces of a contact with its gaps and slips, and returns their gradient (n, 3).
 
-    Its arguments are the term, positions (n, 3) [m], and ``every``: each of this many forces is compared.
+    In a virtual displacement, the forces do the work sum l dg - t . ds. Its arguments are the term, positions (n, 3)
+    [m], and virtual displacements (n, 3).
     """
 
-    def compare(term: OwnContact, x: np.ndarray, every: int = 1) -> np.ndarray:
-        def energy(positions: np.ndarray, force: np.ndarray) -> float:
-            return held_pairs.pair_energy(positions, term.reals, term.integers, force, np.zeros(1))
-
-        force = np.zeros_like(x)
-        energy(x, force)
-        np.testing.assert_allclose(force.sum(axis=0), 0.0, atol=1e-13 * np.abs(force).sum())
-        for vertex, axis in np.argwhere(force != 0.0)[::every]:
-            beside = np.zeros_like(x)
-            beside[vertex, axis] = 1e-7
-            above, below = (energy(x + sign * beside, np.zeros_like(x)) for sign in (1, -1))
-            assert (above - below) / 2e-7 == pytest.approx(force[vertex, axis], abs=2e-5 * np.abs(force).max())
-        return force
+    def compare(term: ContactTerm, x: np.ndarray, ways: Iterable[np.ndarray]) -> np.ndarray:
+        slopes = np.zeros_like(x)
+        term.turn(x)
+        held = term.stencils.held.copy()
+        term.add_forces(x, slopes)
+        for way in ways:
+            places = [term.find_stencils(x + sign * 1e-7 * way).places for sign in (1, -1)]
+            work = (held * (places[0] - places[1])).sum() / 2e-7
+            size = np.linalg.norm(slopes) * np.linalg.norm(way)
+            assert (slopes * way).sum() == pytest.approx(work, abs=3e-4 * size)  # tangents turn
+        return slopes
 
     return compare

@@ -25,11 +25,7 @@ def gaps(obstacle: Obstacle, points: np.ndarray) -> np.ndarray:
 def gaps_and_normals(obstacle: Obstacle, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the distance of points (k, 3) [m] from an obstacle, and its gradient."""
     origin, axes = obstacle.frame(Pose())
-    head = np.concatenate([axes.ravel(), origin, obstacle.form.numbers, [0.0], obstacle.form.samples])
-    found = np.empty(len(points))
-    normals = np.empty_like(points)
-    gap.distances(points, head, obstacle.form.kind, found, normals)
-    return found, normals
+    return gap.measure(points, np.append(axes, origin), gap.form_numbers(obstacle.form), obstacle.form.kind)
 
 
 def meshed(surface: trimesh.Trimesh, cell: float | None = None) -> Obstacle:

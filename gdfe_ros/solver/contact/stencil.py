@@ -1,0 +1,140 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Contact points as stencils, and the forces that they hold during a step of the minimisation.
+
+A contact point is a set of vertices with weights that moves relative to a surface: a plane, a shape, a face or an edge,
+of an obstacle, a rigid body or the body itself. Its gap g has the gradient n, and its slip s lies in the plane across
+n. It holds a normal force l n and a friction force -t. Before each step of the minimisation, `complementarity` finds
+the forces with which the step keeps the laws of Signorini and Coulomb. While the step is made, the forces are constant
+vectors on the vertices: the term is the potential of dead loads, sum_a (t w_a' - l n w_a) . x_a, with the weights w of
+the gap and w' of the slip. Before the next step, they turn with the surfaces.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.compiled import kernel
+from gdfe_ros.materials.tensor import perpendicular
+from gdfe_ros.mesh.triples import cross, dot
+from gdfe_ros.solver.contact.gap import unit
+from gdfe_ros.solver.terms.term import as_arrays, term_kernel
+
+LOADS = 6
+"""Numbers of a vertex in a term's reals: the gradient of its dead load [N], and a position [m] where its energy is 0,
+so that energies are as small as steps.
+"""
+
+
+class Stencils(NamedTuple):
+    """The contact points, or pairs, that are near.
+
+    Attributes:
+        places: (k, 3) [m] gap, and slip along two tangents.
+        axes: (k, 3, 3) gradient of the gap, and the tangents.
+        held: (k, 3) [N] present forces along these axes.
+        soft: (k,) [m/N] compliance of the spring through which the normal force acts.
+        ends: (k, c) vertices that move the point relative to what it touches.
+        pressing, rubbing: (k, c) weights of these vertices in the displacements that change the gap, and the slip.
+    """
+
+    places: NDArray[np.float64]
+    axes: NDArray[np.float64]
+    held: NDArray[np.float64]
+    soft: NDArray[np.float64]
+    ends: NDArray[np.int32]
+    pressing: NDArray[np.float64]
+    rubbing: NDArray[np.float64]
+
+    @classmethod
+    def of(
+        cls,
+        gaps: NDArray[np.float64],
+        normals: NDArray[np.float64],
+        slips: NDArray[np.float64],
+        forces: tuple[NDArray[np.float64], NDArray[np.float64]],
+        soft: NDArray[np.float64],
+        ends: NDArray[np.int32],
+        pressing: NDArray[np.float64],
+        rubbing: NDArray[np.float64],
+    ) -> Self:
+        """Return the stencils of points with ``gaps`` (k,), their gradients ``normals`` (k, 3), and ``slips`` (k, 3).
+
+        ``forces`` are the normal forces l (k,) and the vectors t (k, 3) [N], which are turned into the planes.
+        """
+        found = cls(
+            np.empty((len(gaps), 3)),
+            np.empty((len(gaps), 3, 3)),
+            np.empty((len(gaps), 3)),
+            soft,
+            ends,
+            pressing,
+            rubbing,
+        )
+        write_axes(gaps, normals, slips, *forces, found.places, found.axes, found.held)
+        return found
+
+    @property
+    def slips(self) -> NDArray[np.float64]:
+        """Slips (k, 3) [m]."""
+        return np.einsum("ka,kai->ki", self.places[:, 1:], self.axes[:, 1:])
+
+    @property
+    def normals(self) -> NDArray[np.float64]:
+        """Unit normals (k, 3); zero where the gap has no gradient."""
+        length = np.linalg.norm(self.axes[:, 0], axis=1, keepdims=True)
+        return self.axes[:, 0] / np.where(length > 0.0, length, 1.0)
+
+
+@kernel
+def write_axes(gaps, normals, slips, presses, shears, places, axes, held):
+    """Write gaps and slips, axes, and held forces of points; see `Stencils.of`."""
+    for i in range(len(gaps)):
+        normal = unit(normals[i, 0], normals[i, 1], normals[i, 2])
+        first = perpendicular(normal)
+        second = cross(normal, first)
+        s, t = (slips[i, 0], slips[i, 1], slips[i, 2]), (shears[i, 0], shears[i, 1], shears[i, 2])
+        places[i, 0], places[i, 1], places[i, 2] = gaps[i], dot(first, s), dot(second, s)
+        held[i, 0], held[i, 1], held[i, 2] = presses[i], -dot(first, t), -dot(second, t)
+        for j in range(3):
+            axes[i, 0, j], axes[i, 1, j], axes[i, 2, j] = normals[i, j], first[j], second[j]
+            shears[i, j] = -(held[i, 1] * first[j] + held[i, 2] * second[j])
+
+
+@kernel
+def write_loads(stencils, place, reals):
+    """Write the gradients of the dead loads; ``place`` (n,) is the number of each vertex among those of the term."""
+    axes, held, ends = stencils.axes, stencils.held, stencils.ends
+    for i in range(len(held)):
+        for a in range(ends.shape[1]):
+            first, w, v = LOADS * place[ends[i, a]], stencils.pressing[i, a], stencils.rubbing[i, a]
+            for j in range(3):
+                rubs = held[i, 1] * axes[i, 1, j] + held[i, 2] * axes[i, 2, j]
+                reals[first + j] -= w * held[i, 0] * axes[i, 0, j] + v * rubs
+
+
+@kernel
+def held_energy(x, reals, integers, force, size):
+    """Return the energy [J] of the dead loads; add its gradient to ``force``. See `term_kernel`.
+
+    ``integers`` are 1 if any load acts, else 0, and the vertices.
+    """
+    energy = 0.0
+    if integers[0] == 0:
+        return energy
+    for i in range(len(integers) - 1):
+        v, first = integers[1 + i], LOADS * i
+        for j in range(3):
+            force[v, j] += reals[first + j]
+            work = reals[first + j] * (x[v, j] - reals[first + 3 + j])
+            energy += work
+            size[0] += abs(work)
+    return energy
+
+
+@term_kernel
+def held_entry(x, n, reals, k, integers, i, force, size):
+    """Call `held_energy` with the raw pointers that the terms' kernels receive."""
+    return held_energy(*as_arrays(x, n, reals, k, integers, i, force, size))
