@@ -314,15 +314,16 @@ class Lateness:
 
 
 class Solves:
-    """Watches the solves of a session: those that take long, and those that did not converge."""
+    """Watches the solves of a session: those that take long, that did not converge, or that have something to say."""
 
     def __init__(self) -> None:
         self._throttle, self._known = Throttle(), -1
         self._begun, self._patience = 0.0, _LONG
 
     def look(self, last: Step | None) -> str | None:
-        """Return the text of a warning if the last step did not converge; None if it did, or if it was reported before.
+        """Return the text of a warning if the last step did not converge, or has a message; else None.
 
+        Each step is reported once.
         A step that a deadline ended is continued by the next one, and is not reported; nor is a state that was only
         delivered, e.g. after a body has joined.
         """
@@ -330,8 +331,11 @@ class Solves:
             return None
         self._known = last.record.step
         result = last.result
-        if result.converged or result.cut_after is not None or (more := self._throttle.due("solve")) is None:
+        silent = result.cut_after is not None or (result.converged and not result.message)
+        if silent or (more := self._throttle.due("said" if result.converged else "solve")) is None:
             return None
+        if result.converged:
+            return f"step {self._known} to {last.record.time:.9g} s: {result.message}{more}"
         text = f"step {self._known} to {last.record.time:.9g} s did not converge after {result.iterations} iterations"
         return f"{text}: {result.message or 'there may be no equilibrium at this command'}{more}"
 

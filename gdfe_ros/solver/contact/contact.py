@@ -83,6 +83,11 @@ class Contact(ContactTerm):
         return isinstance(self._points, ContactSurface)
 
     @property
+    def held_mass(self) -> float:
+        """Mass [kg] of a rigid body that the elastic body touches, else 0."""
+        return self._touched.mass if self.on_body and isinstance(self._touched, RigidBody) else 0.0
+
+    @property
     def inside(self) -> bool:
         """Whether any point was inside the obstacle when the distances were last computed."""
         return bool(self._distances.min(initial=0.0) < -FAINT * self._body.size)

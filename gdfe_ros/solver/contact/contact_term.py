@@ -43,12 +43,13 @@ class ContactTerm(Term):
         friction, restitution: the arguments.
         stencils: the near points at the positions of the last call of `turn`.
         on_body: whether the points of the term belong to the elastic body; False for self-contact.
+        held_mass: mass [kg] of a rigid body that the elastic body touches, else 0.
         valid: relative displacement [m] for which the stencils of the points hold.
         changed: whether points that press touch other faces since `follow` was last called.
     """
 
     kernel = held_entry
-    on_body = False
+    on_body, held_mass = False, 0.0
     ANCHOR: ClassVar[int] = 3
     """Numbers of each point that derivatives differentiate: its anchor, the place where its slip begins."""
     OTHERS: ClassVar[int] = 0

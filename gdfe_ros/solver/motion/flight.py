@@ -125,16 +125,16 @@ class Flight:
         flaw, arrived = self.flaw, self.arrived
         if not arrived:
             flaw = f"simulated {self.simulated:.6g} of {self.duration:.6g} s: {flaw or self.state.summary.message}"
-        state = self.state
-        if flaw != state.summary.message:
-            state = state.with_(summary=changed(state.summary, converged=not flaw, message=flaw))
+        state, message = self.state, flaw or self.state.summary.message
+        if (not flaw, message) != (state.summary.converged, state.summary.message):
+            state = state.with_(summary=changed(state.summary, converged=not flaw, message=message))
         return March(
             state=state,
             iterations=self.iterations,
             increments=self.attempts,
             reached=arrived,
             converged=not flaw,
-            message=flaw,
+            message=message,
             skipped=skipped,
             simulated=self.simulated,
         )

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from gdfe_ros.solver import outcome
 from gdfe_ros.solver.contact.complementarity import solve_laws
 from gdfe_ros.solver.contact.compliance import join, project, pull, stack
-from gdfe_ros.solver.contact.contact_term import ContactTerm
+from gdfe_ros.solver.contact.contact_term import ROUNDING, ContactTerm
 from gdfe_ros.solver.motion.dynamics import Dynamics
 from gdfe_ros.solver.motion.inertia import NAME, FreeMass, rule_of
 from gdfe_ros.solver.state import State
@@ -81,6 +81,10 @@ class ContactImpulses:
     """Violation of the laws that is looked for, divided by the largest speed of a point that presses."""
     SETTLED = 1e-5
     """Largest such violation with which a step has converged."""
+    OPPOSED, LISTED = 0.5, 5
+    """A grip presses from opposite sides if the sum of its normal impulses is at most this fraction of their lengths'
+    sum. A message names the second number of vertices.
+    """
 
     def __init__(self, mass: FreeMass, dynamics: Dynamics) -> None:
         self._mass, self._dynamics = mass, dynamics
@@ -135,12 +139,38 @@ class ContactImpulses:
         impulses, scale = time * np.concatenate([part.first for part in parts]).ravel(), float(np.abs(speeds).max())
         left = solve_laws(w, speeds.ravel(), friction, impulses, self.EXACT * scale, self.EXACT * scale)
         if left > self.SETTLED * scale:
-            now = _tell(parts, left, now)
+            names = ", ".join(part.contact.name for part in parts if len(part.chosen))
+            text = f"the impulses of the contacts {names} leave {left:.3g} m/s; remedy: a smaller dynamics.step"
+            now = _tell(text, now, converged=False)
+        slips = (speeds.ravel() + w @ impulses).reshape(-1, 3)[:, 1:] - came[:, 1:]
+        for part, rows in zip(parts, np.split(every, np.cumsum(sizes)[:-1]), strict=True):
+            text = self._find_slip(part, impulses.reshape(-1, 3)[rows], slips[rows])
+            now = _tell(text, now, converged=now.summary.converged) if text else now
         pulls, impulses = np.zeros_like(velocity), impulses.reshape(-1, 3)
         local = np.zeros(3 * len(vertices))
         pull(impulses, *given, local)
         pulls[vertices] = local.reshape(-1, 3)
         return self._mass.accelerated(pulls, now.positions), _publish(parts, impulses / h, before, now)
+
+    def _find_slip(self, part: Pressing, impulses: Array, gained: Array) -> str:
+        """Return a sentence if a rigid body slips out of a grip, with the friction that would hold it; else "".
+
+        A grip presses on a body from opposite sides, and all of its points slip. ``impulses`` (k, 3) [N s] are those of
+        the points. The missing one is the body's mass times the mean of the slip speeds ``gained`` (k, 2) [m/s].
+        """
+        push, rub = impulses[:, 0], np.einsum("ka,kai->ki", impulses[:, 1:], part.axes[:, 1:])
+        friction, mass = part.contact.friction, part.contact.held_mass
+        squeezed = np.linalg.norm(push @ part.axes[:, 0]) < self.OPPOSED * push.sum()
+        sticks = np.linalg.norm(rub, axis=1) < (1.0 - ROUNDING) * friction * push
+        if not (mass and squeezed) or sticks.any():
+            return ""
+        slips = np.einsum("ka,kai->ki", gained, part.axes[:, 1:])
+        needed = float(np.linalg.norm(rub.sum(axis=0) - mass * slips.mean(axis=0)) / push.sum())
+        if not needed > friction:
+            return ""
+        where = ", ".join(map(str, np.unique(part.ends[push > 0.0, 0])[: self.LISTED]))
+        text = f"{part.contact.name} slips out of its grip at vertices {where}: its friction is {friction:.4g}"
+        return f"{text}, and about {needed:.4g} would hold it"
 
 
 def _publish(parts: Sequence[Pressing], forces: Array, before: State, now: State) -> State:
@@ -158,9 +188,6 @@ def _publish(parts: Sequence[Pressing], forces: Array, before: State, now: State
     return now.with_(terms=terms, summary=changed(now.summary, reactions=reactions))
 
 
-def _tell(parts: Sequence[Pressing], left: float, now: State) -> State:
-    """Return ``now`` as not converged, because impulses leave the violation ``left`` [m/s] of the laws."""
-    names = ", ".join(part.contact.name for part in parts if len(part.chosen))
-    text = f"the impulses of the contacts {names} leave {left:.3g} m/s; remedy: a smaller dynamics.step"
-    message = outcome.join(now.summary.message, text)
-    return now.with_(summary=changed(now.summary, converged=False, message=message))
+def _tell(text: str, now: State, *, converged: bool) -> State:
+    """Return ``now`` with a sentence added to its message."""
+    return now.with_(summary=changed(now.summary, converged=converged, message=outcome.join(now.summary.message, text)))
