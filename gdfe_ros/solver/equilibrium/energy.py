@@ -14,7 +14,7 @@ from gdfe_ros.compiled import start_threads
 from gdfe_ros.constraints import Pose
 from gdfe_ros.materials.table import LAME, LOCAL, PENALTY, SHEAR, YOUNG
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.contact.impulses import Impulses
+from gdfe_ros.solver.contact.contact_forces import ContactForces
 from gdfe_ros.solver.descent.active_set import ActiveSet
 from gdfe_ros.solver.equilibrium.predictor import Predictor
 from gdfe_ros.solver.equilibrium.solve import Model, Solve
@@ -89,8 +89,8 @@ class EquilibriumSolver:
         level = TangentLevel(body, self.matrix.assembled, self.actuation.terms)
         moving = predictor is not None
         touching = self.actuation.contacts
-        impulses = Impulses(touching, len(body.rest), body.unknowns) if touching else None
-        self.minimiser = Minimiser(body, stiffness, level, moving=moving, impulses=impulses)
+        forces = ContactForces(touching, len(body.rest), body.unknowns) if touching else None
+        self.minimiser = Minimiser(body, stiffness, level, moving=moving, contact_forces=forces)
         self.model = Model(body, self.actuation, self.handles, self.minimiser, softening=softening, moving=moving)
         if level.affordable:
             with one_blas_thread():

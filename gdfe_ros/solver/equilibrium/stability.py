@@ -294,8 +294,8 @@ class Stability:
     def _products(self, task: Task) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
         """Return the product with the tangent at the unknowns of ``task``, supported by its contacts."""
         self._product.begin(task)
-        impulses = self._minimiser.impulses
-        return impulses.supported(task.problem, task.active.workspace, self._product) if impulses else self._product
+        forces = self._minimiser.contact_forces
+        return forces.supported(task.problem, task.active.workspace, self._product) if forces else self._product
 
     def leave(self, task: Task, direction: NDArray[np.float64]) -> Downhill | None:
         """Return the point of least energy found along the arc of a direction (3 r,); None if the energy does not fall.

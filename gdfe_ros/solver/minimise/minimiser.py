@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.contact.impulses import Impulses
+from gdfe_ros.solver.contact.contact_forces import ContactForces
 from gdfe_ros.solver.deadline import Deadline, past
 from gdfe_ros.solver.descent.active_set import ActiveSet
 from gdfe_ros.solver.descent.arc import follow_arc_once
@@ -66,7 +66,7 @@ class Minimiser:
         weight: (m,) [Pa] weights of the elements in the constant matrix (see `assemble`).
         level: the body's tangent preconditioner.
         moving: whether inertia is among the terms.
-        impulses: finds the contact forces of each step; None without contact.
+        contact_forces: finds the contact forces of each step; None without contact.
 
     Attributes:
         level: the argument.
@@ -99,9 +99,9 @@ class Minimiser:
         level: TangentLevel,
         *,
         moving: bool,
-        impulses: Impulses | None = None,
+        contact_forces: ContactForces | None = None,
     ) -> None:
-        self._body, self.level, self.impulses = body, level, impulses
+        self._body, self.level, self.contact_forces = body, level, contact_forces
         held = bool(body.handles) and not body.rigid_bodies
         self._share = (self.MOVING if held else self.FREE) if moving else self.SHARE
         self._grain = float(np.finfo(float).eps * np.vdot(weight, body.shape.volume))
@@ -119,8 +119,8 @@ class Minimiser:
         status["reach"], status["grain"] = self.FARTHEST * self._body.size, self._grain
         status["count"], status["head"], status["since"], status["turned"], status["wild"] = 0, 0, 0, np.inf, 0
         self._spent = 0
-        if self.impulses is not None:
-            self.impulses.begin()
+        if self.contact_forces is not None:
+            self.contact_forces.begin()
         self.tangent = tangent or self.rest
         if self.tangent is not None:
             self.level.load(self.tangent)
@@ -148,7 +148,7 @@ class Minimiser:
                 most = self._age()
                 given = task.problem, work, self.metric(task.active), self._body.size, target, proven, most
                 least = max(0, min(chunk, limit - done))
-                used = (self._touching if self.impulses else descend)(*given, least, begins)
+                used = (self._touching if self.contact_forces else descend)(*given, least, begins)
             self._show(work, begins=False)
             begins, done = False, done + used
             self._spent += used
@@ -180,18 +180,18 @@ class Minimiser:
         begins: bool,
     ) -> int:
         """Do `descend` with contact: each step gets the contact forces with which it keeps the laws of contact."""
-        impulses, key = self.impulses, (None,) if self.tangent is None else (self.tangent.blocks, self.tangent.ways)
+        forces, key = self.contact_forces, (None,) if self.tangent is None else (self.tangent.blocks, self.tangent.ways)
         if begins:
             descend(problem, work, metric, size, target, proven, most, 0, begins)  # only evaluates all terms
         for iteration in range(limit):
-            impulses.follow(problem, work)
+            forces.follow(problem, work)
             found = choose_once(problem, work, metric, size, most)
-            if found and impulses.approach(work):
-                found = impulses.answer(problem, work, metric, key, size, target)
+            if found and forces.approach(work):
+                found = forces.answer(problem, work, metric, key, size, target)
             self._show(work, begins=True)  # other forces have another energy
             if found == 0 or not move_once(problem, work, metric, size, target, proven, found == 2):
                 return iteration
-            if not impulses.settles(work):
+            if not forces.settles(work):
                 numbers(work)["ended"] = Outcome.GIVEN_UP
                 return iteration + 1
         return limit

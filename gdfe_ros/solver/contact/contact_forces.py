@@ -17,10 +17,10 @@ from gdfe_ros.solver.contact.complementarity import HALF, find_violations, solve
 from gdfe_ros.solver.contact.compliance import add_pairs, differentiate, join, project, pull, stack
 from gdfe_ros.solver.contact.contact_term import FAINT, MARGIN, ROUNDING, ContactTerm
 from gdfe_ros.solver.contact.kept_columns import ConstantColumns, HalvedColumns, KeptColumns
+from gdfe_ros.solver.contact.pair_images import PairImages
 from gdfe_ros.solver.contact.stencil import held_energy
-from gdfe_ros.solver.descent.loop import Metric, choose_once, precondition
+from gdfe_ros.solver.descent.loop import Metric, choose_once
 from gdfe_ros.solver.descent.workspace import Problem, Workspace, numbers
-from gdfe_ros.solver.matrix.constant_matrix import apply_inverse
 from gdfe_ros.solver.matrix.unknowns import Unknowns, add_rows, gather_rigid_rows
 
 Product = Callable[[NDArray[np.float64]], NDArray[np.float64]]
@@ -76,7 +76,7 @@ class Points(NamedTuple):
     vertices: NDArray[np.int64]
 
 
-class Impulses:
+class ContactForces:
     """Finds the contact forces of each step of a minimisation.
 
     Args:
@@ -99,8 +99,7 @@ class Impulses:
         self.begin()
         self._row_of, self._numbered = np.full(count, -1, dtype=np.int64), None
         self._columns: dict[str, tuple[tuple[object, ...], KeptColumns]] = {}
-        self._images, self._seen = np.zeros((0, 0)), (None, np.zeros(0))
-        self._frames = np.zeros((0, 9))
+        self._images = PairImages()
 
     def begin(self) -> None:
         """Prepare a solve."""
@@ -354,7 +353,7 @@ class Impulses:
         given = chosen, points.rows, points.blocks, points.counts
         join(*given, number, kept.between(rows), frames, scale, w)
         if status["count"]:
-            images = self._pair_images(problem, work, metric, (*key, constant, scale), frames)
+            images = self._images.of(problem, work, metric, (*key, constant, scale), frames)
             add_pairs(work, images, *given, w)
         w[range(0, len(w), 3), range(0, len(w), 3)] += points.soft[chosen]
         return w
@@ -377,35 +376,3 @@ class Impulses:
         """Return the rows, ascending, of the ``free`` vertices that any contact point may involve."""
         ends = np.unique(np.concatenate([contact.vertices for contact in self.contacts]))
         return np.flatnonzero(np.isin(free, ends))
-
-    def _pair_images(
-        self,
-        problem: Problem,
-        work: Workspace,
-        metric: Metric,
-        key: tuple[object, ...],
-        frames: NDArray[np.float64],
-    ) -> NDArray[np.float64]:
-        """Return the products M^-1 y (memory, 3 r) of all pairs; those that are known are not computed again."""
-        status, memory = numbers(work), len(work.curvature)
-        last, curvature = self._seen
-        same = (
-            last is not None
-            and len(last) == len(key)
-            and all(a is b or (isinstance(a, float | bool) and a == b) for a, b in zip(last, key, strict=True))
-        )
-        if not same or self._images.shape != work.changes.shape or not np.array_equal(frames, self._frames):
-            self._images, curvature, self._frames = np.empty_like(work.changes), np.full(memory, np.nan), frames.copy()
-        for k in range(int(status["count"])):
-            at = (int(status["head"]) - 1 - k) % memory
-            if curvature[at] == work.curvature[at]:
-                continue
-            image = self._images[at]
-            if status["wild"]:
-                apply_inverse(work.changes[at], metric.coupling, image, problem.threads)
-                image *= float(status["scale"])
-            else:
-                precondition(metric, work.changes[at], image, problem.threads)
-            curvature[at] = work.curvature[at]
-        self._seen = key, curvature
-        return self._images
