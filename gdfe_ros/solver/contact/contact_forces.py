@@ -100,6 +100,8 @@ class ContactForces:
         self._row_of, self._numbered = np.full(count, -1, dtype=np.int64), None
         self._columns: dict[str, tuple[tuple[object, ...], KeptColumns]] = {}
         self._images = PairImages()
+        self._w = self._between = np.zeros((0, 0))
+        self._joined: tuple[NDArray[np.float64], ...] = (np.zeros(0),) * 4
 
     def begin(self) -> None:
         """Prepare a solve."""
@@ -338,7 +340,7 @@ class ContactForces:
         points: Points,
         chosen: NDArray[np.int64],
     ) -> NDArray[np.float64]:
-        """Return W (3 c, 3 c) [m/N] of the ``chosen`` points."""
+        """Return W (3 c, 3 c) [m/N] of the ``chosen`` points; J M^-1 J^T is kept while nothing in it changes."""
         status = numbers(work)
         constant = bool(status["wild"]) or not len(metric.kept.order)
         kept = self._kept("constant" if constant else "tangent", problem, metric, key)
@@ -349,9 +351,13 @@ class ContactForces:
         number[rows] = np.arange(len(rows))
         scale = float(status["scale"]) if status["wild"] else 1.0
         frames = np.zeros((0, 9)) if constant else metric.kept.frames
-        w = np.empty((3 * len(chosen), 3 * len(chosen)))
-        given = chosen, points.rows, points.blocks, points.counts
-        join(*given, number, kept.between(rows), frames, scale, w)
+        given, between = (chosen, points.rows, points.blocks, points.counts), kept.between(rows)
+        now = np.array(scale), points.rows[chosen], points.blocks[chosen], frames
+        if between is not self._between or not all(map(np.array_equal, now, self._joined)):
+            self._between, self._joined = between, (*now[:3], frames.copy())
+            self._w = np.empty((3 * len(chosen), 3 * len(chosen)))
+            join(*given, number, between, frames, scale, self._w)
+        w = self._w.copy()
         if status["count"]:
             images = self._images.of(problem, work, metric, (*key, constant, scale), frames)
             add_pairs(work, images, *given, w)
