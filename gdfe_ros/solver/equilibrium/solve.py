@@ -316,6 +316,7 @@ class Solve:
                 terms=self._actuation.finish(start.terms, positions),
                 elements=elements,
                 operators=self._operators,
+                balance=self._actuation.balance(positions, problem.commands) if energetic else None,
                 tangent=self._minimiser.used_tangent(),
                 unfinished=self._unfinished(active) if self._cut and not converged else None,
                 summary=summary,
@@ -324,7 +325,6 @@ class Solve:
             ended=Outcome.NEAR if converged else Outcome.CUT if self._cut else active.ended,
             entered=bool(flaw),
             began=self._prediction.positions,
-            balance=self._actuation.balance(positions, problem.commands) if energetic else None,
         )
 
     def _update(self, active: ActiveSet, *, still: bool) -> tuple[float, float]:

@@ -294,24 +294,23 @@ class Attempt:
         return join(f"{what} beyond {path.done:.3g} of the way to the command", message)
 
 
-def work_between(old: State, new: Solution, handles: HandleMotions) -> tuple[float, float]:
-    """Return the work [J] of handles and commands between two equilibria, and its uncertainty [J].
+def work_between(old: State, new: State, handles: HandleMotions) -> tuple[float, float]:
+    """Return the work [J] of handles and commands between two states, and its uncertainty [J].
 
     The work follows from the trapezoidal rule. The uncertainty is half of the difference between the work with the
     first slopes and the work with the last slopes.
     """
-    work, doubt, found = 0.0, 0.0, new.state
-    for name, pose in found.poses.items():
-        if pose == old.poses[name]:
-            continue
-        begin, end = (handles.pose(name, state.poses, state.turns) for state in (old, found))
-        moved, first, last = _displacement(begin, end), old.summary.reactions[name], found.summary.reactions[name]
-        work += 0.5 * float((first + last) @ moved)
-        doubt += 0.5 * abs(float((last - first) @ moved))
+    work, doubt, first, last = 0.0, 0.0, old.summary.reactions, new.summary.reactions
+    for name, pose in new.poses.items():
+        if pose == old.poses[name] or not (first[name].any() or last[name].any()):
+            continue  # most links of an arm touch nothing
+        moved = _displacement(*(handles.pose(name, state.poses, state.turns) for state in (old, new)))
+        work += 0.5 * float((first[name] + last[name]) @ moved)
+        doubt += 0.5 * abs(float((last[name] - first[name]) @ moved))
     for name, slope in new.balance.slopes.items():
-        change, first = found.commands[name] - old.commands[name], old.balance.slopes[name]
-        work += 0.5 * (first + slope) * change
-        doubt += 0.5 * abs((slope - first) * change)
+        change, before = new.commands[name] - old.commands[name], old.balance.slopes[name]
+        work += 0.5 * (before + slope) * change
+        doubt += 0.5 * abs((slope - before) * change)
     return work, doubt
 
 
@@ -324,13 +323,14 @@ def jumped(old: State, new: Solution, handles: HandleMotions, size: float) -> bo
     branch is concave in a load. A jump releases more energy than these bounds allow, and ends far from the positions
     that were predicted from the last motion.
     """
-    if old.balance is None or new.balance is None:
+    found = new.state
+    if old.balance is None or found.balance is None:
         return False
-    work, doubt = work_between(old, new, handles)
-    before, after = old.summary.energy, new.state.summary.energy
-    rubbed = new.state.dissipated - old.dissipated
-    lost = before + old.balance.potential + work - after - new.balance.potential - rubbed
-    scale = max(before, after, abs(work), abs(new.balance.potential - old.balance.potential))
+    work, doubt = work_between(old, found, handles)
+    before, after = old.summary.energy, found.summary.energy
+    rubbed = found.dissipated - old.dissipated
+    lost = before + old.balance.potential + work - after - found.balance.potential - rubbed
+    scale = max(before, after, abs(work), abs(found.balance.potential - old.balance.potential))
     if not lost > doubt + Attempt.PROVEN * scale:
         return False
     return bool(largest_distance(new.positions, new.began) > Attempt.LEAST_MOTION * size)
