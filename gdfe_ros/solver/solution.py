@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from gdfe_ros.constraints import Pose
 from gdfe_ros.solver.deadline import Deadline
 from gdfe_ros.solver.outcome import Outcome
-from gdfe_ros.solver.state import Balance, State
+from gdfe_ros.solver.state import State
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -57,7 +57,6 @@ class Solution:
         ended: how its last minimisation ended; `Outcome.NEAR` if it converged.
         entered: whether surfaces of the body penetrate each other.
         began: (n, 3) positions at the beginning of the solve [m].
-        balance: energy balance of the equilibrium; None if the state is no equilibrium, or has no energy.
     """
 
     state: State
@@ -65,7 +64,6 @@ class Solution:
     ended: Outcome
     entered: bool = False
     began: NDArray[np.float64]
-    balance: Balance | None = None
 
     @property
     def cut(self) -> bool:

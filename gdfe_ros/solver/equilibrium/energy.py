@@ -194,7 +194,6 @@ class EquilibriumSolver:
         return found.with_(
             motion=self._predictor.motion(previous, found, previous.change_to(found.commands)),
             turns=self.handles.within_a_turn(found.turns),
-            balance=solution.balance,
         )
 
     def forces(self, state: State) -> NDArray[np.float64]:

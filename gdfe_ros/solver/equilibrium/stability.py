@@ -10,9 +10,8 @@ and the minimisation goes on from there.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
-from typing import ClassVar, NamedTuple, Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,30 +64,6 @@ class Proof(NamedTuple):
         return self.measured and self.stable is not False
 
 
-@dataclass
-class Progress:
-    """What the proofs of one solve have gained so far.
-
-    Attributes:
-        energy: least energy at a proof [J].
-        in_vain: number of proofs at more energy than that.
-        farthest: longest distance since the energy last fell, divided by the body's size.
-    """
-
-    energy: float = np.inf
-    in_vain: int = 0
-    farthest: float = 0.0
-    VAIN: ClassVar[int] = 4
-    """Largest number of proofs in vain: minimisations leave different remains of energy."""
-
-    def goes_on(self, energy: float, proof: Proof) -> bool:
-        """Take a proof at an ``energy`` [J]; return whether to go on."""
-        falls = energy < self.energy
-        self.energy, self.in_vain = min(energy, self.energy), self.in_vain + (not falls)
-        self.farthest = proof.distance if falls else max(proof.distance, self.farthest)
-        return self.in_vain <= self.VAIN
-
-
 class Descents(Protocol):
     """The part of the equilibrium solver that a proof needs."""
 
@@ -131,10 +106,6 @@ class Stability:
     NEAR = 3
     """A proof still holds after this number of further iterations, if the equilibrium was nearer than the
     minimisation's target: in a nearly flat valley, tiny motions change the curvature.
-    """
-    LEVEL = 1e-7
-    """The energy is level along a direction if its fall over a displacement of the body's size, divided by the sum of
-    the magnitudes of its parts, is below this: turns of a body that is held in one vertex.
     """
     ROUNDS = 24
     """Largest number of proofs in one solve. Each saddle takes one; a long, nearly flat valley of the energy takes
@@ -183,15 +154,12 @@ class Stability:
         task = descents.task_at(solve, found)
         if known := self._prove_with_kept(task, solve, found):
             return known
-        progress = Progress()
         for count in range(self.ROUNDS):
             proof = self._factor(task)
             found = _with(found, tangent=self._minimiser.tangent)
             near = proof.distance <= Minimiser.SHARE * (UNPROVEN if self._smooth else 1.0) * solve.aim
             if _is_late(solve, found) or (near and proof.counts):
                 return _tell(_at(found, proof.distance), stable=proof.stable)
-            if not progress.goes_on(float(task.active.status["energy"]), proof):
-                break
             solve.go_on_from(found.state)
             leaves = count or not (proof.stable and proof.counts)  # in a nearly flat valley, or beside a saddle
             if leaves and not self._leave(descents, solve, found, task, proof.direction) and near:
@@ -204,11 +172,11 @@ class Stability:
             if self._holds(proof, again, solve.aim):
                 return _tell(found, stable=True)
             task = descents.task_at(solve, found)
-        return self._conclude(found, proof, progress, solve.problem.tolerance)
+        return self._conclude(found, proof, solve.problem.tolerance)
 
-    def _conclude(self, found: Solution, proof: Proof, progress: Progress, tolerance: float) -> Solution:
+    def _conclude(self, found: Solution, proof: Proof, tolerance: float) -> Solution:
         """Return a solution that is as near as its multipliers' updates allow, or whose energy is nearly flat."""
-        if proof.measured and progress.farthest <= tolerance:
+        if proof.measured and proof.distance <= tolerance:
             return _tell(_at(found, proof.distance), stable=proof.stable)
         defect = {"converged": False, "error_estimate": proof.distance, "message": tell(Outcome.NEUTRAL)}
         return changed(_with(found, summary=changed(found.state.summary, **defect)), ended=Outcome.NEUTRAL)
@@ -264,8 +232,7 @@ class Stability:
         if definite and self._exact:
             return True, None
         seen = self.look(task)
-        # A kink may mislead the search, e.g. that of a cable that is just slack.
-        if seen.value > -self.LANCZOS.flat or self._is_level(task, seen.direction):
+        if seen.value > -self.LANCZOS.flat:
             proved = not (self._exact and self._free) and seen.known and seen.value > self.LANCZOS.flat
             return (True, None) if proved else (None, seen.direction)
         return False, seen.direction
@@ -279,17 +246,6 @@ class Stability:
         with task.turn:
             apply = partial(self._minimiser.precondition, task)
             return self.LANCZOS.lowest(self._products(task), apply, self._noise)
-
-    def _is_level(self, task: Task, direction: NDArray[np.float64]) -> bool:
-        """Return whether the energy is level along a direction (3 r,), as far as differences of forces show it."""
-        curvature, status = self.curvature(task, direction), task.active.status
-        scale, length = float(status["absolute"] + status["outside"] + status["grain"]), self._size / largest(direction)
-        return curvature > -self.LANCZOS.flat or curvature * length**2 > -self.LEVEL * scale
-
-    def curvature(self, task: Task, direction: NDArray[np.float64]) -> float:
-        """Return the curvature of the energy along a direction (3 r,) that `look` found."""
-        with task.turn:
-            return float(direction @ self._products(task)(direction))
 
     def _products(self, task: Task) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
         """Return the product with the tangent at the unknowns of ``task``, supported by its contacts."""

@@ -6,14 +6,15 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
-from scipy.spatial.transform import Rotation
 
 from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.handle_motions import HandleMotions
 from gdfe_ros.solver.motion import inertia, viscosity
 from gdfe_ros.solver.motion.dynamics import Dynamics, Scheme
 from gdfe_ros.solver.motion.inertia import kinematics_of
 from gdfe_ros.solver.outcome import join
 from gdfe_ros.solver.state import Array, Bound, Ledger, State
+from gdfe_ros.solver.stepping.path import work_between
 from gdfe_ros.solver.value import NEGLIGIBLE, changed
 
 
@@ -24,10 +25,11 @@ class Accounts:
         body: the discretised body.
         mass: (n, n) its mass matrix [kg].
         dynamics: initial velocities and damping.
+        handles: the kinematics of its handles.
     """
 
-    def __init__(self, body: Body, mass: sparse.csr_matrix, dynamics: Dynamics) -> None:
-        self._body, self._mass, self._dynamics = body, mass, dynamics
+    def __init__(self, body: Body, mass: sparse.csr_matrix, dynamics: Dynamics, handles: HandleMotions) -> None:
+        self._body, self._mass, self._dynamics, self._handles = body, mass, dynamics, handles
 
     def opened(self) -> Ledger:
         """Return the ledger of the undeformed body with the scene's initial velocities."""
@@ -57,14 +59,7 @@ class Accounts:
         difference between this work and the work of the force at one end of the step. The work of growth is unknown: if
         growth changes, the bound restarts.
         """
-        ledger, first, last = before.ledger, before.summary.reactions, now.summary.reactions
-        # Most links of an arm touch nothing; without a force there is no work.
-        acting = [name for name in now.poses if first[name].any() or last[name].any()]
-        moves = [(first[name], last[name], _motion(before, now, name)) for name in acting]
-        slopes = ([balance.slopes.get(name, 0.0) for name in now.commands] for balance in (before.balance, now.balance))
-        commands = list(zip(*slopes, before.change_to(now.commands), strict=True))
-        work = sum(_work(*move) for move in moves) + sum(_work(*command) for command in commands)
-        doubt = sum(abs(_work(-begin, end, change)) for begin, end, change in (*moves, *commands))
+        ledger, (work, doubt) = before.ledger, work_between(before, now, self._handles)
         drag = 0.0
         if self._dynamics.mass_damping:
             mean = 0.5 * (self._velocity(before) + self._velocity(now))
@@ -94,20 +89,6 @@ class Accounts:
 
 def _raised(bound: Bound | None, energy: float) -> Bound | None:
     return bound and changed(bound, start=bound.start + energy, least=bound.least + energy)
-
-
-def _work(first: Array | float, last: Array | float, change: Array | float) -> float:
-    """Return the work in a step: the mean of the ``first`` and ``last`` force, times the displacement ``change``."""
-    return float(np.dot(0.5 * (first + last), change))
-
-
-def _motion(before: State, now: State, name: str) -> NDArray[np.float64]:
-    """Return translation [m] and rotation vector [rad] (6,) of a handle's command in a step."""
-    first, last = before.poses[name], now.poses[name]
-    if first == last:
-        return np.zeros(6)
-    turn = Rotation.from_rotvec(last.rotation) * Rotation.from_rotvec(first.rotation).inv()
-    return np.concatenate([np.subtract(last.translation, first.translation), turn.as_rotvec()])
 
 
 class Ceiling:

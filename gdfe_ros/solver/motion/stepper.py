@@ -72,7 +72,7 @@ class MotionStepper:
         self._integrator, self._euler = Integrator(*made), Integrator(*made, euler=True)
         self.equilibrium = self._integrator.equilibrium(dynamics.step)
         self.actuation = self.equilibrium.actuation
-        self._accounts = Accounts(body, mass, dynamics)
+        self._accounts = Accounts(body, mass, dynamics, self.equilibrium.handles)
         self._ceiling = Ceiling(body, dynamics.scheme, settings.tolerance, self._accounts)
         self._calm = max(
             self.CALM, self.RELAXED * dynamics.relaxation(body.table.parameters[body.material][:, SHEAR].min())

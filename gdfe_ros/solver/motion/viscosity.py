@@ -21,18 +21,7 @@ from gdfe_ros.mesh.tet_operators import TetOperators, gradients
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.matrix.constant_matrix import assemble
 from gdfe_ros.solver.motion.dynamics import Dynamics
-from gdfe_ros.solver.motion.viscous_law import (
-    GREEN,
-    POINT_WIDTH,
-    STRAINS,
-    WIDTH,
-    all_strains,
-    point_strains,
-    viscous_entry,
-    viscous_point_entry,
-    viscous_point_tangents,
-    viscous_tangents,
-)
+from gdfe_ros.solver.motion.viscous_law import GREEN, all_strains, viscous_entry, viscous_tangents
 from gdfe_ros.solver.state import Saved
 from gdfe_ros.solver.terms.term import Term
 
@@ -63,28 +52,23 @@ class Viscosity(Term):
     def __init__(self, body: Body, dynamics: Dynamics, h: float) -> None:
         self._body, self._dynamics, self._h = body, dynamics, h
         shape, shear = body.shape, body.table.parameters[body.material][:, SHEAR]
-        self._points = isinstance(shape, TetOperators)
-        self._places = shape.weight.shape[1] if self._points else 1
-        self._volume = shape.weight.ravel() if self._points else shape.volume
+        points = isinstance(shape, TetOperators)
+        self._places = shape.weight.shape[1] if points else 1
+        self._volume = shape.weight.ravel() if points else shape.volume
         self._modulus = 2.0 * np.repeat(shear, self._places) / dynamics.slow_share
         self._moduli = [branch.share * self._modulus / (1.0 + 0.5 * h / branch.time) for branch in dynamics.prony]
         self._dash = np.full(len(self._modulus), 1.5 * dynamics.viscosity / h)
         self._sum = self._dash + sum(self._moduli, np.zeros(len(self._modulus)))
-        if self._points:
-            self.kernel, self._first, self._strain_count = viscous_point_entry, 1, GREEN
-            self._gradient = np.ascontiguousarray(gradients(shape.inverse).reshape(-1, 10, 3))
-            self._cells, self._bend = np.repeat(shape.cells, self._places, axis=0), np.zeros(len(self._volume))
-            numbers = np.zeros((len(self._volume), POINT_WIDTH))
-            numbers[:, 1 + GREEN :] = self._gradient.reshape(-1, 30)
-        else:
-            self._first, self._strain_count = 2, STRAINS
-            self._cells, self._bend = shape.cells, self.BEND * np.cbrt(shape.volume)
-            numbers = np.zeros((len(self._volume), WIDTH))
-            numbers[:, 1] = self._sum * self._bend
-            numbers[:, 2 + STRAINS : 26 + STRAINS] = shape.gradient.reshape(-1, 24)
-            numbers[:, 26 + STRAINS :] = shape.hourglass.reshape(-1, 32)
-        numbers[:, 0] = self._sum * self._volume
-        super().__init__(NAME, numbers.ravel(), self._cells.ravel().astype(np.int32))
+        gradient = (gradients(shape.inverse) if points else shape.gradient).reshape(len(self._volume), -1)
+        hourglass = np.zeros((len(self._volume), 0)) if points else shape.hourglass.reshape(len(self._volume), -1)
+        modes = 0 if points else shape.hourglass.shape[1]
+        self._bend = (self.BEND if modes else 0.0) * np.cbrt(self._volume)
+        stiffness = np.stack([self._sum * self._volume, self._sum * self._bend], axis=1)
+        self._aims = slice(2, 2 + GREEN + 3 * modes)
+        numbers = np.hstack([stiffness, np.zeros((len(self._volume), GREEN + 3 * modes)), gradient, hourglass])
+        cells = np.repeat(shape.cells, self._places, axis=0)
+        corners = np.concatenate([[cells.shape[1], modes], cells.ravel()]).astype(np.int32)
+        super().__init__(NAME, numbers.ravel(), corners)
 
     def stiffness(self) -> sparse.spmatrix:
         """Return the term's stiffness for the undeformed body, in the form of the constant matrix."""
@@ -98,7 +82,7 @@ class Viscosity(Term):
     def tangents(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the tangents (m, 3 c, 3 c) [N/m] of the elements, without the part that changes with the stress."""
         tangents = np.empty((len(self._body.cells), 3 * self._body.cells.shape[1], 3 * self._body.cells.shape[1]))
-        (viscous_point_tangents if self._points else viscous_tangents)(positions, self.reals, self.integers, tangents)
+        viscous_tangents(positions, self.reals, self.integers, tangents)
         return tangents
 
     def neutral(self) -> Saved:
@@ -120,8 +104,7 @@ class Viscosity(Term):
         total = self._dash[:, None] * drift
         for branch, modulus, held in zip(self._dynamics.prony, self._moduli, saved["branches"], strict=True):
             total += modulus[:, None] * (held + 0.5 * self._h / branch.time * (now - held))
-        numbers, first = self.reals.reshape(len(self._volume), -1), self._first
-        numbers[:, first : first + self._strain_count] = total / self._sum[:, None]
+        self.reals.reshape(len(self._volume), -1)[:, self._aims] = total / self._sum[:, None]
 
     def finish(self, saved: Saved, positions: NDArray[np.float64]) -> Saved:
         """Return the state to store: strains, branches, their elastic energy and the dissipated energy so far [J]."""
@@ -157,10 +140,7 @@ class Viscosity(Term):
         return saved["strain"] - (length / before if before else 0.0) * (saved["strain"] - saved["before"])
 
     def _strains(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        found = np.empty((len(self._cells), self._strain_count))
-        if self._points:
-            point_strains(positions, self._cells, self._gradient, found)
-            return found
+        found = np.empty((len(self._volume), self._aims.stop - self._aims.start))
         all_strains(positions, self.reals, self.integers, found)
         return found
 

@@ -84,7 +84,6 @@ class Verdict(Enum):
     ACCEPT = "accept, and go on from there"
     STOP = "accept, and go no farther"
     HALVE = "try half of it"
-    LEAP = "take the jump that was avoided so far"
     WITHDRAW = "go back to the last sound state"
 
 
@@ -119,8 +118,6 @@ class LoadPath:
         iterations, attempts: numbers of iterations and of attempts so far.
         jumped: whether the body has jumped to another equilibrium in an attempt.
         folded: whether an attempt ended in folded or inverted elements, or failed with corners pressed flat.
-        leap: length of the first attempt from the present state that jumped to a sound equilibrium; 0 for none.
-        leaping: whether this jump is accepted, because shorter attempts failed.
         unstable: name of a chamber that lost its stability in an attempt; empty for none.
     """
 
@@ -138,8 +135,6 @@ class LoadPath:
     attempts: int = 0
     jumped: bool = False
     folded: bool = False
-    leap: float = 0.0
-    leaping: bool = False
     unstable: str = ""
 
     @classmethod
@@ -185,16 +180,13 @@ class LoadPath:
             attempts=self.attempts + 1,
             jumped=self.jumped or jumps,
             folded=self.folded or not sound or (solution.min_det < THRESHOLD and not solution.converged),
-            leap=self.leap or (self.length if jumps and sound and solution.converged else 0.0),
         )
 
     def after(self, verdict: Verdict) -> LoadPath:
         """Return the load path with the progress and the next length that follow from a verdict."""
         if verdict is Verdict.HALVE:
             return changed(self, length=0.5 * self.length)
-        if verdict is Verdict.LEAP:
-            return changed(self, length=self.leap, leaping=True)
-        return self if verdict is Verdict.WITHDRAW else changed(self, done=self.next, leap=0.0, leaping=False)
+        return self if verdict is Verdict.WITHDRAW else changed(self, done=self.next)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -270,7 +262,7 @@ class Attempt:
     def divides(self) -> bool:
         """Whether a shorter increment is tried, because this one failed, or to avoid a jump."""
         path = self.path
-        avoidable = self.jumps and path.length > self.SHORTEST_JUMP and not path.leaping
+        avoidable = self.jumps and path.length > self.SHORTEST_JUMP
         return ((self.failed and not path.shortest) or avoidable) and not self.spent
 
     @property
@@ -281,12 +273,12 @@ class Attempt:
 
     @property
     def verdict(self) -> Verdict:
-        """The verdict: accept, stop, halve, leap or withdraw."""
+        """The verdict: accept, stop, halve or withdraw."""
         path = self.path
         if self.divides:
             return Verdict.HALVE
         if self.unusable:
-            return Verdict.LEAP if path.leap and not (path.leaping or self.spent) else Verdict.WITHDRAW
+            return Verdict.WITHDRAW
         return Verdict.STOP if self.snapped or self.spent or path.next == 1.0 else Verdict.ACCEPT
 
     @property
@@ -302,24 +294,23 @@ class Attempt:
         return join(f"{what} beyond {path.done:.3g} of the way to the command", message)
 
 
-def work_between(old: State, new: Solution, handles: HandleMotions) -> tuple[float, float]:
-    """Return the work [J] of handles and commands between two equilibria, and its uncertainty [J].
+def work_between(old: State, new: State, handles: HandleMotions) -> tuple[float, float]:
+    """Return the work [J] of handles and commands between two states, and its uncertainty [J].
 
     The work follows from the trapezoidal rule. The uncertainty is half of the difference between the work with the
     first slopes and the work with the last slopes.
     """
-    work, doubt, found = 0.0, 0.0, new.state
-    for name, pose in found.poses.items():
-        if pose == old.poses[name]:
-            continue
-        begin, end = (handles.pose(name, state.poses, state.turns) for state in (old, found))
-        moved, first, last = _displacement(begin, end), old.summary.reactions[name], found.summary.reactions[name]
-        work += 0.5 * float((first + last) @ moved)
-        doubt += 0.5 * abs(float((last - first) @ moved))
+    work, doubt, first, last = 0.0, 0.0, old.summary.reactions, new.summary.reactions
+    for name, pose in new.poses.items():
+        if pose == old.poses[name] or not (first[name].any() or last[name].any()):
+            continue  # most links of an arm touch nothing
+        moved = _displacement(*(handles.pose(name, state.poses, state.turns) for state in (old, new)))
+        work += 0.5 * float((first[name] + last[name]) @ moved)
+        doubt += 0.5 * abs(float((last[name] - first[name]) @ moved))
     for name, slope in new.balance.slopes.items():
-        change, first = found.commands[name] - old.commands[name], old.balance.slopes[name]
-        work += 0.5 * (first + slope) * change
-        doubt += 0.5 * abs((slope - first) * change)
+        change, before = new.commands[name] - old.commands[name], old.balance.slopes[name]
+        work += 0.5 * (before + slope) * change
+        doubt += 0.5 * abs((slope - before) * change)
     return work, doubt
 
 
@@ -332,13 +323,14 @@ def jumped(old: State, new: Solution, handles: HandleMotions, size: float) -> bo
     branch is concave in a load. A jump releases more energy than these bounds allow, and ends far from the positions
     that were predicted from the last motion.
     """
-    if old.balance is None or new.balance is None:
+    found = new.state
+    if old.balance is None or found.balance is None:
         return False
-    work, doubt = work_between(old, new, handles)
-    before, after = old.summary.energy, new.state.summary.energy
-    rubbed = new.state.dissipated - old.dissipated
-    lost = before + old.balance.potential + work - after - new.balance.potential - rubbed
-    scale = max(before, after, abs(work), abs(new.balance.potential - old.balance.potential))
+    work, doubt = work_between(old, found, handles)
+    before, after = old.summary.energy, found.summary.energy
+    rubbed = found.dissipated - old.dissipated
+    lost = before + old.balance.potential + work - after - found.balance.potential - rubbed
+    scale = max(before, after, abs(work), abs(found.balance.potential - old.balance.potential))
     if not lost > doubt + Attempt.PROVEN * scale:
         return False
     return bool(largest_distance(new.positions, new.began) > Attempt.LEAST_MOTION * size)
