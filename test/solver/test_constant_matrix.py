@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The constant matrix: symmetric, semi-definite, the same solution by every library, sliding handles eliminated."""
+"""The constant matrix: symmetric, semi-definite, sliding handles eliminated."""
 
 from __future__ import annotations
 
@@ -15,13 +15,11 @@ from gdfe_ros.mesh import HexMesh, bar
 from gdfe_ros.mesh.operators import shape_operators
 from gdfe_ros.paper.relative import assemble_centring
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix, apply_inverse, assemble
-from gdfe_ros.solver.matrix.factor import Factor, Factorisation
 from gdfe_ros.solver.matrix.unknowns import Unknowns, number_unknowns
 
 End = Callable[[HexMesh, str], NDArray[np.int32]]
 MESH = bar([0.4, 0.1, 0.1], [8, 2, 2])
 SHAPE = shape_operators(MESH.vertices, MESH.cells)
-FACTORS = list(Factorisation)
 
 
 def stiffness() -> sparse.csc_matrix:
@@ -59,11 +57,10 @@ def test_centring_matrix_is_the_papers(end: End) -> None:
     np.testing.assert_allclose(matrix, 0.006 * (np.eye(8) - 0.125), rtol=1e-12)
 
 
-@pytest.mark.parametrize("library", FACTORS)
-def test_every_library_solves_the_full_system(library: Factorisation, sliding: Unknowns) -> None:
-    """With sliding handles, every library gives the solution of one dense system per axis."""
+def test_it_solves_the_full_system(sliding: Unknowns) -> None:
+    """With sliding handles, the factor gives the solution of one dense system per axis."""
     matrix = stiffness()
-    found = solve(ConstantMatrix(matrix, MESH.vertices, sliding, library=library), gradient(sliding), sliding)
+    found = solve(ConstantMatrix(matrix, MESH.vertices, sliding), gradient(sliding), sliding)
     expected = np.zeros_like(found)
     for axis in range(3):
         handles = np.flatnonzero(sliding.slides[:, axis])
@@ -78,13 +75,12 @@ def test_every_library_solves_the_full_system(library: Factorisation, sliding: U
     np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-10 * np.abs(expected).max())
 
 
-@pytest.mark.parametrize("library", FACTORS)
-def test_turning_handles_are_eliminated(library: Factorisation, end: End) -> None:
+def test_turning_handles_are_eliminated(end: End) -> None:
     """With a handle that turns about two axes and slides along one, the solution is that of one dense system."""
     tip = Handle("tip", end(MESH, "x+"), free=(Axis.X,), turning=(Axis.Y, Axis.Z))
     unknowns = number_unknowns(MESH.vertices, MESH.cells, [Handle("base", end(MESH, "x-"), fixed=True), tip])
     matrix = stiffness()
-    constant = ConstantMatrix(matrix, MESH.vertices, unknowns, library=library)
+    constant = ConstantMatrix(matrix, MESH.vertices, unknowns)
     right = np.random.default_rng(0).normal(size=(unknowns.rows, 3))
     right[-2:] *= np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 1.0]])
     found = solve(constant, right, unknowns)
@@ -103,11 +99,10 @@ def test_turning_handles_are_eliminated(library: Factorisation, end: End) -> Non
     np.testing.assert_allclose(found.ravel(), expected, rtol=0.0, atol=1e-9 * np.abs(expected).max())
 
 
-@pytest.mark.parametrize("library", FACTORS)
-def test_constant_motion_of_all_handles_extends_to_the_body(library: Factorisation, sliding: Unknowns) -> None:
+def test_constant_motion_of_all_handles_extends_to_the_body(sliding: Unknowns) -> None:
     """Where all handles move by the same translation, the harmonic predictor translates every vertex by it."""
     motion = np.tile([1.0, -2.0, 3.0], (len(sliding.prescribed), 1))
-    spread = ConstantMatrix(stiffness(), MESH.vertices, sliding, library=library).extend(motion)
+    spread = ConstantMatrix(stiffness(), MESH.vertices, sliding).extend(motion)
     np.testing.assert_allclose(spread, np.tile([1.0, -2.0, 3.0], (len(sliding.free), 1)), rtol=1e-9)
 
 
@@ -121,27 +116,12 @@ def test_harmonic_predictor_stays_between_the_handles(end: End) -> None:
     np.testing.assert_allclose(spread[:, 2], MESH.vertices[unknowns.free, 0] / 0.4, atol=1e-9)
 
 
-def test_small_systems_take_an_explicit_inverse() -> None:
-    """Small bodies use the dense inverse, bodies of more than a few hundred vertices the supernodes."""
-    small, large = bar([1.0, 1.0, 1.0], [3, 3, 3]), bar([1.0, 1.0, 1.0], [7, 7, 7])
-    assert small.n_vertices <= Factor.DENSE_UP_TO < large.n_vertices
-    kinds = [kind_of(mesh) for mesh in (small, large)]
-    assert kinds == [Factorisation.DENSE, Factorisation.SUPERNODES]
-
-
 def test_a_body_held_everywhere_has_nothing_to_solve(end: End) -> None:
     """A system without unknowns, where every vertex is prescribed, is no error."""
     handle = Handle("all", np.arange(MESH.n_vertices, dtype=np.int32))
     unknowns = number_unknowns(MESH.vertices, MESH.cells, [handle])
     matrix = ConstantMatrix(stiffness(), MESH.vertices, unknowns)
     assert matrix.extend(np.ones((MESH.n_vertices, 3))).shape == (0, 3)
-
-
-def kind_of(mesh: HexMesh) -> Factorisation:
-    """Return the kind of factor chosen for a mesh that is held at its first vertex."""
-    unknowns = number_unknowns(mesh.vertices, mesh.cells, [Handle("one", np.zeros(1, np.int32))])
-    matrix = assemble_centring(shape_operators(mesh.vertices, mesh.cells))
-    return ConstantMatrix(matrix, mesh.vertices, unknowns).kind
 
 
 def gradient(unknowns: Unknowns) -> NDArray[np.float64]:

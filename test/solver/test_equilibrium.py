@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Equilibrium of the energy policy: a minimum, independent of start, library and material."""
+"""Equilibrium of the energy policy: a minimum, independent of start and material."""
 
 from __future__ import annotations
 
@@ -22,7 +22,6 @@ from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.deadline import Deadline
 from gdfe_ros.solver.equilibrium.energy import EquilibriumSolver
 from gdfe_ros.solver.forces.reactions import vertex_forces
-from gdfe_ros.solver.matrix.factor import Factorisation
 from gdfe_ros.solver.settings import Policy
 from gdfe_ros.solver.solution import Increment, Solution
 
@@ -38,9 +37,9 @@ class Bar:
     body: Body
     base: NDArray[np.float64]
 
-    def solve(self, *, library: Factorisation | None = None, start: NDArray[np.float64] | None = None, **options):
+    def solve(self, *, start: NDArray[np.float64] | None = None, **options):
         """Return the solver and its solution from the undeformed state, or from ``start``."""
-        equilibrium = EquilibriumSolver(self.body, library=library)
+        equilibrium = EquilibriumSolver(self.body)
         return equilibrium, solve(equilibrium, self.body.rest if start is None else start, self.base, **options)
 
 
@@ -94,14 +93,13 @@ def test_reactions_balance(bend: Callable[..., Bar], law: Material) -> None:
     np.testing.assert_allclose(sum(moments), 0.0, atol=1e-4 * scale * 0.3)
 
 
-@pytest.mark.parametrize("library", [Factorisation.DENSE, Factorisation.SUPERNODES])
 @pytest.mark.parametrize("poisson", [0.0, 0.3, 0.45])
-def test_energy_never_rises(bend: Callable[..., Bar], library: Factorisation, poisson: float) -> None:
+def test_energy_never_rises(bend: Callable[..., Bar], poisson: float) -> None:
     """After 0, 1, 2, ... iterations of a large bend, the energy falls or stays."""
     bar_ = bend(Linear(young=1e5, poisson=poisson), angle=1.5)
     energies = []
     for limit in range(1, 40):
-        _, outcome = bar_.solve(library=library, limit=limit, tolerance=1e-8)
+        _, outcome = bar_.solve(limit=limit, tolerance=1e-8)
         assert outcome.iterations <= limit
         energies.append(strain_energies(bar_.body, outcome.positions).sum())
     assert (np.diff(energies) <= 1e-12 * energies[0]).all()
@@ -120,19 +118,6 @@ def test_no_state_nearby_has_less_energy(bend: Callable[..., Bar], poisson: floa
             x = outcome.positions.copy()
             x[bar_.body.unknowns.free] += amount * random.normal(size=(len(bar_.body.unknowns.free), 3))
             assert strain_energies(bar_.body, x).sum() > least
-
-
-@pytest.mark.parametrize("free", [(), (Axis.X,), (Axis.X, Axis.Y, Axis.Z)], ids=["held", "slides", "floats"])
-def test_every_library_finds_the_same_equilibrium(bend: Callable[..., Bar], free: tuple[Axis, ...]) -> None:
-    """The dense inverse and supernodes lead to the same positions."""
-    bar_ = bend(NeoHookean(young=1e5, poisson=0.4), free=free)
-    found = []
-    for library in Factorisation:
-        equilibrium, outcome = bar_.solve(library=library, tolerance=1e-8)
-        assert equilibrium.matrix.kind is library
-        assert outcome.converged
-        found.append(outcome.positions)
-    np.testing.assert_allclose(found[1], found[0], atol=1e-7)
 
 
 def test_a_free_axis_is_unloaded(bend: Callable[..., Bar], law: Material) -> None:
@@ -220,11 +205,10 @@ def test_stopping_early_is_said(bend: Callable[..., Bar]) -> None:
     assert outcome.iterations == 5
 
 
-@pytest.mark.parametrize("library", [Factorisation.DENSE, Factorisation.SUPERNODES])
-def test_a_deadline_that_has_passed_returns_the_best_so_far(bend: Callable[..., Bar], library: Factorisation) -> None:
+def test_a_deadline_that_has_passed_returns_the_best_so_far(bend: Callable[..., Bar]) -> None:
     """With no time at all, a solve makes few iterations, is not converged, and has finite positions."""
     bar_ = bend(NeoHookean(young=1e5, poisson=0.3), angle=1.5)
-    _, outcome = bar_.solve(library=library, deadline=Deadline(time.perf_counter()))
+    _, outcome = bar_.solve(deadline=Deadline(time.perf_counter()))
     assert_unfinished(outcome, "the deadline passed")
     assert outcome.iterations <= 30
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The supernodal factor of the constant matrix: exact for any shape, in 16 bits and in double precision."""
+"""The supernodal factor of the constant matrix: exact for any shape, in single and in double precision."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from gdfe_ros.mesh.tet_operators import tet_operators
 from gdfe_ros.mesh.tetmesh import divided
 from gdfe_ros.solver.matrix import factor as factors
 from gdfe_ros.solver.matrix.constant_matrix import assemble
-from gdfe_ros.solver.matrix.elimination import dissected
-from gdfe_ros.solver.matrix.factor import Factor, Factorisation
+from gdfe_ros.solver.matrix.elimination import dissected, eliminated, narrow_order
+from gdfe_ros.solver.matrix.factor import Factor
 
 MESHES = {
     "bar": bar([1.0, 0.2, 0.2], [30, 6, 6]),
@@ -51,31 +51,17 @@ def solved(factor: Factor, right: NDArray[np.float64]) -> NDArray[np.float64]:
     return out
 
 
-@pytest.mark.parametrize("coarse_from", [1, 10**9], ids=["16 bits", "double"])
+@pytest.mark.parametrize("coarse_from", [1, 10**9], ids=["single", "double"])
 @pytest.mark.parametrize("name", MESHES)
 def test_it_solves(name: str, coarse_from: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """With a thousandfold contrast and the factor in either precision, the solution is SuperLU's to 1e-9."""
     monkeypatch.setattr(factors.Factor, "COARSE_FROM", coarse_from)
     mesh = MESHES[name]
     matrix, right = stiffness(mesh, contrast=1e3), right_of(mesh)
-    factor = Factor(matrix, mesh.vertices, Factorisation.SUPERNODES)
-    assert factor.kind is Factorisation.SUPERNODES
+    factor = Factor(matrix, mesh.vertices)
     assert (len(factor.inverse.coarse) > 0) == (coarse_from == 1)
     wanted = spsolve(matrix, right)
     np.testing.assert_allclose(solved(factor, right), wanted, atol=1e-9 * np.abs(wanted).max())
-
-
-def test_16_bits_are_left_where_they_are_too_coarse(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A long bar that is held very weakly keeps its factor in double precision, which its softest motions need."""
-    monkeypatch.setattr(factors.Factor, "COARSE_FROM", 1)
-    mesh = MESHES["row"]
-    held = sparse.diags_array(np.where(mesh.vertices[:, 0] < 1e-9, 1e-12, 0.0))
-    matrix = (assemble(shape_operators(mesh.vertices, mesh.cells), *np.ones((2, 300))) + held).tocsc()
-    factor = Factor(matrix, mesh.vertices, Factorisation.SUPERNODES)
-    assert len(factor.inverse.coarse) == 0
-    right = right_of(mesh)
-    wanted = spsolve(matrix, right)
-    np.testing.assert_allclose(solved(factor, right), wanted, atol=1e-2 * np.abs(wanted).max())
 
 
 def test_pieces_that_nothing_joins_are_solved_each() -> None:
@@ -85,7 +71,7 @@ def test_pieces_that_nothing_joins_are_solved_each() -> None:
     both = sparse.block_diag([one, one, [[2.0]]]).tocsc()
     points = np.concatenate([mesh.vertices, mesh.vertices + np.array([0.0, 3.0, 0.0]), [[9.0, 9.0, 9.0]]])
     right = right_of(mesh)
-    found = solved(Factor(both, points, Factorisation.SUPERNODES), np.concatenate([right, 2.0 * right, [[2.0] * 3]]))
+    found = solved(Factor(both, points), np.concatenate([right, 2.0 * right, [[2.0] * 3]]))
     wanted = spsolve(one, right)
     np.testing.assert_allclose(found, np.concatenate([wanted, 2.0 * wanted, [[1.0] * 3]]), rtol=1e-8, atol=1e-12)
 
@@ -96,7 +82,7 @@ def test_a_matrix_that_is_not_definite_is_regularised() -> None:
     matrix = stiffness(mesh, springs=0.0)
     right = right_of(mesh)
     right -= right.mean(axis=0)
-    found = solved(Factor(matrix, mesh.vertices, Factorisation.SUPERNODES), right)
+    found = solved(Factor(matrix, mesh.vertices), right)
     assert np.isfinite(found).all()
     np.testing.assert_allclose(matrix @ found, right, atol=1e-3 * np.abs(right).max())
 
@@ -104,7 +90,7 @@ def test_a_matrix_that_is_not_definite_is_regularised() -> None:
 def test_the_same_bits_in_every_thread() -> None:
     """Solving in four threads with one factor gives the same bits."""
     mesh = MESHES["cube"]
-    factor = Factor(stiffness(mesh), mesh.vertices, Factorisation.SUPERNODES)
+    factor = Factor(stiffness(mesh), mesh.vertices)
     right = right_of(mesh)
     alone = solved(factor, right)
     with ThreadPoolExecutor(4) as pool:
@@ -124,10 +110,7 @@ def test_dissection_fills_less_where_a_body_is_thick() -> None:
     """For a cube of 15 cells per edge, nested dissection has at most 0.8 of the narrow order's entries."""
     mesh = bar([1.0, 1.0, 1.0], [15, 15, 15])
     graph = stiffness(mesh).tocsr()
-    narrow, halves = (
-        factors.eliminated(graph, [order(graph, mesh.vertices)], power=1).entries
-        for order in (factors.narrow_order, factors.dissected)
-    )
+    narrow, halves = (eliminated(graph, [order(graph, mesh.vertices)]).entries for order in (narrow_order, dissected))
     assert halves < 0.8 * narrow
 
 

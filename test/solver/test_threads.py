@@ -36,7 +36,7 @@ def _digests(threads: int) -> dict[str, list[str]]:
 
 
 def test_every_number_of_threads_gives_the_same_bits() -> None:
-    """Three scenes, one of them with a factor of 16 bits, have the same bits with 1, 2 and 3 threads."""
+    """Three scenes, one of them with a factor in single precision, have the same bits with 1, 2 and 3 threads."""
     one, two, three = (_digests(threads) for threads in (1, 2, 3))
     assert one == two == three
     assert {name: len(digests) for name, digests in one.items()} == dict.fromkeys([*SCENES, "tensile"], 2)

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from gdfe_ros.compiled import kernel, vector_kernel
 from gdfe_ros.mesh.operators import ShapeOperators
 from gdfe_ros.solver.elements.cell_type import cell_type_of
-from gdfe_ros.solver.matrix.factor import Factorisation, factor_of, usual_kind
+from gdfe_ros.solver.matrix.factor import Factorisation, factor_of
 from gdfe_ros.solver.matrix.inverse import Inverse, apply_free
 from gdfe_ros.solver.matrix.substitution import solve_rigid
 from gdfe_ros.solver.matrix.unknowns import Unknowns, clear_fixed
@@ -176,8 +176,8 @@ class ConstantMatrix:
                 (self.ROLLING * block.diagonal()[rolling], (rolling, rolling)), block.shape
             )
         self._prescribed = rows[:, unknowns.prescribed].tocsr()
-        self._factor = factor_of(block, rest[free], library or usual_kind(len(free)))
-        self.kind = self._factor.kind
+        self._factor = factor_of(block, rest[free])
+        self.kind = library or Factorisation.SUPERNODES
         self.coupling = couple(matrix, rest, unknowns, self.solve, self._factor.inverse)
 
     def solve(self, right: NDArray[np.float64], out: NDArray[np.float64]) -> None:

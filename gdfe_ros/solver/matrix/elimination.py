@@ -224,16 +224,13 @@ class Supernodes(NamedTuple):
         return cls(order, parent, *merge(parent, column_heights(indptr, indices, order, rank, parent), slack, NARROW))
 
 
-def eliminated(
-    graph: sparse.csr_matrix, orders: Sequence[NDArray[np.int64]], *, power: int, slack: float = SLACK
-) -> Elimination:
-    """Return the cheapest elimination of the vertices of a symmetric graph (f, f), of several orders (f,).
+def eliminated(graph: sparse.csr_matrix, orders: Sequence[NDArray[np.int64]], *, slack: float = SLACK) -> Elimination:
+    """Return the elimination of a symmetric graph (f, f) with the least work, of several orders (f,).
 
-    Two supernodes are merged if at most the fraction ``slack`` of the merged entries are zeros. Costs grow with this
-    ``power`` of the supernodes' heights: 1 for the entries of the factor, 2 for the work of a factorisation.
+    Two supernodes are merged if at most the fraction ``slack`` of the merged entries are zeros.
     """
     known = [Supernodes.of(graph, order, slack) for order in orders]
-    found = min(known, key=lambda each: int(np.diff(each.first) @ each.heights**power))
+    found = min(known, key=lambda each: int(np.diff(each.first) @ each.heights**2))
     rank, ends, sorted_graph = np.argsort(found.order), found.first[1:], graph[found.order]
     upper = found.parent[ends - 1]
     above = np.where(upper < 0, -1, np.searchsorted(ends, upper, side="right"))
@@ -247,63 +244,6 @@ def eliminated(
         children[int(above[node])].append(node)
     row_start = np.concatenate([[0], np.cumsum(found.heights)])
     return Elimination(found.order, found.first, np.concatenate([np.zeros(0, np.int64), *rows]), row_start, above)
-
-
-def grouped(found: Elimination, count: int) -> tuple[Elimination, NDArray[np.int64]]:
-    """Return an elimination with its supernodes sorted into ``count`` groups, and the groups' offsets (count + 1,).
-
-    A group consists of whole subtrees, so that groups are independent of each other. Large subtrees are divided until
-    each has at most a group's mean number of entries. The supernodes above these subtrees come last.
-    """
-    if count == 0:
-        return found, np.zeros(1, np.int64)
-    work = found.widths * found.heights
-    whole = work.copy()
-    for node, above in enumerate(found.parent):
-        if above >= 0:
-            whole[above] += whole[node]
-    roots, group = _opened(found, whole, count), np.full(len(work), -1)
-    filled = np.zeros(count)
-    for root in sorted(roots, key=lambda node: -whole[node]):
-        group[root] = np.argmin(filled)
-        filled[group[root]] += whole[root]
-    for node in range(len(work) - 1, -1, -1):
-        if group[node] < 0 and found.parent[node] >= 0:
-            group[node] = group[found.parent[node]]
-    group[group < 0] = count
-    nodes = np.argsort(group, kind="stable")
-    return _reordered(found, nodes), np.searchsorted(group[nodes], np.arange(count + 1))
-
-
-def _opened(found: Elimination, whole: NDArray[np.int64], count: int) -> list[int]:
-    """Return the roots of the largest subtrees with at most a group's mean number of entries."""
-    below: dict[int, list[int]] = {}
-    for node, above in enumerate(found.parent.tolist()):
-        below.setdefault(above, []).append(node)
-    waiting, roots = list(below[-1]), []
-    most = found.entries / count
-    while waiting:
-        node = waiting.pop()
-        if whole[node] > most:
-            waiting += below.get(node, [])
-        else:
-            roots.append(node)
-    return roots
-
-
-def _reordered(found: Elimination, nodes: NDArray[np.int64]) -> Elimination:
-    """Return the same elimination with its supernodes (s,) in another order that keeps children before parents."""
-    place, widths = np.argsort(nodes), found.widths
-    first = np.concatenate([[0], np.cumsum(widths[nodes])])
-    moved = first[place] - found.first[:-1]
-    owner = np.searchsorted(found.first, found.rows, side="right") - 1
-    rows, node = found.rows + moved[owner], place[found.owner]
-    ascending = np.lexsort((rows, node))
-    order = np.empty_like(found.order)
-    order[np.arange(len(order)) + np.repeat(moved, widths)] = found.order
-    row_start = np.concatenate([[0], np.cumsum(found.heights[nodes])])
-    parent = np.where(found.parent[nodes] >= 0, place[found.parent[nodes]], -1)
-    return Elimination(order, first, rows[ascending], row_start, parent)
 
 
 LEAF = 60

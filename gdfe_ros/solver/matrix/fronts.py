@@ -15,7 +15,7 @@ from numpy import uint64
 from numpy.typing import NDArray
 
 from gdfe_ros.compiled import inlined, internal, kernel, vector_internal
-from gdfe_ros.solver.matrix.elimination import dissected, eliminated, least_degree, narrow_order
+from gdfe_ros.solver.matrix.elimination import SLACK, dissected, eliminated, least_degree, narrow_order
 from gdfe_ros.solver.matrix.rotation import unrotated
 from gdfe_ros.solver.matrix.substitution import PANEL, Kept, Plan, solve_columns, solve_unturned
 from gdfe_ros.solver.vectors import clear_part, copy_part
@@ -26,16 +26,16 @@ TILE = 256
 
 @internal
 def gather(blocks, parts, begin, end, front, width):
-    """Write the blocks from ``begin`` up to ``end`` of ``blocks`` (k, 3, 3) into a supernode's front (width, width)."""
+    """Write the blocks from ``begin`` up to ``end`` of ``blocks`` (k, s, s) into a supernode's front (width, width)."""
     for k in range(begin, end):
         block, at = blocks[parts[k, 0]], parts[k, 1] * width + parts[k, 2]
-        for i in range(3):
-            for j in range(3):
+        for i in range(len(block)):
+            for j in range(len(block)):
                 front[at + i * width + j] = block[i, j]
 
 
 @vector_internal
-def extend(update, start, stride, places, ends, front, width):
+def extend(update, start, stride, size, places, ends, front, width):
     """Add a child's update matrix, upper triangle, to the vertices ``places`` (p,) of the front.
 
     The first row of the update matrix begins at ``start``, and each further one ``stride`` entries later. Consecutive
@@ -47,10 +47,10 @@ def extend(update, start, stride, places, ends, front, width):
     for a in range(count):
         first = a
         while first < count:
-            for i in range(3):
-                begin = 3 * first + (i if first == a else 0)
-                length, to = 3 * ends[first] - begin, begin + 3 * (places[first] - first)
-                at, line = start + (3 * a + i) * stride + begin, (3 * places[a] + i) * width + to
+            for i in range(size):
+                begin = size * first + (i if first == a else 0)
+                length, to = size * ends[first] - begin, begin + size * (places[first] - first)
+                at, line = start + (size * a + i) * stride + begin, (size * places[a] + i) * width + to
                 row, sums = update[at : at + length], front[line : line + length]
                 for j in range(uint64(length)):
                     sums[j] += row[j]
@@ -83,12 +83,17 @@ def eliminate(front, width, own, panel):
 
 
 @inlined
-def column(front, at, width, full):
-    """Return the entry of the front at ``at`` and the five entries below it; the last three are 0 if not ``full``."""
-    a, b, c, none = front[at], front[at + width], front[at + 2 * width], front.dtype.type(0.0)
-    if not full:
-        return a, b, c, none, none, none
-    return a, b, c, front[at + 3 * width], front[at + 4 * width], front[at + 5 * width]
+def column(front, at, width, count):
+    """Return the entry of the front at ``at`` and the five entries below it; 0 for those beyond ``count``."""
+    none = front.dtype.type(0.0)
+    return (
+        front[at],
+        front[at + width] if count > 1 else none,
+        front[at + 2 * width] if count > 2 else none,
+        front[at + 3 * width] if count > 3 else none,
+        front[at + 4 * width] if count > 4 else none,
+        front[at + 5 * width] if count > 5 else none,
+    )
 
 
 @vector_internal
@@ -98,7 +103,7 @@ def subtract(front, width, first, last, panel):
     Two rows are updated at a time, because they share the loads of the factor's rows. Entries below the diagonal are
     changed, too, and never used.
     """
-    next_row, full = uint64(TILE), last - first == PANEL
+    next_row, count = uint64(TILE), last - first
     for begin in range(last, width, TILE):
         end = min(begin + TILE, width)
         for k in range(PANEL):
@@ -108,8 +113,8 @@ def subtract(front, width, first, last, panel):
                 clear_part(panel, k * TILE, end - begin)
         for i in range(last, end, 2):
             at, pair = first * width + i, i + 1 < end
-            a, b, c, d, e, f = column(front, at, width, full)
-            u, v, w, x, y, z = column(front, at + pair, width, full)
+            a, b, c, d, e, f = column(front, at, width, count)
+            u, v, w, x, y, z = column(front, at + pair, width, count)
             row = front[i * width + begin : i * width + end]
             low = front[(i + 1) * width + begin : (i + 1) * width + end] if pair else panel[PANEL * TILE :]
             for j in range(uint64(max(i, begin) - begin), uint64(end - begin)):
@@ -139,12 +144,10 @@ def factor_fronts(blocks, parts, plan, fronts, panel, ends, stack, values):
     A supernode's update matrix stays in its front if its parent comes next, or else on the ``stack`` until its parent
     uses it; children directly precede their parent.
     """
-    top, before, wide, done = 0, fronts[0], 0, 0
+    top, before, wide, done, size = 0, fronts[0], 0, 0, blocks.shape[1]
     for node in range(len(plan.first) - 1):
-        width, own = (
-            3 * (plan.row_start[node + 1] - plan.row_start[node]),
-            3 * (plan.first[node + 1] - plan.first[node]),
-        )
+        width = size * (plan.row_start[node + 1] - plan.row_start[node])
+        own = size * (plan.first[node + 1] - plan.first[node])
         front = fronts[node % 2]
         for i in range(width):
             clear_part(front, i * width + i, width - i)
@@ -154,10 +157,10 @@ def factor_fronts(blocks, parts, plan, fronts, panel, ends, stack, values):
             beyond = plan.row_start[child] + plan.first[child + 1] - plan.first[child]
             places = plan.inside[beyond : plan.row_start[child + 1]]
             if child == node - 1:
-                extend(before, done * wide + done, wide, places, ends, front, width)
+                extend(before, done * wide + done, wide, size, places, ends, front, width)
             else:
-                top -= 9 * len(places) ** 2
-                extend(stack, top, 3 * len(places), places, ends, front, width)
+                top -= (size * len(places)) ** 2
+                extend(stack, top, size * len(places), size, places, ends, front, width)
         if not eliminate(front, width, own, panel):
             return False
         at, left = plan.value_start[node], width - own
@@ -174,8 +177,10 @@ class Fronts:
     """Factors matrices of one pattern in succession, and solves with the last factor.
 
     Args:
-        graph: (f, f) symmetric pattern with an entry for each block (3, 3) of the matrices, in the order of the blocks.
+        graph: (f, f) symmetric pattern with an entry for each block (s, s) of the matrices, in the order of the blocks.
         points: (f, 3) positions of the vertices [m].
+        size: number s of a vertex' rows: 3, or 1 for a matrix that acts on x, y and z alike.
+        slack: largest fraction of zeros in a supernode.
         kind: precision in which the factor is kept; it is always computed in double precision.
 
     Attributes:
@@ -186,17 +191,23 @@ class Fronts:
     """
 
     def __init__(
-        self, graph: sparse.csr_matrix, points: NDArray[np.float64], *, kind: type[np.floating] = np.float32
+        self,
+        graph: sparse.csr_matrix,
+        points: NDArray[np.float64],
+        *,
+        size: int = 3,
+        slack: float = SLACK,
+        kind: type[np.floating] = np.float32,
     ) -> None:
         orders = narrow_order(graph, points), least_degree(graph), dissected(graph, points)
-        found = eliminated(graph, orders, power=2)
+        found = eliminated(graph, orders, slack=slack)
         widths, heights = found.widths, found.heights
-        self.price = round(3 * found.work / max(1, 8 * found.entries))
-        room = 3 * int(heights.max(initial=0))
+        self.price = round(size * found.work / max(1, 8 * found.entries))
+        room = size * int(heights.max(initial=0))
         inner = found.parent >= 0
         children = np.argsort(found.parent, kind="stable")[np.sum(~inner) :]
         taken, row, place, part_start = found.parts(graph)
-        self._parts = np.stack([taken, 3 * row, 3 * place], axis=1)
+        self._parts = np.stack([taken, size * row, size * place], axis=1)
         self._plan = Plan(
             found.first,
             found.row_start,
@@ -206,18 +217,20 @@ class Fronts:
             _starts(np.bincount(found.parent[inner], minlength=len(widths))),
             found.parent,
             part_start,
-            _starts(9 * widths * heights),
+            _starts(size**2 * widths * heights),
         )
-        left = 9 * (heights - widths) ** 2
+        left = (size * (heights - widths)) ** 2
         taken = np.bincount(found.parent[inner], weights=left[inner], minlength=len(widths)).astype(np.int64)
         self._room, self._height = room, int(np.cumsum(left - taken).max(initial=0))
-        self.operations = 27 * int(found.work)
+        self.operations = size**3 * int(found.work)
         self._kind = np.dtype(kind)
         self.memory = self._kind.itemsize * int(self._plan.value_start[-1]) + 8 * (2 * room**2 + self._height)
         self._ends = np.empty(room, np.int64)
-        rows, empty = 3 * len(found.order), {"values": np.empty(0, kind), "local": np.empty(room)}
-        bare = Kept.none(rows)._replace(plan=self._plan, order=found.order, **empty)
-        self.kept = bare._replace(x=np.empty(rows), harmonic=np.zeros((rows, 0)), frames=unrotated(len(found.order)))
+        count, empty = len(found.order), {"values": np.empty(0, kind), "local": np.empty((1, room))}
+        bare = Kept.none(3 * count)._replace(plan=self._plan, order=found.order, **empty)
+        self.kept = bare._replace(
+            x=np.empty((1, 3 * count)), harmonic=np.zeros((3 * count, 0)), frames=unrotated(count)
+        )
         self._fronts = self._panel = self._stack = np.empty(0)
 
     def _allocate(self) -> None:
@@ -227,7 +240,7 @@ class Fronts:
         self.kept = self.kept._replace(values=np.empty(self._plan.value_start[-1], self._kind))
 
     def factor(self, blocks: NDArray[np.float64]) -> bool:
-        """Factor a matrix of blocks (k, 3, 3); return whether it is positive definite. Otherwise it has no factor."""
+        """Factor a matrix of blocks (k, s, s); return whether it is positive definite. Otherwise it has no factor."""
         if not len(self.kept.values):
             self._allocate()
         return factor_fronts(

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Compiled solutions with a kept sparse factor K = U^T U: forward and backward, supernode by supernode.
 
-Six rows of the factor (two vertices) are processed at a time. Inner loops count in unsigned numbers: a possibly
+Six rows of the factor (two vertices) are processed at a time. A factor with one row for each vertex serves x, y and z:
+three right-hand sides are solved together, with four rows at a time. Inner loops count in unsigned numbers: a possibly
 negative index would cost a test in each iteration and prevent SIMD.
 
 Two corrections follow, if a body needs them. First, handles with a free axis have rigid rows in addition to the rows of
@@ -59,7 +60,7 @@ class Kept(NamedTuple):
         plan: the index arrays.
         values: entries of the factor, in single or double precision; the next factorisation overwrites them.
         order: (f,) vertices in the order of their elimination.
-        x, local: scratch.
+        x, local: scratch (1, 3 f) and (1, w).
         harmonic: (3 f, q) displacement of the free vertices that each rigid row causes, times -1.
         schur: (q, q) inverse of the Schur complement S.
         springs: (m, 3 f + q) rows G.
@@ -87,9 +88,11 @@ class Kept(NamedTuple):
     @classmethod
     def none(cls, rows: int) -> Kept:
         """Return an empty factor, in place of which the constant matrix preconditions ``rows`` unknowns."""
-        index, real, squares = np.zeros(0, np.int64), np.zeros(0), [np.zeros((0, 0))] * 5
+        index, squares = np.zeros(0, np.int64), [np.zeros((0, 0))] * 5
         values, frames, turned = np.zeros(0, np.float32), np.zeros((0, 9)), np.zeros(rows)
-        return cls(Plan(*[index] * 9), values, index, real, real, *squares, frames, turned, index)
+        return cls(
+            Plan(*[index] * 9), values, index, np.zeros((1, 0)), np.zeros((1, 0)), *squares, frames, turned, index
+        )
 
 
 @vector_kernel
@@ -166,48 +169,84 @@ def connect(springs, reach, inner, out):
 @vector_internal
 def solve_free(kept, right, out):
     """Write K^-1 ``right`` (3 f,) of the free vertices to ``out`` (3 f,)."""
-    plan, values, x, local = kept.plan, kept.values, kept.x, kept.local
+    x = kept.x
     for i in range(len(kept.order)):
         for axis in range(3):
-            x[3 * i + axis] = right[3 * kept.order[i] + axis]
-    reduce_all(values, plan, x, local)
-    expand_all(values, plan, x, local)
+            x[0, 3 * i + axis] = right[3 * kept.order[i] + axis]
+    solve_ordered(kept.values, kept.plan, (0, 1, 2), x, kept.local)
     for i in range(len(kept.order)):
         for axis in range(3):
-            out[3 * kept.order[i] + axis] = x[3 * i + axis]
+            out[3 * kept.order[i] + axis] = x[0, 3 * i + axis]
 
 
 @vector_internal
-def reduce_all(values, plan, x, local):
-    """Replace ``x`` by the solution y of U^T y = x, first row first; ``local`` is scratch for any supernode's rows."""
+def solve_ordered(values, plan, axes, x, local):
+    """Replace each row of ``x`` (k, s f), in the order of elimination, by the solution for it.
+
+    A vertex has as many rows of the factor as ``axes`` has numbers: s = 3 with k = 1, or s = 1 with k = 3. ``local``
+    (k, w) is scratch for the rows of any supernode.
+    """
     for node in range(len(plan.first) - 1):
-        begin, end = plan.row_start[node], plan.row_start[node + 1]
-        width, own = 3 * (end - begin), 3 * (plan.first[node + 1] - plan.first[node])
-        start = 3 * plan.first[node]
-        copy_part(local, 0, x, start, own)
-        clear_part(local, own, width - own)
-        reduce_rows(values, plan.value_start[node], local, width, own)
-        copy_part(x, start, local, 0, own)
-        for k in range(own // 3, end - begin):
-            row = 3 * plan.rows[begin + k]
-            for i in range(3):
-                x[row + i] += local[3 * k + i]
-
-
-@vector_internal
-def expand_all(values, plan, x, local):
-    """Replace ``x`` by the solution y of U y = x, last row first; ``local`` is scratch for any supernode's rows."""
+        rows = plan.rows[plan.row_start[node] : plan.row_start[node + 1]]
+        reduce_node(values, plan.value_start[node], rows, axes, plan.first[node], plan.first[node + 1], x, local)
     for node in range(len(plan.first) - 2, -1, -1):
-        begin, end = plan.row_start[node], plan.row_start[node + 1]
-        width, own = 3 * (end - begin), 3 * (plan.first[node + 1] - plan.first[node])
-        start = 3 * plan.first[node]
-        copy_part(local, 0, x, start, own)
-        for k in range(own // 3, end - begin):
-            row = 3 * plan.rows[begin + k]
-            for i in range(3):
-                local[3 * k + i] = x[row + i]
-        expand_rows(values, plan.value_start[node], local, width, own)
-        copy_part(x, start, local, 0, own)
+        rows = plan.rows[plan.row_start[node] : plan.row_start[node + 1]]
+        expand_node(values, plan.value_start[node], rows, axes, plan.first[node], plan.first[node + 1], x, local)
+
+
+@inlined
+def reduce_node(values, at, rows, axes, first, last, x, local):
+    """Solve U^T y = x in the rows of a supernode, and subtract the products from its other rows."""
+    size, own = len(axes), last - first  # the size is a constant of the compiled code
+    for k in range(len(x)):
+        copy_part(local[k], 0, x[k], size * first, size * own)
+        clear_part(local[k], size * own, size * (len(rows) - own))
+    if size == 3:
+        reduce_rows(values, at, local[0], size * len(rows), size * own)
+    else:
+        reduce_three(values, at, local[0], local[1], local[2], len(rows), own)
+    for k in range(len(x)):
+        copy_part(x[k], size * first, local[k], 0, size * own)
+        for n in range(own, len(rows)):
+            for i in range(size):
+                x[k, size * rows[n] + i] += local[k, size * n + i]
+
+
+@inlined
+def expand_node(values, at, rows, axes, first, last, x, local):
+    """Solve U y = x in the rows of a supernode; the solution in its other rows is known."""
+    size, own = len(axes), last - first
+    for k in range(len(x)):
+        copy_part(local[k], 0, x[k], size * first, size * own)
+        for n in range(own, len(rows)):
+            for i in range(size):
+                local[k, size * n + i] = x[k, size * rows[n] + i]
+    if size == 3:
+        expand_rows(values, at, local[0], size * len(rows), size * own)
+    else:
+        expand_three(values, at, local[0], local[1], local[2], len(rows), own)
+    for k in range(len(x)):
+        copy_part(x[k], size * first, local[k], 0, size * own)
+
+
+@inlined
+def reduce_panel(rows, width, first, last, local):
+    """Solve some ``rows`` of U^T, those from ``first`` up to ``last`` of a supernode, in these rows alone."""
+    for i in range(first, last):
+        total = local[i]
+        for k in range(first, i):
+            total -= rows[(k - first) * width + i] * local[k]
+        local[i] = total * rows[(i - first) * width + i]
+
+
+@inlined
+def expand_panel(rows, width, first, last, local):
+    """Solve some ``rows`` of U, those from ``first`` up to ``last`` of a supernode, in these rows alone."""
+    for i in range(last - 1, first - 1, -1):
+        total = local[i]
+        for k in range(i + 1, last):
+            total -= rows[(i - first) * width + k] * local[k]
+        local[i] = total * rows[(i - first) * width + i]
 
 
 @vector_internal
@@ -216,11 +255,7 @@ def reduce_rows(values, at, local, width, own):
     for first in range(0, own, PANEL):
         last = min(first + PANEL, own)
         rows = values[at + first * width : at + last * width]
-        for i in range(first, last):
-            total = local[i]
-            for k in range(first, i):
-                total -= rows[(k - first) * width + i] * local[k]
-            local[i] = total * rows[(i - first) * width + i]
+        reduce_panel(rows, width, first, last, local)
         p, q, r, n = local[first], local[first + 1], local[first + 2], uint64(width)
         if last - first == PANEL:
             s, t, u = local[first + 3], local[first + 4], local[first + 5]
@@ -270,77 +305,95 @@ def expand_rows(values, at, local, width, own):
         local[first] -= p
         local[first + 1] -= q
         local[first + 2] -= r
-        for i in range(last - 1, first - 1, -1):
-            total = local[i]
-            for k in range(i + 1, last):
-                total -= rows[(i - first) * width + k] * local[k]
-            local[i] = total * rows[(i - first) * width + i]
+        expand_panel(rows, width, first, last, local)
+
+
+TAKEN = 4
+"""Rows that are solved together for three right-hand sides: more do not fit into the registers."""
+
+
+@inlined
+def places_of(count, width):
+    """Return where a panel's second to fourth row begin; the last of its ``count`` rows stands for missing ones."""
+    return uint64(min(1, count - 1) * width), uint64(min(2, count - 1) * width), uint64((count - 1) * width)
+
+
+@inlined
+def four_of(local, first, count):
+    """Return four numbers of ``local`` from ``first`` on; 0 for the missing ones beyond ``count``."""
+    return (
+        local[first],
+        local[first + 1] if count > 1 else 0.0,
+        local[first + 2] if count > 2 else 0.0,
+        local[first + 3] if count > 3 else 0.0,
+    )
+
+
+@vector_internal
+def reduce_three(values, at, u, v, w, width, own):
+    """Do `reduce_rows` for three right-hand sides ``u``, ``v`` and ``w``."""
+    for first in range(0, own, TAKEN):
+        last = min(first + TAKEN, own)
+        rows, (b, c, d) = values[at + first * width : at + last * width], places_of(last - first, width)
+        for local in (u, v, w):
+            reduce_panel(rows, width, first, last, local)
+        u0, u1, u2, u3 = four_of(u, first, last - first)
+        v0, v1, v2, v3 = four_of(v, first, last - first)
+        w0, w1, w2, w3 = four_of(w, first, last - first)
+        for j in range(uint64(last), uint64(width)):
+            p, q, r, s = rows[j], rows[j + b], rows[j + c], rows[j + d]
+            u[j] -= u0 * p + u1 * q + u2 * r + u3 * s
+            v[j] -= v0 * p + v1 * q + v2 * r + v3 * s
+            w[j] -= w0 * p + w1 * q + w2 * r + w3 * s
+
+
+@vector_internal
+def expand_three(values, at, u, v, w, width, own):
+    """Do `expand_rows` for three right-hand sides ``u``, ``v`` and ``w``."""
+    for first in range((own - 1) // TAKEN * TAKEN, -1, -TAKEN):
+        last, none = min(first + TAKEN, own), u.dtype.type(0.0)
+        rows, (b, c, d) = values[at + first * width : at + last * width], places_of(last - first, width)
+        u0, u1, u2, u3, v0, v1 = none, none, none, none, none, none
+        v2, v3, w0, w1, w2, w3 = none, none, none, none, none, none
+        for j in range(uint64(last), uint64(width)):
+            p, q, r, s = rows[j], rows[j + b], rows[j + c], rows[j + d]
+            u0 += p * u[j]
+            u1 += q * u[j]
+            u2 += r * u[j]
+            u3 += s * u[j]
+            v0 += p * v[j]
+            v1 += q * v[j]
+            v2 += r * v[j]
+            v3 += s * v[j]
+            w0 += p * w[j]
+            w1 += q * w[j]
+            w2 += r * w[j]
+            w3 += s * w[j]
+        for local, taken in ((u, (u0, u1, u2, u3)), (v, (v0, v1, v2, v3)), (w, (w0, w1, w2, w3))):
+            for i in range(first, last):
+                local[i] -= taken[i - first]
+            expand_panel(rows, width, first, last, local)
 
 
 GROUP = 8
 """Number of columns of Y that are found together."""
-TILE = 512
-"""Number of rows of a supernode that are processed together; six rows of the factor stay in the fastest cache."""
+GROUP = 8
+"""Number of columns of Y that are found together."""
 WIDE, HIGH = 256, 128
 """Columns and rows of a product that are computed together."""
 
 
 @kernel
 def reduce_columns(values, plan, used, x, local):
-    """Replace each row y of ``x`` (`GROUP`, 3 f), in the order of elimination, by the solution of U^T y = x.
+    """Replace each row y of ``x`` (k, 3 f), in the order of elimination, by the solution of U^T y = x.
 
-    ``used`` (s,) marks the supernodes on the paths to the root; ``local`` (`GROUP`, w) is scratch for the rows of any
-    supernode.
+    ``used`` (s,) marks the supernodes on the paths to the root; the first row of ``local`` is scratch.
     """
     for node in range(len(plan.first) - 1):
-        if not used[node]:
-            continue
-        begin, own = plan.row_start[node], 3 * (plan.first[node + 1] - plan.first[node])
-        width, start = 3 * (plan.row_start[node + 1] - begin), 3 * plan.first[node]
-        local[:, :own], local[:, own:width] = x[:, start : start + own], 0.0
-        for first in range(0, own, PANEL):
-            last, at = min(first + PANEL, own), plan.value_start[node] + first * width
-            for y in local:
-                for i in range(first, last):
-                    total = y[i]
-                    for k in range(first, i):
-                        total -= values[at + (k - first) * width + i] * y[k]
-                    y[i] = total * values[at + (i - first) * width + i]
-            for left in range(last, width, TILE):
-                subtract_rows(values[at : at + (last - first) * width], width, local, first, left)
-        x[:, start : start + own] = local[:, :own]
-        for k in range(GROUP):
-            y, sums = local[k], x[k]
-            for n in range(own // 3, width // 3):
-                row = 3 * plan.rows[begin + n]
-                for i in range(3):
-                    sums[row + i] += y[3 * n + i]
-
-
-@internal
-def subtract_rows(rows, width, local, first, left):
-    """Subtract three or six ``rows`` of a supernode from a tile of the columns ``local``, two columns at a time."""
-    full, right = len(rows) == PANEL * width, min(left + TILE, width)
-    a, b, c = rows[left:right], rows[width + left : width + right], rows[2 * width + left : 2 * width + right]
-    beside = 3 * width if full else 0  # three rows are read twice, the second time with factors of zero
-    d, e = rows[beside + left : beside + right], rows[beside + width + left : beside + width + right]
-    f = rows[beside + 2 * width + left : beside + 2 * width + right]
-    for k in range(0, GROUP, 2):
-        tile, low = local[k, left:right], local[k + 1, left:right]
-        p, q, r, s, t, u = factors(local[k], first, full)
-        p2, q2, r2, s2, t2, u2 = factors(local[k + 1], first, full)
-        for j in range(uint64(right - left)):
-            v, w, x, y, z, o = a[j], b[j], c[j], d[j], e[j], f[j]
-            tile[j] -= p * v + q * w + r * x + s * y + t * z + u * o
-            low[j] -= p2 * v + q2 * w + r2 * x + s2 * y + t2 * z + u2 * o
-
-
-@inlined
-def factors(y, first, full):
-    """Return six numbers of ``y`` from ``first`` on; the last three are zero if not ``full``."""
-    if not full:
-        return y[first], y[first + 1], y[first + 2], 0.0, 0.0, 0.0
-    return y[first], y[first + 1], y[first + 2], y[first + 3], y[first + 4], y[first + 5]
+        if used[node]:
+            at, rows = plan.value_start[node], plan.rows[plan.row_start[node] : plan.row_start[node + 1]]
+            for k in range(len(x)):
+                reduce_node(values, at, rows, (0, 1, 2), plan.first[node], plan.first[node + 1], x[k : k + 1], local)
 
 
 @kernel

@@ -20,6 +20,7 @@ from gdfe_ros.errors import ENDED, GdfeError
 from gdfe_ros.materials.table import MaterialTable
 from gdfe_ros.solver.descent.workspace import Problem
 from gdfe_ros.solver.elements.blocks import Operators
+from gdfe_ros.solver.elements.measures import update_hourglass_scales
 from gdfe_ros.solver.elements.response import evaluate
 from gdfe_ros.solver.equilibrium.energy import EquilibriumSolver
 from gdfe_ros.solver.equilibrium.solve import Solve
@@ -28,7 +29,7 @@ from gdfe_ros.solver.forces.reactions import vertex_forces
 from gdfe_ros.solver.matrix.unknowns import HandlePositions, gather_rigid_rows, place
 from gdfe_ros.solver.minimise.level import TangentLevel
 from gdfe_ros.solver.sensitivity.krylov import ConjugateResiduals
-from gdfe_ros.solver.sensitivity.softening import Volumes, add_products, slopes
+from gdfe_ros.solver.sensitivity.volumes import Volumes
 from gdfe_ros.solver.state import State
 from gdfe_ros.solver.terms.multiplier import Multipliers
 from gdfe_ros.solver.terms.term import terms_energy
@@ -178,8 +179,11 @@ class Linearised:
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return dF (n, 3) [N] and dU (k,) for a displacement (n, 3) [m] and a change of the multipliers (k,)."""
         forces, change = self._beside(motion, multipliers)
-        add_products(self._stiffness, self._softened, self._slopes, self.body.cells, motion, forces)
-        return forces, change
+        local = motion[self.body.cells]
+        own = (self._stiffness @ local.reshape(len(local), -1, 1)).reshape(local.shape)
+        if len(self.softening):
+            own += self._softened * self._scale_change(motion)[:, None, None]
+        return forces + self._summed(own), change
 
     def solve(
         self, forces: NDArray[np.float64], change: NDArray[np.float64], turned: NDArray[np.float64]
@@ -238,19 +242,26 @@ class Linearised:
     def _soften(self, equilibrium: EquilibriumSolver) -> None:
         """Compute d(element forces)/d(hourglass scale), if the hourglass scales depend on strains."""
         self.softening = equilibrium.whole.softening if equilibrium.model.softening else np.zeros(0, np.int32)
-        self._slopes = self._softened = np.zeros((0, 3 * self.body.cells.shape[1]))
         if not len(self.softening):
             return
         body, shape = self.body, self.end.operators.shape
-        self._slopes = slopes(self.x, self.softening, shape, body.material, body.table)
         forces = []
         for side in (0.5, -0.5):  # the force is linear in the scale
             force, energies = self.no_forces(), np.zeros(len(body.material))
             given = self.x, shape, self.end.operators.blocks, self.volumes.material, self.volumes.pressure
             none = np.zeros(0, np.int32)
             evaluate(*given, self.scale + side, self.volumes.table, none, force, energies, None)
-            forces.append(force.reshape(len(force), -1))
+            forces.append(force)
         self._softened = forces[0] - forces[1]
+
+    def _scale_change(self, motion: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the derivative (m,) of the hourglass scales along a displacement (n, 3) [m]."""
+        step, sides = self.SPACING * self.body.size / max(np.abs(motion).max(initial=0.0), 1e-300), []
+        for sign in (step, -step):
+            sides.append(self.scale.copy())
+            given = self.softening, self.end.operators.shape, self.body.material, self.body.table
+            update_hourglass_scales(self.x + sign * motion, *given, sides[-1])
+        return (sides[0] - sides[1]) / (2.0 * step)
 
     def _turned_stiffness(self) -> NDArray[np.float64]:
         """Return d(rigid rows' generalised forces)/d(rigid rows) (3 q, 3 q) at constant vertex forces."""

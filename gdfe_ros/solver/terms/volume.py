@@ -39,14 +39,8 @@ class Products(NamedTuple):
     share: NDArray[np.float64]
 
 
-def _quad() -> Products:
-    """Return the products of a quad: the mean over both divisions into two triangles."""
-    corners = np.eye(4)[[[0, 0, 0, 1], [1, 2, 1, 2], [2, 3, 3, 3]]]
-    return Products(*np.ascontiguousarray(corners), np.full(4, 1.0 / 12.0))
-
-
-def _at_gauss_points() -> Products:
-    """Return the products of a bilinear quad at its 2 x 2 Gauss points, as integrals of the normal need them."""
+def _four() -> Products:
+    """Return the products of a bilinear quad at its 2 x 2 Gauss points."""
     signs = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
     factors = 1.0 + signs[None] * (GAUSS * signs)[:, None]
     along = [0.25 * signs[:, i] * factors[:, :, 1 - i] for i in (0, 1)]
@@ -60,9 +54,9 @@ def _six() -> Products:
     return Products(face_weights(places), *slopes, shares / 6.0)
 
 
-PRODUCTS = {4: _quad(), 6: _six()}
+PRODUCTS = {4: _four(), 6: _six()}
 """Dict from the number of a face's nodes to its products."""
-_N4, _G4, _H4, _S4 = _at_gauss_points()
+_N4, _G4, _H4, _S4 = PRODUCTS[4]
 _N6, _G6, _H6, _S6 = PRODUCTS[6]
 
 

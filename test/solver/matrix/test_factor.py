@@ -110,7 +110,7 @@ def test_what_is_filled_is_what_a_dense_factor_fills(slack: float, monkeypatch: 
     """Supernodes contain all entries of a dense factor, and no others if slack is zero."""
     monkeypatch.setattr(elimination, "NARROW", 0)
     graph, _ = _hand(2, 3)
-    found = eliminated(graph, [least_degree(graph)], power=2, slack=slack)
+    found = eliminated(graph, [least_degree(graph)], slack=slack)
     dense = graph.toarray()[np.ix_(found.order, found.order)] + 100.0 * np.eye(graph.shape[0])
     filled = np.zeros_like(dense, bool)
     for node in range(len(found.first) - 1):
@@ -127,7 +127,7 @@ def test_the_order_with_less_work_is_taken() -> None:
     graph, points = _hand(4, 20)
     found = Fronts(graph, points)
     assert found.factor(_blocks(graph))
-    assert len(found.kept.values) < 9 * eliminated(graph, [narrow_order(graph, points)], power=2).entries
+    assert len(found.kept.values) < 9 * eliminated(graph, [narrow_order(graph, points)]).entries
 
 
 def test_a_bar_is_as_narrow_as_its_cross_section() -> None:
