@@ -53,11 +53,12 @@ class Accounts:
     def after(self, before: State, now: State, h: float) -> Ledger:
         """Return the ledger after an internal step of length ``h`` [s], with the work by the trapezoidal rule.
 
+        The work of obstacles on rigid bodies is already in the ledger of ``now``, which is else that of ``before``.
         The uncertainty of the work is added to the bound. For each handle and command, the uncertainty is the
         difference between this work and the work of the force at one end of the step. The work of growth is unknown: if
         growth changes, the bound restarts.
         """
-        ledger, first, last = before.ledger, before.summary.reactions, now.summary.reactions
+        ledger, first, last = now.ledger, before.summary.reactions, now.summary.reactions
         # Most links of an arm touch nothing; without a force there is no work.
         acting = [name for name in now.poses if first[name].any() or last[name].any()]
         moves = [(first[name], last[name], _motion(before, now, name)) for name in acting]
