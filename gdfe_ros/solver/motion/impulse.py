@@ -9,7 +9,8 @@ points that press:
 
     L_n >= 0,  v_n + e v_0 >= 0,  L_n (v_n + e v_0) = 0,  |L_t| <= mu L_n, against the slip,
 
-with v_0 the speed at the beginning of the step, and e the restitution. The published forces are L / h.
+with v_0 the speed of approach at the beginning of the step, or without L if that is slower, and e the restitution. The
+published forces are L / h.
 """
 
 from __future__ import annotations
@@ -132,7 +133,7 @@ class ContactImpulses:
         for found, of in ((came, before.terms[NAME]["velocity"]), (speeds, velocity)):
             project(of[vertices].ravel(), *given, found)
             found -= led
-        speeds[:, 0] += restitution * np.minimum(came[:, 0], 0.0)
+        speeds[:, 0] += restitution * np.minimum(np.maximum(came[:, 0], speeds[:, 0]), 0.0)
         between, every = self._mass.inverse(now.positions, vertices), np.arange(count)
         join(every, *given, np.arange(len(vertices)), between, np.zeros((0, 9)), 1.0, w)
         w[3 * every, 3 * every] += np.concatenate([part.soft for part in parts]) / h**2
@@ -174,18 +175,24 @@ class ContactImpulses:
 
 
 def _publish(parts: Sequence[Pressing], forces: Array, before: State, now: State) -> State:
-    """Return ``now`` with the mean forces (k, 3) [N] of the points in the contacts' states and in the reactions."""
-    terms, reactions, first = dict(now.terms), dict(now.summary.reactions), 0
+    """Return ``now`` with the mean forces (k, 3) [N] of the points in the contacts' states and in the reactions.
+
+    The work of obstacles on rigid bodies, which no reaction contains, is added to the ledger.
+    """
+    terms, reactions, first, work = dict(now.terms), dict(now.summary.reactions), 0, now.ledger.work
     for part in parts:
         contact, last = part.contact, first + len(part.chosen)
-        pushes, shears = np.zeros(contact.count), np.zeros((contact.count, 3))
-        pushes[part.chosen] = forces[first:last, 0]
-        shears[part.chosen] = np.einsum("ka,kai->ki", forces[first:last, 1:], part.axes[:, 1:])
+        pushes, shears, own = np.zeros(contact.count), np.zeros((contact.count, 3)), forces[first:last]
+        pushes[part.chosen] = own[:, 0]
+        shears[part.chosen] = np.einsum("ka,kai->ki", own[:, 1:], part.axes[:, 1:])
         name, first = contact.name, last
         terms[name] = contact.exerted(before.terms[name], terms[name], pushes, shears)
         if contact.on_body:
             reactions[name] = contact.wrench(now.positions, terms[name])
-    return now.with_(terms=terms, summary=changed(now.summary, reactions=reactions))
+        else:
+            work += float(np.vdot(own, part.led))
+    ledger = changed(now.ledger, work=work)
+    return now.with_(terms=terms, summary=changed(now.summary, reactions=reactions), ledger=ledger)
 
 
 def _tell(text: str, now: State, *, converged: bool) -> State:

@@ -55,11 +55,12 @@ class Accounts:
     def after(self, before: State, now: State, h: float) -> Ledger:
         """Return the ledger after an internal step of length ``h`` [s], with the work by the trapezoidal rule.
 
+        The work of obstacles on rigid bodies is already in the ledger of ``now``, which is else that of ``before``.
         The uncertainty of the work is added to the bound. For each handle and command, the uncertainty is the
         difference between this work and the work of the force at one end of the step. The work of growth is unknown: if
         growth changes, the bound restarts.
         """
-        ledger, (work, doubt) = before.ledger, work_between(before, now, self._handles)
+        ledger, (work, doubt) = now.ledger, work_between(before, now, self._handles)
         drag = 0.0
         if self._dynamics.mass_damping:
             mean = 0.5 * (self._velocity(before) + self._velocity(now))

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gdfe_ros import Simulation
+from gdfe_ros import Command, Pose, Simulation
 from gdfe_ros.errors import SceneError
 from gdfe_ros.scene.loader import scene_from_text
 
@@ -65,6 +65,35 @@ def test_a_ball_rebounds_by_its_restitution(scheme: dict, restitution: float) ->
     landed = int(np.argmax(np.array(heights) < 1e-6))
     assert landed > 0
     assert max(heights[landed:]) == pytest.approx(0.1 * restitution**2, abs=0.002)
+
+
+@pytest.mark.parametrize("scheme", SCHEMES[1:])
+def test_a_tumbling_box_rebounds_without_a_gain_of_energy(scheme: dict) -> None:
+    """A box without friction that rebounds with e = 1, corner after corner, gains no energy, and no step fails."""
+    box = {"box": {"size": [0.04, 0.03, 0.05]}, "density": 500, "at": [0.3, 0, 0], "rotation_deg": [30, 47, 11]}
+    given = {"dynamics": {"step": 0.01, **scheme}, "bodies.ball": box, "obstacles.floor.restitution": 1.0}
+    simulation = Simulation(scene_from_text(FLOOR, overrides=given))
+    for _ in range(120):
+        result = simulation.step()
+        assert result.converged, result.message
+
+
+@pytest.mark.parametrize("scheme", SCHEMES)
+@pytest.mark.parametrize("direction", [(1.0, 0.0, 0.0), (0.0, 0.0, 1.0)])
+def test_an_obstacle_that_moves_a_rigid_box_works_on_it(scheme: dict, direction: tuple[float, ...]) -> None:
+    """A floor that suddenly moves at v, sideways or up, does the work m v^2 on a box, and m g times its height."""
+    box = {"box": {"size": [0.04, 0.04, 0.04]}, "density": 500, "at": [0.3, 0, -0.08]}
+    floor = {"plane": [0, 0, 1], "at": [0, 0, -0.1], "friction": 0.5}
+    given = {"dynamics": {"step": 0.002, **scheme}, "bodies.ball": box, "obstacles.floor": floor}
+    simulation, speed = Simulation(scene_from_text(FLOOR, overrides=given)), np.array(direction) * 0.2
+    for number in range(50):
+        result = simulation.step(Command(handles={"floor": Pose(translation=tuple(speed * 0.002 * (number + 1)))}))
+        assert result.converged, result.message
+    mass = simulation.scene.handles[-1].mass
+    raised = 9.81 * simulation.handle_pose("ball").translation[2]
+    assert result.energies["work"] == pytest.approx(mass * (speed @ speed + raised), rel=0.02)
+    velocities = simulation.stepper.velocities(simulation.state)[-4:]
+    np.testing.assert_allclose(velocities, np.tile(speed, (4, 1)), atol=1e-6)
 
 
 @pytest.mark.parametrize("given", [-0.1, 1.5])
