@@ -66,6 +66,8 @@ class Solve:
 
     ROUGH = 1e-2
     """Tolerance of the first minimisation if multipliers are updated, and are not extrapolated from a motion."""
+    FINER = 0.1
+    """Factor of the tolerance where multipliers still change, but by too little for another iteration."""
     LINEAR = 1e-4
     """Coarsest tolerance of the last minimisation in statics. Farther from the equilibrium, a step with the tangent
     does not measure the distance: the bending stiffness of a sheet or of a hanging bar changes within a thickness.
@@ -183,16 +185,18 @@ class Solve:
         task = self._placed(active, threads)
         updates = bool(len(active.carried) or self._actuation.updates or self._softens(active))
         rough = updates and self.anew and self._resumed is None
-        self._settled, self.iterations, self._cut = not updates, 0, False
+        self._settled, self.iterations, self._cut, finest = not updates, 0, False, self.aim
         for _ in range(self.MOST_UPDATES):
-            aim, left = max(self.ROUGH if rough else 0.0, self.aim), limit - self.iterations
+            aim, left = max(self.ROUGH if rough else 0.0, finest), limit - self.iterations
             went = self._minimiser.descend(task, tolerance=aim, limit=left, proven=self._settled and updates)
             self.iterations, self._cut = self.iterations + went, active.ended is Outcome.CUT
             if self._failed(active) or not updates:
                 break
-            exact = aim == self.aim or active.ended is not Outcome.NEAR
+            exact = aim <= self.aim or active.ended is not Outcome.NEAR
             if self._balanced(active, still=went == 0, exact=exact) or self._actuation.wanders:
                 break
+            if exact and went == 0 and not self._settled:  # too little for an iteration, too much for the constraints
+                finest *= self.FINER
             rough = False
             self._cut = self.iterations >= limit or (self.iterations > 0 and past(self.problem.deadline))
             if self._cut:
