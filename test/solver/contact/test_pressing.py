@@ -27,6 +27,14 @@ handles: {base: {where: {face: x-}, fixed: true}}
 obstacles: {floor: {plane: [0, 0, 1], at: [0, 0, -0.0225], fixed: true}}
 loads: {weight: {gravity: [0, 0, -9.81]}}
 """
+NEEDLE = """
+name: needle
+mesh: {bar: {size: [0.1, 0.02, 0.01], cells: [20, 4, 2]}}
+materials: {soft: {law: neo_hookean, young: 2.0e5, poisson: 0.45, density: 1000}}
+regions: [{material: soft}]
+handles: {base: {where: {face: x-}}}
+obstacles: {needle: {capsule: {radius: 0.005, length: 0.05}, at: [0.09, 0, -0.0151], friction: 0.0}}
+"""
 
 
 def lift(simulation: Simulation, move: float) -> float:
@@ -97,3 +105,13 @@ def test_a_pressed_ball_gives_way_as_theory_says() -> None:
     """The force on a ball between plates exceeds Hertz' theory by more than 3 %, and is below Tatara's first order."""
     for approach, force in ball_between_plates(cells=16, approaches=[0.002, 0.0035, 0.005]).items():
         assert 1.03 * hertz(approach) < force < tatara(approach)
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.5])
+def test_a_needle_that_presses_into_a_bar_takes_few_iterations(friction: float) -> None:
+    """Normals that turn by large angles between steps of the minimisation do not keep it from converging."""
+    simulation = Simulation(scene_from_text(NEEDLE, overrides={"obstacles.needle.friction": friction}))
+    for move in np.linspace(0.002, 0.024, 12):
+        result = simulation.step(Command(handles={"base": Pose((0.0, 0.0, -float(move)))}))
+        assert result.converged, result.message
+        assert result.iterations <= 12
