@@ -90,7 +90,7 @@ class CellType(NamedTuple):
         table: function that returns the material table for the kernels of this type, from the packed material table.
         grown: function that returns the operators of grown rest shapes, from operators, cells (k,) and their growths
             (k, 3, 3).
-        geometry: function that returns the geometry of ``blocks`` for other operators, from operators and blocks.
+        geometry: function that returns the geometry of blocks for other operators, from these and `Blocks.element`.
         matrix_blocks: function that returns the blocks (m, c, c) [N/m] of the constant matrix, from operators, weights
             (m,) [Pa] and hourglass stiffnesses (m,) [N/m].
         tangents: compiled function that writes d(node force)/d(node position) (m, 3 c, 3 c) [N/m].
@@ -143,7 +143,7 @@ HEXAHEDRA = CellType(
     make_blocks,
     lambda table: table,
     grown_operators,
-    lambda shape, blocks: block_geometry(shape, blocks.element),
+    block_geometry,
     _hex_matrix,
     tangent_rows.element_tangents,
     True,
