@@ -19,6 +19,7 @@ from gdfe_ros.materials.table import MaterialTable
 from gdfe_ros.mesh.operators import ShapeOperators
 from gdfe_ros.mesh.tet_operators import TetOperators
 from gdfe_ros.solver.elements.hourglass import couplings
+from gdfe_ros.solver.value import NEGLIGIBLE
 
 LANES = 8
 """Number of elements in a block. The innermost loops run over the elements of a block."""
@@ -190,5 +191,9 @@ def make_tet_blocks(
 
 def tet_geometry(shape: TetOperators, element: NDArray[np.int32]) -> NDArray[np.float64]:
     """Return the array ``TetBlocks.geometry`` for elements (b, LANES)."""
-    geometry = np.concatenate([shape.inverse.reshape(-1, 36), shape.weight], axis=1)
+    inverse = shape.inverse.reshape(-1, 4, 9)
+    bend = np.abs(inverse - inverse[:, :1]).max(axis=(1, 2), keepdims=True)
+    straight = bend <= NEGLIGIBLE * np.abs(inverse[:, :1]).max(axis=2, keepdims=True)
+    inverse = np.where(straight, inverse[:, :1], inverse)  # without its rounding
+    geometry = np.concatenate([inverse.reshape(-1, 36), shape.weight], axis=1)
     return np.ascontiguousarray(geometry[element].transpose(0, 2, 1)).ravel()
