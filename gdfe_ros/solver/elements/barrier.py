@@ -3,9 +3,9 @@
 
 The energy of a hexahedron depends on its mean deformation gradient and its hourglass vectors. This energy stays finite
 when a corner has no volume left, so that an impact or a pressing obstacle may fold the corner. The barrier adds, for
-each corner c of each element,
+each corner c of each element with n corners,
 
-    E_c = w mu V/8 b(s),   s = J_c / J_0,   b(s) = (1 - s)^3 / s for s < 1, else 0            [J]
+    E_c = w mu V/n b(s),   s = J_c / J_0,   b(s) = (1 - s)^3 / s for s < 1, else 0            [J]
 
 with the corner's volume ratio J_c, the threshold J_0, the weight w, the element's shear modulus mu [Pa] and volume V
 [m^3]. Its properties are:
@@ -29,9 +29,11 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.compiled import inlined
+from gdfe_ros.compiled import inlined, internal
+from gdfe_ros.materials.table import SHEAR
 from gdfe_ros.mesh.quality import list_ids
-from gdfe_ros.mesh.triples import dot
+from gdfe_ros.mesh.triples import combine, corner, cross, dot, minus
+from gdfe_ros.solver.elements.cell_type import add_slopes, load_points
 
 THRESHOLD = 0.2
 """Threshold J_0. A value of 0.3 would act in sound scenes: the least volume ratios of a corner are 0.256 in
@@ -47,6 +49,34 @@ NONE = np.zeros(0, dtype=np.int32)
 """No watched elements."""
 
 
+HEX_EDGES = np.array(
+    [
+        [[0, 1], [0, 3], [0, 4]],
+        [[0, 1], [1, 2], [1, 5]],
+        [[3, 2], [1, 2], [2, 6]],
+        [[3, 2], [0, 3], [3, 7]],
+        [[4, 5], [4, 7], [0, 4]],
+        [[4, 5], [5, 6], [1, 5]],
+        [[7, 6], [5, 6], [2, 6]],
+        [[7, 6], [4, 7], [3, 7]],
+    ],
+    dtype=np.int32,
+)
+"""First and last corner of the three edges that meet in each corner (8, 3, 2), along xi, eta and zeta."""
+TET_EDGES = np.array(
+    [
+        [[4, 1, 0], [6, 2, 0], [7, 3, 0]],
+        [[5, 2, 1], [4, 0, 1], [8, 3, 1]],
+        [[6, 0, 2], [5, 1, 2], [9, 3, 2]],
+        [[8, 1, 3], [7, 0, 3], [9, 2, 3]],
+    ],
+    dtype=np.int32,
+)
+"""Middle, other end and corner of the three edges that meet in each corner (4, 3, 3), in right-handed order. The edge's
+slope at corner c is dx/dL_k - dx/dL_c = 4 x_ck - x_k - 3 x_c.
+"""
+
+
 @inlined
 def wall(s):
     """Return b(s) and b'(s) for s < 1, with the straight line below `LINE`."""
@@ -58,15 +88,91 @@ def wall(s):
 
 
 @inlined
-def corner_room(p, q, r, ratio, scale):
-    """Return the largest change [m] of the edges p, q and r of a corner that keeps it above the threshold.
+def edge_at(points, c, k):
+    """Return edge ``k`` (3,) [m] at corner ``c`` of a cell with ``points`` (n, 3) [m]."""
+    if len(points) == 8:
+        return minus(corner(points, HEX_EDGES[c, k, 1]), corner(points, HEX_EDGES[c, k, 0]))
+    middle, end, own = TET_EDGES[c, k]
+    return combine(4.0, corner(points, middle), -1.0, corner(points, end), -3.0, corner(points, own))
 
-    ``ratio`` is the corner's volume ratio, and ``scale`` [1/m^3] the factor of the edges' triple product in it. With
-    lengths A, B and C, the bound is that of `gdfe_ros.solver.elements.response`.
+
+@inlined
+def add_edge(slopes, c, k, share, derivative):
+    """Add ``share`` times the derivative with respect to an edge to the derivatives ``slopes`` (n, 3) at its points."""
+    for i in range(3):
+        pull = share * derivative[i]
+        if len(slopes) == 8:
+            slopes[HEX_EDGES[c, k, 1], i] += pull
+            slopes[HEX_EDGES[c, k, 0], i] -= pull
+        else:
+            slopes[TET_EDGES[c, k, 0], i] += 4.0 * pull
+            slopes[TET_EDGES[c, k, 1], i] -= pull
+            slopes[TET_EDGES[c, k, 2], i] -= 3.0 * pull
+
+
+@internal
+def least_corners(x, shape, elements, out):
+    """Write the least volume ratio det F over the corners of each of ``elements`` (k,) to ``out`` (m,).
+
+    The value is NaN if one of the ratios is NaN. The mean gradient does not show a folded corner, because hourglass
+    patterns do not contribute to it.
     """
-    first, second, third = math.sqrt(dot(p, p)), math.sqrt(dot(q, q)), math.sqrt(dot(r, r))
-    share = 3.0 * scale * (first * second + second * third + third * first)
-    return min(min(first, second), min(third, (ratio - THRESHOLD) / share))
+    points = np.empty((shape.cells.shape[1], 3))
+    for e in elements:
+        load_points(x, shape, e, points)
+        least, total = math.inf, 0.0
+        for c in range(shape.corner_ratio.shape[1]):
+            a, b, d = edge_at(points, c, 0), edge_at(points, c, 1), edge_at(points, c, 2)
+            ratio = shape.corner_ratio[e, c] * dot(a, cross(b, d))
+            least, total = min(least, ratio), total + ratio
+        out[e] = least if math.isfinite(total) else math.nan
+
+
+@inlined
+def room(x, shape, e, points):
+    """Return the distance [m] that vertices may move before a corner can reach the barrier; 0 if nearly folded.
+
+    With edges of lengths A, B and C, the bound is that of `gdfe_ros.solver.elements.response`. If no vertex moves by
+    more than d, edges change by up to 2 d, or by 8 d in quadratic cells. ``points`` (n, 3) is scratch.
+    """
+    load_points(x, shape, e, points)
+    found = math.inf
+    for c in range(shape.corner_ratio.shape[1]):
+        a, b, d = edge_at(points, c, 0), edge_at(points, c, 1), edge_at(points, c, 2)
+        ratio = shape.corner_ratio[e, c] * dot(a, cross(b, d))
+        if not ratio >= NEARLY_FOLDED:
+            return 0.0
+        first, second, third = math.sqrt(dot(a, a)), math.sqrt(dot(b, b)), math.sqrt(dot(d, d))
+        share = 3.0 * shape.corner_ratio[e, c] * (first * second + second * third + third * first)
+        found = min(found, min(min(first, second), min(third, (ratio - THRESHOLD) / share)))
+    return found / (2.0 if len(points) == 8 else 8.0)
+
+
+@internal
+def add_walls(x, watched, shape, material, table, force, energy):
+    """Add the fold barriers of the ``watched`` elements (k,) to node forces (m, c, 3) [N] and energies (m,) [J]."""
+    corners, nodes = shape.corner_ratio.shape[1], shape.cells.shape[1]
+    points, slopes = np.empty((nodes, 3)), np.empty((nodes, 3))
+    for e in watched:
+        load_points(x, shape, e, points)
+        slopes[...] = 0.0
+        scale = WEIGHT / corners * shape.volume[e] * table.parameters[material[e], SHEAR]
+        pressed = False
+        for c in range(corners):
+            a, b, d = edge_at(points, c, 0), edge_at(points, c, 1), edge_at(points, c, 2)
+            over_a, over_b, over_d = cross(b, d), cross(d, a), cross(a, b)
+            ratio = shape.corner_ratio[e, c] * dot(a, over_a)
+            if not ratio < THRESHOLD:
+                continue
+            pressed = True
+            value, slope = wall(ratio / THRESHOLD)
+            energy[e] += scale * value
+            slope *= scale * shape.corner_ratio[e, c] / THRESHOLD
+            add_edge(slopes, c, 0, slope, over_a)
+            add_edge(slopes, c, 1, slope, over_b)
+            add_edge(slopes, c, 2, slope, over_d)
+        if pressed:
+            add_slopes(slopes, shape, e, force)
 
 
 def flattened(least: NDArray[np.float64]) -> str:

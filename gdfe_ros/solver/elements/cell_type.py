@@ -32,21 +32,18 @@ class CellKernels(NamedTuple):
 
     Attributes:
         evaluate_blocks: writes node forces (m, c, 3) [N] and energies (m,) [J] of a range of blocks.
-        add_walls: adds the fold barriers of watched elements to these forces and energies.
-        room: distance [m] that vertices may move before the barrier of ``e`` can act; 0 if ``e`` is nearly folded. The
-            last argument of this function is scratch (8, 3).
+        load_points: writes the nodes (c, 3) [m] of ``e``, or of the box that the material of a cut cell fills.
+        add_slopes: adds the derivatives of an energy with respect to these points to the node forces of ``e``.
         mean_gradient: volume average of the deformation gradient of ``e``.
         volume_ratio: current volume of ``e`` divided by its undeformed volume. If ``e`` has a pressure, it is the
             multiplier of this ratio.
-        least_corners: writes the least det F over the corners of each of several elements; NaN if one is NaN.
     """
 
     evaluate_blocks: Callable
-    add_walls: Callable
-    room: Callable
+    load_points: Callable
+    add_slopes: Callable
     mean_gradient: Callable
     volume_ratio: Callable
-    least_corners: Callable
 
 
 def _of(module) -> CellKernels:
@@ -77,9 +74,7 @@ def _kernels(classes: list[type | None]) -> CellKernels:
     return next(KERNELS[each] for each in classes if each in KERNELS)
 
 
-evaluate_blocks, add_walls = _of_cell_type("evaluate_blocks"), _of_cell_type("add_walls")
-room, least_corners = _of_cell_type("room"), _of_cell_type("least_corners")
-mean_gradient, volume_ratio = _of_cell_type("mean_gradient"), _of_cell_type("volume_ratio")
+evaluate_blocks, load_points, add_slopes, mean_gradient, volume_ratio = map(_of_cell_type, CellKernels._fields)
 
 
 class CellType(NamedTuple):
@@ -95,7 +90,7 @@ class CellType(NamedTuple):
         table: function that returns the material table for the kernels of this type, from the packed material table.
         grown: function that returns the operators of grown rest shapes, from operators, cells (k,) and their growths
             (k, 3, 3).
-        geometry: function that returns the geometry of ``blocks`` for other operators, from operators and blocks.
+        geometry: function that returns the geometry of blocks for other operators, from these and `Blocks.element`.
         matrix_blocks: function that returns the blocks (m, c, c) [N/m] of the constant matrix, from operators, weights
             (m,) [Pa] and hourglass stiffnesses (m,) [N/m].
         tangents: compiled function that writes d(node force)/d(node position) (m, 3 c, 3 c) [N/m].
@@ -148,7 +143,7 @@ HEXAHEDRA = CellType(
     make_blocks,
     lambda table: table,
     grown_operators,
-    lambda shape, blocks: block_geometry(shape, blocks.element),
+    block_geometry,
     _hex_matrix,
     tangent_rows.element_tangents,
     True,

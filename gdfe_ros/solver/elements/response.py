@@ -23,7 +23,8 @@ from numba import prange
 from numpy.typing import NDArray
 
 from gdfe_ros.compiled import internal, kernel, parallel_kernel
-from gdfe_ros.solver.elements.cell_type import add_walls, evaluate_blocks, room
+from gdfe_ros.solver.elements.barrier import add_walls, room
+from gdfe_ros.solver.elements.cell_type import evaluate_blocks
 
 
 class Watch(NamedTuple):
@@ -57,7 +58,7 @@ class Watch(NamedTuple):
 @internal
 def look(x, shape, blocks, watch):
     """Add the nearly folded elements of ``blocks`` to the list; return the least room [m] of the others at ``x``."""
-    scratch, least = np.empty((8, 3)), math.inf
+    scratch, least = np.empty((shape.cells.shape[1], 3)), math.inf
     for block in range(len(blocks.element)):
         for lane in range(blocks.used[block]):
             e = blocks.element[block, lane]

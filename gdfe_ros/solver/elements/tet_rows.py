@@ -54,17 +54,9 @@ def load_nodes(b, x, shape, elements):
 
 @inlined
 def load_geometry(b, blocks, block):
-    """Copy the geometry of a block into its rows; a straight block's geometry goes to the rows of all four points."""
-    first, geometry = blocks.start[block], blocks.geometry
-    if not blocks.straight[block]:
-        for i in range(TET_GEOMETRY_ROWS * LANES):
-            b[GEOMETRY_OF_TET * LANES + i] = geometry[first + i]
-        return
-    for g in range(4):
-        for i in range(9 * LANES):
-            b[(GEOMETRY_OF_TET + INVERSE + 9 * g) * LANES + i] = geometry[first + i]
-        for lane in range(LANES):
-            b[(GEOMETRY_OF_TET + WEIGHT + g) * LANES + lane] = geometry[first + 9 * LANES + lane]
+    """Copy the geometry of a block into its rows."""
+    for i in range(TET_GEOMETRY_ROWS * LANES):
+        b[GEOMETRY_OF_TET * LANES + i] = blocks.geometry[block * TET_GEOMETRY_ROWS * LANES + i]
 
 
 @inlined

@@ -12,7 +12,8 @@ from gdfe_ros.materials.stress import logarithmic_volume
 from gdfe_ros.materials.table import BULK, CARRIED, PENALTY, SHEAR, MaterialTable
 from gdfe_ros.mesh.operators import ShapeOperators
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.elements.cell_type import least_corners, volume_ratio
+from gdfe_ros.solver.elements.barrier import least_corners
+from gdfe_ros.solver.elements.cell_type import volume_ratio
 from gdfe_ros.solver.elements.measures import update_pressures, volume_at
 from gdfe_ros.solver.state import ElementState
 from gdfe_ros.solver.terms.multiplier import Anderson

@@ -44,10 +44,8 @@ def handle_reactions(
         forces = vertex_forces(body, handle.vertices, force)
         if outside is not None:
             forces += outside[handle.vertices]
-        points = positions[handle.vertices]
-        turns = np.einsum("ki,kj->ij", points - points.mean(axis=0), forces)
-        moment = turns[[1, 2, 0], [2, 0, 1]] - turns[[2, 0, 1], [1, 2, 0]]
-        reactions[handle.name] = np.concatenate([forces.sum(axis=0), moment])
+        reactions[handle.name] = np.empty(6)
+        _sum_wrench(positions, handle.vertices, forces, reactions[handle.name])
     for grip in (each for each in grips if each.presses):
         reactions[grip.actuator.holder] = reactions[grip.actuator.holder] + grip.wrench(positions)
     return reactions
@@ -64,3 +62,25 @@ def vertex_forces(body: Body, vertices: NDArray[np.int32], force: NDArray[np.flo
 def _gather_forces(force, unknowns, vertices, total):
     for i in range(len(vertices)):
         total[i, 0], total[i, 1], total[i, 2] = vertex_force(force, unknowns, vertices[i])
+
+
+@kernel
+def _sum_wrench(x, vertices, forces, wrench):
+    """Write the sum of ``forces`` (k, 3) [N] and their moment [N m] about the vertices' mean position to ``wrench``."""
+    count = len(vertices)
+    c0, c1, c2 = 0.0, 0.0, 0.0
+    for i in range(count):
+        v = vertices[i]
+        c0, c1, c2 = c0 + x[v, 0] / count, c1 + x[v, 1] / count, c2 + x[v, 2] / count
+    for axis in range(6):
+        wrench[axis] = 0.0
+    for i in range(count):
+        v = vertices[i]
+        f0, f1, f2 = forces[i, 0], forces[i, 1], forces[i, 2]
+        r0, r1, r2 = x[v, 0] - c0, x[v, 1] - c1, x[v, 2] - c2
+        wrench[0] += f0
+        wrench[1] += f1
+        wrench[2] += f2
+        wrench[3] += r1 * f2 - r2 * f1
+        wrench[4] += r2 * f0 - r0 * f2
+        wrench[5] += r0 * f1 - r1 * f0

@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 
 from gdfe_ros.compiled import inlined, internal, kernel, vector_internal
 from gdfe_ros.solver.matrix.elimination import SLACK, dissected, eliminated, least_degree, narrow_order
+from gdfe_ros.solver.matrix.panels import PANEL
 from gdfe_ros.solver.matrix.rotation import unrotated
-from gdfe_ros.solver.matrix.substitution import PANEL, Kept, Plan, solve_columns, solve_unturned
+from gdfe_ros.solver.matrix.substitution import Kept, Plan, solve_columns, solve_unturned
 from gdfe_ros.solver.vectors import clear_part, copy_part
 
 TILE = 256

@@ -1,9 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Compiled solutions with a kept sparse factor K = U^T U: forward and backward, supernode by supernode.
 
-Six rows of the factor (two vertices) are processed at a time. A factor with one row for each vertex serves x, y and z:
-three right-hand sides are solved together, with four rows at a time. Inner loops count in unsigned numbers: a possibly
-negative index would cost a test in each iteration and prevent SIMD.
+A factor with three rows for each vertex has one right-hand side at a time; one with one row serves x, y and z together.
 
 Two corrections follow, if a body needs them. First, handles with a free axis have rigid rows in addition to the rows of
 the factor. Their Schur complement S is dense. Second, springs of lengths and volumes add G^T G to K, which would fill
@@ -24,11 +22,9 @@ from numpy import uint64
 from numpy.typing import NDArray
 
 from gdfe_ros.compiled import inlined, internal, kernel, vector_internal, vector_kernel
+from gdfe_ros.solver.matrix.panels import PANEL, expand_rows, expand_three, reduce_rows, reduce_three
 from gdfe_ros.solver.matrix.unknowns import clear_fixed
 from gdfe_ros.solver.vectors import clear_part, copy_part
-
-PANEL = 6
-"""Rows of the factor that are eliminated, or solved, together: two vertices."""
 
 
 class Plan(NamedTuple):
@@ -227,152 +223,6 @@ def expand_node(values, at, rows, axes, first, last, x, local):
         expand_three(values, at, local[0], local[1], local[2], len(rows), own)
     for k in range(len(x)):
         copy_part(x[k], size * first, local[k], 0, size * own)
-
-
-@inlined
-def reduce_panel(rows, width, first, last, local):
-    """Solve some ``rows`` of U^T, those from ``first`` up to ``last`` of a supernode, in these rows alone."""
-    for i in range(first, last):
-        total = local[i]
-        for k in range(first, i):
-            total -= rows[(k - first) * width + i] * local[k]
-        local[i] = total * rows[(i - first) * width + i]
-
-
-@inlined
-def expand_panel(rows, width, first, last, local):
-    """Solve some ``rows`` of U, those from ``first`` up to ``last`` of a supernode, in these rows alone."""
-    for i in range(last - 1, first - 1, -1):
-        total = local[i]
-        for k in range(i + 1, last):
-            total -= rows[(i - first) * width + k] * local[k]
-        local[i] = total * rows[(i - first) * width + i]
-
-
-@vector_internal
-def reduce_rows(values, at, local, width, own):
-    """Solve the first ``own`` rows of a supernode with U^T, and subtract their products from its other rows."""
-    for first in range(0, own, PANEL):
-        last = min(first + PANEL, own)
-        rows = values[at + first * width : at + last * width]
-        reduce_panel(rows, width, first, last, local)
-        p, q, r, n = local[first], local[first + 1], local[first + 2], uint64(width)
-        if last - first == PANEL:
-            s, t, u = local[first + 3], local[first + 4], local[first + 5]
-            for j in range(uint64(last), n):
-                k = j + n
-                total = p * rows[j] + q * rows[k]
-                k += n
-                total += r * rows[k]
-                k += n
-                total += s * rows[k]
-                k += n
-                total += t * rows[k]
-                local[j] -= total + u * rows[k + n]
-        else:
-            for j in range(uint64(last), n):
-                local[j] -= p * rows[j] + q * rows[j + n] + r * rows[j + n + n]
-
-
-@vector_internal
-def expand_rows(values, at, local, width, own):
-    """Solve the first ``own`` rows of a supernode with U; the solution in its other rows is known."""
-    for first in range((own - 1) // PANEL * PANEL, -1, -PANEL):
-        last, none, n = min(first + PANEL, own), local.dtype.type(0.0), uint64(width)
-        rows = values[at + first * width : at + last * width]
-        p, q, r, s, t, u = none, none, none, none, none, none
-        if last - first == PANEL:
-            for j in range(uint64(last), n):
-                k, known = j + n, local[j]
-                p += rows[j] * known
-                q += rows[k] * known
-                k += n
-                r += rows[k] * known
-                k += n
-                s += rows[k] * known
-                k += n
-                t += rows[k] * known
-                u += rows[k + n] * known
-            local[first + 3] -= s
-            local[first + 4] -= t
-            local[first + 5] -= u
-        else:
-            for j in range(uint64(last), n):
-                known = local[j]
-                p += rows[j] * known
-                q += rows[j + n] * known
-                r += rows[j + n + n] * known
-        local[first] -= p
-        local[first + 1] -= q
-        local[first + 2] -= r
-        expand_panel(rows, width, first, last, local)
-
-
-TAKEN = 4
-"""Rows that are solved together for three right-hand sides: more do not fit into the registers."""
-
-
-@inlined
-def places_of(count, width):
-    """Return where a panel's second to fourth row begin; the last of its ``count`` rows stands for missing ones."""
-    return uint64(min(1, count - 1) * width), uint64(min(2, count - 1) * width), uint64((count - 1) * width)
-
-
-@inlined
-def four_of(local, first, count):
-    """Return four numbers of ``local`` from ``first`` on; 0 for the missing ones beyond ``count``."""
-    return (
-        local[first],
-        local[first + 1] if count > 1 else 0.0,
-        local[first + 2] if count > 2 else 0.0,
-        local[first + 3] if count > 3 else 0.0,
-    )
-
-
-@vector_internal
-def reduce_three(values, at, u, v, w, width, own):
-    """Do `reduce_rows` for three right-hand sides ``u``, ``v`` and ``w``."""
-    for first in range(0, own, TAKEN):
-        last = min(first + TAKEN, own)
-        rows, (b, c, d) = values[at + first * width : at + last * width], places_of(last - first, width)
-        for local in (u, v, w):
-            reduce_panel(rows, width, first, last, local)
-        u0, u1, u2, u3 = four_of(u, first, last - first)
-        v0, v1, v2, v3 = four_of(v, first, last - first)
-        w0, w1, w2, w3 = four_of(w, first, last - first)
-        for j in range(uint64(last), uint64(width)):
-            p, q, r, s = rows[j], rows[j + b], rows[j + c], rows[j + d]
-            u[j] -= u0 * p + u1 * q + u2 * r + u3 * s
-            v[j] -= v0 * p + v1 * q + v2 * r + v3 * s
-            w[j] -= w0 * p + w1 * q + w2 * r + w3 * s
-
-
-@vector_internal
-def expand_three(values, at, u, v, w, width, own):
-    """Do `expand_rows` for three right-hand sides ``u``, ``v`` and ``w``."""
-    for first in range((own - 1) // TAKEN * TAKEN, -1, -TAKEN):
-        last, none = min(first + TAKEN, own), u.dtype.type(0.0)
-        rows, (b, c, d) = values[at + first * width : at + last * width], places_of(last - first, width)
-        u0, u1, u2, u3, v0, v1 = none, none, none, none, none, none
-        v2, v3, w0, w1, w2, w3 = none, none, none, none, none, none
-        for j in range(uint64(last), uint64(width)):
-            p, q, r, s = rows[j], rows[j + b], rows[j + c], rows[j + d]
-            u0 += p * u[j]
-            u1 += q * u[j]
-            u2 += r * u[j]
-            u3 += s * u[j]
-            v0 += p * v[j]
-            v1 += q * v[j]
-            v2 += r * v[j]
-            v3 += s * v[j]
-            w0 += p * w[j]
-            w1 += q * w[j]
-            w2 += r * w[j]
-            w3 += s * w[j]
-        for local, taken in ((u, (u0, u1, u2, u3)), (v, (v0, v1, v2, v3)), (w, (w0, w1, w2, w3))):
-            for i in range(first, last):
-                local[i] -= taken[i - first]
-            expand_panel(rows, width, first, last, local)
 
 
 GROUP = 8

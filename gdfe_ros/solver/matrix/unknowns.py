@@ -120,20 +120,10 @@ def shift_of(count: int) -> int:
 
 def handle_centres(positions: NDArray[np.float64], unknowns: Unknowns) -> NDArray[np.float64]:
     """Return the mean vertex positions (p, 3) [m] of the handles with a free axis, from ``positions`` (n, 3) [m]."""
-    centres = np.zeros((len(unknowns.slides), 3))
-    if len(centres):
-        _mean_rows(positions, unknowns.member_start, unknowns.members, centres)
-    return centres
-
-
-@kernel
-def _mean_rows(x, start, members, centres):
-    for p in range(len(centres)):
-        for i in range(start[p], start[p + 1]):
-            for axis in range(3):
-                centres[p, axis] += x[members[i], axis]
-        for axis in range(3):
-            centres[p, axis] /= start[p + 1] - start[p]
+    if not len(unknowns.slides):
+        return np.zeros((0, 3))
+    sums = np.add.reduceat(positions[unknowns.members], unknowns.member_start[:-1])
+    return sums / np.diff(unknowns.member_start)[:, None]
 
 
 @kernel

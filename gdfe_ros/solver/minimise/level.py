@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 from gdfe_ros.compiled import kernel
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.descent.workspace import Problem
-from gdfe_ros.solver.elements.cell_type import add_walls, cell_type_with
+from gdfe_ros.solver.elements.barrier import add_walls
+from gdfe_ros.solver.elements.cell_type import cell_type_with
 from gdfe_ros.solver.elements.tangent_rows import SPACING
 from gdfe_ros.solver.matrix.assembly import Assembly
 from gdfe_ros.solver.matrix.constant_matrix import pseudo_inverse

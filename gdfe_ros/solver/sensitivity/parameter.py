@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache, cached_property
+from functools import cache, cached_property, reduce
 
 import numpy as np
 from scipy import sparse
@@ -16,7 +16,7 @@ from gdfe_ros.actuators.load import AttachedMass, Gravity, Load
 from gdfe_ros.constraints import Handle, Pose
 from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.errors import CommandError
-from gdfe_ros.materials import Curve, CurveData, Material, cell_densities
+from gdfe_ros.materials import Curve, Material, cell_densities
 from gdfe_ros.materials.table import YOUNG, MaterialTable, pack
 from gdfe_ros.mesh.filling import Filling
 from gdfe_ros.solver.body import Body
@@ -194,7 +194,8 @@ class Parameters:
                 self._add(f"{each.section}.{each.name}.{part}", unit, scale, handle=each.name, axis=axis)
         for name, material in model.materials.items():
             self._add_material(name, material)
-        self._add_damping()
+        if model.dynamics is not None:
+            self._add_damping(model.dynamics)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -216,80 +217,47 @@ class Parameters:
     def _add(self, name: str, unit: str, scale: float, **more: object) -> None:
         self._made[name] = Parameter(name=name, unit=unit, scale=scale, **more)
 
+    def _vary(self, name: str, unit: str, scale: float, *keys: str | int) -> None:
+        """Add the number of the model at ``keys`` as a parameter; they are those of `with_number`."""
+
+        @cache
+        def model(changed: float) -> Variant:
+            return Variant(self._body, self._model, with_number(self._model, keys, changed))
+
+        self._add(name, unit, scale, value=reduce(part_of, keys, self._model), model=model)
+
     def _add_material(self, name: str, material: Material) -> None:
         """Add the parameters of a material's law, and its Poisson's ratio unless it is incompressible."""
 
-        def add(key: str, unit: str, value: float, scale: float, made: Callable[[float], Material]) -> None:
-            @cache
-            def model(changed: float) -> Variant:
-                materials = {**self._model.materials, name: made(changed)}
-                return Variant(self._body, self._model, replace(self._model, materials=materials))
-
-            self._add(f"materials.{name}.{key}", unit, scale, value=value, model=model)
+        def add(unit: str, scale: float, *keys: str | int) -> None:
+            own = ".".join(str(key) for key in keys if key != "data")
+            self._vary(f"materials.{name}.{own}", unit, scale, "materials", name, *keys)
 
         if hasattr(material, "young"):
-            add("young", "Pa", material.young, material.young, lambda value: replace(material, young=value))
+            add("Pa", material.young, "young")
         if material.poisson < 0.5:
-            room = min(0.5 - material.poisson, 0.1)
-            add("poisson", "", material.poisson, room, lambda value: replace(material, poisson=value))
+            add("", min(0.5 - material.poisson, 0.1), "poisson")
         if material.density is not None:
-            add("density", "kg/m^3", material.density, material.density, lambda value: replace(material, density=value))
+            add("kg/m^3", material.density, "density")
         for key, unit in material.scalars.items():
-            value = getattr(material, key)
-            scale = max(abs(value), material.shear0 if unit else 0.0)
-            add(key, unit, value, scale, lambda changed, key=key: replace(material, **{key: changed}))
+            add(unit, max(abs(getattr(material, key)), material.shear0 if unit else 0.0), key)
         for key, unit in (("mu", "Pa"), ("alpha", "")):
             values = getattr(material, key, ())
-            values = values if isinstance(values, tuple) else ()
-            for i, value in enumerate(values):
-
-                def made(changed: float, key: str = key, i: int = i, values: tuple = values) -> Material:
-                    return replace(material, **{key: _with(values, i, changed)})
-
-                add(f"{key}.{i}", unit, value, abs(value), made)
+            for i, value in enumerate(values if isinstance(values, tuple) else ()):
+                add(unit, abs(value), key, i)
         if isinstance(material, Curve):
-            self._add_curve(add, material)
+            for i, value in enumerate(material.data.coefficients):
+                add("Pa", abs(value) or material.data.initial_modulus, "data", "coefficients", i)
+            for i, value in list(enumerate(material.data.stress))[1:]:  # the first one is zero: undeformed
+                add("Pa", abs(value) or material.data.initial_modulus, "data", "stress", i)
 
-    @staticmethod
-    def _add_curve(add: Callable[..., None], material: Curve) -> None:
-        data, keys = material.data, ("coefficients", "stress")
-        for key in keys:
-            values = getattr(data, key)
-            for i, value in enumerate(values):
-                if key == "stress" and i == 0:
-                    continue  # zero while undeformed
-
-                def made(changed: float, key: str = key, i: int = i, values: tuple = values) -> Material:
-                    fresh = CurveData(**{**vars(data), key: _with(values, i, changed)})
-                    return replace(material, data=fresh)
-
-                add(f"{key}.{i}", "Pa", value, abs(value) or data.initial_modulus, made)
-
-    def _add_damping(self) -> None:
-        dynamics = self._model.dynamics
-        if dynamics is None:
-            return
-
-        def add(key: str, unit: str, value: float, scale: float, made: Callable[[float], object]) -> None:
-            @cache
-            def model(changed: float) -> Variant:
-                return Variant(self._body, self._model, replace(self._model, dynamics=made(changed)))
-
-            self._add(f"dynamics.{key}", unit, scale, value=value, model=model)
-
+    def _add_damping(self, dynamics: Dynamics) -> None:
         for key, unit in (("mass_damping", "1/s"), ("viscosity", "Pa s")):
             if value := getattr(dynamics, key):
-                add(key, unit, value, value, lambda changed, key=key: replace(dynamics, **{key: changed}))
+                self._vary(f"dynamics.{key}", unit, value, "dynamics", key)
         for i, branch in enumerate(dynamics.prony):
             for key, unit in (("share", ""), ("time", "s")):
-                value = getattr(branch, key)
-
-                def made(changed: float, i: int = i, key: str = key) -> object:
-                    return replace(
-                        dynamics, prony=_with(dynamics.prony, i, replace(dynamics.prony[i], **{key: changed}))
-                    )
-
-                add(f"prony.{i}.{key}", unit, value, value, made)
+                self._vary(f"dynamics.prony.{i}.{key}", unit, getattr(branch, key), "dynamics", "prony", i, key)
 
     def _size_of(self, actuator: Actuator) -> float:
         """Return the order of magnitude of an actuator's command."""
@@ -303,5 +271,17 @@ class Parameters:
         }.get(actuator.mode, size)
 
 
-def _with(values: Sequence[object], i: int, value: object) -> tuple:
-    return (*values[:i], value, *values[i + 1 :])
+def with_number(thing: object, keys: Sequence[str | int], value: float) -> object:
+    """Return ``thing`` with ``value`` at ``keys``, names of fields, keys of dicts and indices, outermost first."""
+    if not keys:
+        return value
+    first, *rest = keys
+    fresh = with_number(part_of(thing, first), rest, value)
+    if isinstance(thing, Mapping):
+        return {**thing, first: fresh}
+    return (*thing[:first], fresh, *thing[first + 1 :]) if isinstance(first, int) else replace(thing, **{first: fresh})
+
+
+def part_of(thing: object, key: str | int) -> object:
+    """Return the entry of a dict or a tuple, or the field of another object."""
+    return thing[key] if isinstance(thing, Mapping | tuple) else getattr(thing, key)

@@ -53,7 +53,7 @@ class Growths:
             return self.ungrown
         kind = self._body.cell_type
         grown, blocks = kind.grown(self._body.shape, self.cells, stretch), self._body.blocks
-        return Operators(grown, blocks._replace(geometry=kind.geometry(grown, blocks)), stretch)
+        return Operators(grown, blocks._replace(geometry=kind.geometry(grown, blocks.element)), stretch)
 
     def state(self, growth: Growth, commands: Mapping[str, float], grown: Operators) -> ActuatorState:
         """Return the state of a growth: its command and the mean det G of its cells."""

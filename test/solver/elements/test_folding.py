@@ -12,8 +12,7 @@ from gdfe_ros.compiled import kernel
 from gdfe_ros.mesh.mesh import HexMesh
 from gdfe_ros.mesh.operators import ShapeOperators
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.elements.barrier import LINE, NEARLY_FOLDED, THRESHOLD, wall
-from gdfe_ros.solver.elements.cell_type import add_walls
+from gdfe_ros.solver.elements.barrier import LINE, NEARLY_FOLDED, THRESHOLD, add_walls, wall
 from gdfe_ros.solver.elements.measures import corner_ratios
 from gdfe_ros.solver.elements.response import Watch, look
 
