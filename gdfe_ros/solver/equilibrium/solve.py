@@ -64,7 +64,7 @@ class Solve:
         iterations: number of iterations of the last call of `descend`.
     """
 
-    ROUGH = 1e-2
+    ROUGH = 5e-3
     """Tolerance of the first minimisation if multipliers are updated, and are not extrapolated from a motion."""
     LINEAR = 1e-4
     """Coarsest tolerance of the last minimisation in statics. Farther from the equilibrium, a step with the tangent
