@@ -132,16 +132,10 @@ class Solve:
         self._actuation.begin(self.problem.commands, start.terms, *given, ratio=here.ratio)
 
     def go_on_from(self, state: State) -> None:
-        """Start from ``state``, which this solve has reached, with unchanged multipliers."""
+        """Start from ``state``, which this solve has reached or left, with unchanged multipliers."""
         self._positions, self._slides, self.turns = state.positions, state.slides, state.turns
         self._tangent = state.tangent
         self.pressures.begin()
-
-    def leave_to(self, state: State) -> None:
-        """Start from ``state`` beside a saddle, without the extrapolations of the solve that ended at the saddle."""
-        self.go_on_from(state)
-        self._resumed = None
-        self._prediction = Prediction(state.positions, state.slides, state.turns, 0.0)
 
     def evaluate(self, active: ActiveSet, *, threads: int | None) -> Task:
         """Set the unknowns to the start and evaluate all terms there; return the minimisation's task."""
@@ -178,7 +172,7 @@ class Solve:
     def descend(self, active: ActiveSet, *, threads: int | None, limit: int) -> None:
         """Minimise and update multipliers in turn, until the constraints are satisfied to the tolerance."""
         self._minimiser.begin(active, self._tangent)
-        if self._resumed is not None:
+        if self._resumed is not None and not self.iterations:  # else it has moved on since
             load_history(active.workspace, self._resumed.steps, self._resumed.changes)
         task = self._placed(active, threads)
         updates = bool(len(active.carried) or self._actuation.updates or self._softens(active))
