@@ -142,10 +142,12 @@ class Unfinished:
     """Progress of a solve that the limit or the deadline ended; the next solve continues from it.
 
     Attributes:
+        rough: whether the unfinished minimisation was a rough one, before the first update of multipliers.
         iterations: number of iterations since the last finished solve.
         steps, changes: (k, 3 r) [m] and [N] the pairs of the history, oldest first.
     """
 
+    rough: bool
     iterations: int
     steps: Array
     changes: Array

@@ -27,19 +27,6 @@ def clear_part(target, to, count):
 
 
 @kernel
-def largest_shift(a, b):
-    """Return the largest difference of a coordinate between ``a`` and ``b`` (n, 3) [m]; NaN if either contains NaN."""
-    most = 0.0
-    for i in range(len(a)):
-        for axis in range(3):
-            shift = abs(a[i, axis] - b[i, axis])
-            if math.isnan(shift):
-                return shift
-            most = max(most, shift)
-    return most
-
-
-@kernel
 def largest_distance(a, b):
     """Return the largest distance between rows of ``a`` and ``b`` (n, 3) [m]; NaN if either contains NaN."""
     most = 0.0

@@ -64,7 +64,7 @@ class Solve:
         iterations: number of iterations of the last call of `descend`.
     """
 
-    ROUGH = 1e-2
+    ROUGH = 5e-3
     """Tolerance of the first minimisation if multipliers are updated, and are not extrapolated from a motion."""
     FINER = 0.1
     """Factor of the tolerance where multipliers still change, but by too little for another iteration."""
@@ -134,16 +134,10 @@ class Solve:
         self._actuation.begin(self.problem.commands, start.terms, *given, ratio=here.ratio)
 
     def go_on_from(self, state: State) -> None:
-        """Start from ``state``, which this solve has reached, with unchanged multipliers."""
+        """Start from ``state``, which this solve has reached or left, with unchanged multipliers."""
         self._positions, self._slides, self.turns = state.positions, state.slides, state.turns
         self._tangent = state.tangent
         self.pressures.begin()
-
-    def leave_to(self, state: State) -> None:
-        """Start from ``state`` beside a saddle, without the extrapolations of the solve that ended at the saddle."""
-        self.go_on_from(state)
-        self._resumed = None
-        self._prediction = Prediction(state.positions, state.slides, state.turns, 0.0)
 
     def evaluate(self, active: ActiveSet, *, threads: int | None) -> Task:
         """Set the unknowns to the start and evaluate all terms there; return the minimisation's task."""
@@ -180,14 +174,14 @@ class Solve:
     def descend(self, active: ActiveSet, *, threads: int | None, limit: int) -> None:
         """Minimise and update multipliers in turn, until the constraints are satisfied to the tolerance."""
         self._minimiser.begin(active, self._tangent)
-        if self._resumed is not None:
+        if self._resumed is not None and not self.iterations:  # else it has moved on since
             load_history(active.workspace, self._resumed.steps, self._resumed.changes)
         task = self._placed(active, threads)
         updates = bool(len(active.carried) or self._actuation.updates or self._softens(active))
-        rough = updates and self.anew and self._resumed is None
+        self._rough = updates and (self.anew if self._resumed is None else self._resumed.rough)
         self._settled, self.iterations, self._cut, finest = not updates, 0, False, self.aim
         for _ in range(self.MOST_UPDATES):
-            aim, left = max(self.ROUGH if rough else 0.0, finest), limit - self.iterations
+            aim, left = max(self.ROUGH if self._rough else 0.0, finest), limit - self.iterations
             went = self._minimiser.descend(task, tolerance=aim, limit=left, proven=self._settled and updates)
             self.iterations, self._cut = self.iterations + went, active.ended is Outcome.CUT
             if self._failed(active) or not updates:
@@ -197,7 +191,7 @@ class Solve:
                 break
             if exact and went == 0 and not self._settled:  # too little for an iteration, too much for the constraints
                 finest *= self.FINER
-            rough = False
+            self._rough = False
             self._cut = self.iterations >= limit or (self.iterations > 0 and past(self.problem.deadline))
             if self._cut:
                 break
@@ -312,8 +306,8 @@ class Solve:
     def _judge(self, active: ActiveSet) -> tuple[Outcome, float]:
         """Return how the solve ended, `Outcome.NEAR` at an equilibrium, and the error estimate."""
         tolerance, estimate = self.problem.tolerance, self._minimiser.error_estimate(active)
-        forces, drowned = self._minimiser.contact_forces, ROUNDING * float(active.status["outside"])
-        left, settled = (forces.left, forces.settled) if forces else (0.0, True)
+        impulses, drowned = self._minimiser.impulses, ROUNDING * float(active.status["outside"])
+        left, settled = (impulses.left, impulses.settled) if impulses else (0.0, True)
         cases = (
             (drowned > self._body.strain_energy_scale, Outcome.TOO_STRONG),
             (self._cut, Outcome.CUT),
@@ -337,10 +331,10 @@ class Solve:
             reason=problem.deadline.reason if late else f"stopped after {problem.limit} iterations",
             far=float(active.status["step"]) / self._body.size,
             updates=self.MOST_UPDATES,
-            where=self._minimiser.contact_forces.told() if outcome is Outcome.PUSHED else "",
+            where=self._minimiser.impulses.told() if outcome is Outcome.PUSHED else "",
         )
 
     def _unfinished(self, active: ActiveSet) -> Unfinished:
         done = self._resumed.iterations if self._resumed else 0
         steps, changes = history(active.workspace)
-        return Unfinished(iterations=done + self.iterations, steps=steps, changes=changes)
+        return Unfinished(rough=self._rough, iterations=done + self.iterations, steps=steps, changes=changes)

@@ -212,7 +212,7 @@ class Stability:
             return False
         descents.whole.workspace.u[...] = down.unknowns
         slides, turns = descents.whole.rigid_motion()
-        solve.leave_to(found.state.with_(positions=down.positions, slides=slides, turns=turns))
+        solve.go_on_from(found.state.with_(positions=down.positions, slides=slides, turns=turns))
         return True
 
     def _least_curvature(self, task: Task) -> float:

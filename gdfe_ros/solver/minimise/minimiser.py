@@ -23,7 +23,7 @@ from gdfe_ros.solver.matrix.springs import Tangent
 from gdfe_ros.solver.matrix.substitution import Kept
 from gdfe_ros.solver.minimise.level import TangentLevel
 from gdfe_ros.solver.outcome import Outcome
-from gdfe_ros.solver.vectors import largest, largest_shift
+from gdfe_ros.solver.vectors import largest, largest_distance
 
 _TEAM = threading.Lock()
 """Lock for numba's threads. They serve one caller at a time; a second one could crash the process."""
@@ -257,7 +257,7 @@ class Minimiser:
 
     def ran_away(self, active: ActiveSet) -> bool:
         """Return whether the body runs away, because the energy has no lower bound."""
-        far = not largest_shift(active.workspace.x, self._body.rest) <= self.FARTHEST * self._body.size
+        far = not largest_distance(active.workspace.x, self._body.rest) <= self.FARTHEST * self._body.size
         return far or active.ended is Outcome.RUNAWAY
 
     def metric(self, active: ActiveSet) -> Metric:

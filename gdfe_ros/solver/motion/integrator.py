@@ -93,6 +93,9 @@ class Integrator:
         free_mass: mass of the free vertices.
         acting: function that returns the actuation with given additional terms.
         euler: whether backward Euler, which needs only the last state, replaces the scheme.
+
+    Attributes:
+        dynamics: scheme and damping in use.
     """
 
     HELD = 3.0
@@ -121,7 +124,7 @@ class Integrator:
         self._coarser = 1.0 if dynamics.undamped else self.HELD
         if euler:
             dynamics = replace(dynamics, scheme=Scheme.BDF2, rho_inf=Dynamics.rho_inf)
-        self._dynamics = dynamics
+        self.dynamics = dynamics
         self._held = bool(body.handles) and not body.rigid_bodies
         self._made: dict[float, EquilibriumSolver] = {}
         self._impulses = ContactImpulses(free_mass, dynamics)
@@ -156,18 +159,13 @@ class Integrator:
         """Return the state ``now`` after a step from ``before``, with the impulse of the contacts."""
         return self._impulses.add(before, now, h, self.equilibrium(h).actuation.contacts)
 
-    @property
-    def dynamics(self) -> Dynamics:
-        """Scheme and damping in use."""
-        return self._dynamics
-
     def equilibrium(self, h: float) -> EquilibriumSolver:
         """Return the equilibrium solver of internal steps of length ``h`` [s]."""
         if h in self._made:
             return self._made[h]
-        own = [Inertia(self._body, self._mass, self._dynamics, h)]
-        if self._dynamics.damps:
-            own.append(Viscosity(self._body, self._dynamics, h))
+        own = [Inertia(self._body, self._mass, self.dynamics, h)]
+        if self.dynamics.damps:
+            own.append(Viscosity(self._body, self.dynamics, h))
         masses = np.asarray(self._mass.sum(axis=1)).ravel()
         while len(self._made) >= self.KEPT:
             del self._made[next(iter(self._made))]

@@ -45,6 +45,8 @@ class MotionStepper:
     Attributes:
         equilibrium: equilibrium solver of internal steps of the longest length.
         actuation: the external terms of these internal steps.
+        mass: the argument.
+        free_mass: the mass of the free vertices.
     """
 
     CALM = 0.5
@@ -66,9 +68,9 @@ class MotionStepper:
         mass: sparse.csr_matrix,
         acting: Callable[[Sequence[Term]], Actuation],
     ) -> None:
-        self.body, self._settings, self._dynamics, self._mass = body, settings, dynamics, mass
-        self._free_mass = FreeMass(body, mass)
-        made = body, settings, dynamics, mass, self._free_mass, acting
+        self.body, self._settings, self._dynamics, self.mass = body, settings, dynamics, mass
+        self.free_mass = FreeMass(body, mass)
+        made = body, settings, dynamics, mass, self.free_mass, acting
         self._integrator, self._euler = Integrator(*made), Integrator(*made, euler=True)
         self.equilibrium = self._integrator.equilibrium(dynamics.step)
         self.actuation = self.equilibrium.actuation
@@ -77,16 +79,6 @@ class MotionStepper:
         self._calm = max(
             self.CALM, self.RELAXED * dynamics.relaxation(body.table.parameters[body.material][:, SHEAR].min())
         )
-
-    @property
-    def mass(self) -> sparse.csr_matrix:
-        """The mass matrix (n, n) [kg]."""
-        return self._mass
-
-    @property
-    def free_mass(self) -> FreeMass:
-        """The mass of the free vertices."""
-        return self._free_mass
 
     def at_rest(self) -> State:
         """Return the initial state: the rest shape with the initial velocities of the scene."""
@@ -212,7 +204,7 @@ class MotionStepper:
         if not self._began(state):
             return state
         still = state.with_(terms={**state.terms, inertia.NAME: self.at_rest().terms[inertia.NAME]})
-        return pulled(state, vertices, self._free_mass.accelerated(-self.equilibrium.forces(still)))
+        return pulled(state, vertices, self.free_mass.accelerated(-self.equilibrium.forces(still)))
 
     def unbalanced(self, state: State) -> float:
         """Return the energy [J] that is not accounted for: kinetic + elastic + potential + dissipated - work."""
@@ -275,8 +267,8 @@ class MotionStepper:
         loads = {name: commands[name] for name in self.actuation.loaded}
         before, state = state.commands, state.with_(commands={**state.commands, **loads})
         velocity, h = self._accounts.velocity_at_start(state.positions), self._dynamics.step
-        pull = -self.equilibrium.forces(state) - self._dynamics.mass_damping * (self._mass @ velocity)
-        acceleration = self._free_mass.accelerated(pull)
+        pull = -self.equilibrium.forces(state) - self._dynamics.mass_damping * (self.mass @ velocity)
+        acceleration = self.free_mass.accelerated(pull)
         kinematics = Kinematics.started(state.positions, velocity, acceleration, h, first=True)
         terms = {**state.terms, inertia.NAME: saved_of(kinematics, h=h, positions=state.positions)}
         balance = self.actuation.balance(state.positions, state.commands)
