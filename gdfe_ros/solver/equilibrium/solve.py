@@ -306,8 +306,8 @@ class Solve:
     def _judge(self, active: ActiveSet) -> tuple[Outcome, float]:
         """Return how the solve ended, `Outcome.NEAR` at an equilibrium, and the error estimate."""
         tolerance, estimate = self.problem.tolerance, self._minimiser.error_estimate(active)
-        impulses, drowned = self._minimiser.impulses, ROUNDING * float(active.status["outside"])
-        left, settled = (impulses.left, impulses.settled) if impulses else (0.0, True)
+        forces, drowned = self._minimiser.contact_forces, ROUNDING * float(active.status["outside"])
+        left, settled = (forces.left, forces.settled) if forces else (0.0, True)
         cases = (
             (drowned > self._body.strain_energy_scale, Outcome.TOO_STRONG),
             (self._cut, Outcome.CUT),
@@ -331,7 +331,7 @@ class Solve:
             reason=problem.deadline.reason if late else f"stopped after {problem.limit} iterations",
             far=float(active.status["step"]) / self._body.size,
             updates=self.MOST_UPDATES,
-            where=self._minimiser.impulses.told() if outcome is Outcome.PUSHED else "",
+            where=self._minimiser.contact_forces.told() if outcome is Outcome.PUSHED else "",
         )
 
     def _unfinished(self, active: ActiveSet) -> Unfinished:
