@@ -24,9 +24,9 @@ import numpy as np
 
 from gdfe_ros.compiled import internal, kernel, vector_kernel
 
-SWEEPS, MOST_SWEEPS, MOST_NEWTON, ROUNDS = 12, 2000, 12, 30
+SWEEPS, MOST_SWEEPS, MOST_NEWTON, MOST_FIRM, ROUNDS = 12, 2000, 12, 40, 30
 """Numbers of Gauss-Seidel sweeps before Newton iterations, and limit to which they double where these fail; numbers of
-Newton iterations in a row, and of rounds of both.
+Newton iterations in a row with the compliances `RIDGE` and `FIRM`, and of rounds of both.
 """
 HALF = 0.5
 """A violation that counts as nothing ends the search if it does not fall to this fraction any more. Points that hold
@@ -42,9 +42,10 @@ tolerance.
 """
 LARGEST = 900
 """Largest number of unknown forces for which Newton's linear systems are solved."""
-RIDGE = 1e-9
+RIDGE, FIRM = 1e-9, 5e-3
 """Compliance, divided by each force's own, that is added to Newton's matrix: forces of redundant points, such as the
-four corners of a rigid box, are not unique.
+four corners of a rigid box, are not unique. If the first fails, every other round has the second: forces of a stack
+would jump far along what is not unique, and points would change their state in turn.
 """
 
 
@@ -161,7 +162,7 @@ def solve_dense(matrix, right):
 
 
 @internal
-def newton_step(w, mu, f, p, on):
+def newton_step(w, mu, f, p, on, ridge):
     """Return the change [N] of the forces with the indices ``on`` in one semismooth Newton iteration."""
     count, k = len(on), 0
     matrix, right = np.zeros((count, count)), np.zeros(count)
@@ -170,7 +171,7 @@ def newton_step(w, mu, f, p, on):
         i = n // 3
         for j in range(count):
             matrix[k, j] = w[n, on[j]]
-        matrix[k, k] += RIDGE * w[n, n]
+        matrix[k, k] += ridge * w[n, n]
         right[k] = -p[n]
         if mu[i] == 0.0:
             k += 1
@@ -182,7 +183,7 @@ def newton_step(w, mu, f, p, on):
             for axis in range(1, 3):
                 for j in range(count):
                     matrix[k + axis, j] = w[n + axis, on[j]]
-                matrix[k + axis, k + axis] += RIDGE * w[n + axis, n + axis]
+                matrix[k + axis, k + axis] += ridge * w[n + axis, n + axis]
                 right[k + axis] = -p[n + axis]
         else:
             a, b, share = a / trial, b / trial, limit / trial
@@ -203,12 +204,12 @@ def newton_step(w, mu, f, p, on):
 
 
 @internal
-def newton(w, q, mu, f, p, best, tolerance, faint):
+def newton(w, q, mu, f, p, best, tolerance, faint, ridge, most):
     """Make Newton iterations; return the least violation [m], of which the forces are in ``best``."""
     least, on, aim, idle = math.inf, np.empty(len(q), np.int64), tolerance, 0
     if len(q) <= MANY:
         aim *= FINER
-    for _ in range(MOST_NEWTON):
+    for _ in range(most):
         found = residual(w, mu, f, p)
         idle = idle + 1 if found > HALF * least else 0
         if found < least:
@@ -226,7 +227,7 @@ def newton(w, q, mu, f, p, best, tolerance, faint):
             continue
         if count > LARGEST:
             break
-        change = newton_step(w, mu, f, p, on[:count])
+        change = newton_step(w, mu, f, p, on[:count], ridge)
         for k in range(count):
             f[on[k]] += change[k]
         displace(w, q, f, p)
@@ -268,12 +269,14 @@ def solve_laws(w, q, mu, f, tolerance, faint):
             return found
         brisk, last = found < BRISK * last, found
     displace(w, q, f, p)
-    least, sweeps, halved = newton(w, q, mu, f, p, best, tolerance, faint), SWEEPS, True
-    for _ in range(ROUNDS):
+    least = newton(w, q, mu, f, p, best, tolerance, faint, RIDGE, MOST_NEWTON)
+    sweeps, halved = SWEEPS, True
+    for number in range(ROUNDS):
         if least <= tolerance or (least <= faint and not halved) or sweeps > MOST_SWEEPS:
             break
         sweep_often(w, q, mu, best, f, p, sweeps)
-        found = newton(w, q, mu, f, p, trial, tolerance, faint)
+        ridge, most = (RIDGE, MOST_NEWTON) if number % 2 else (FIRM, MOST_FIRM)
+        found = newton(w, q, mu, f, p, trial, tolerance, faint, ridge, most)
         halved = found <= HALF * least
         if found < least:
             least = found

@@ -180,7 +180,7 @@ class Impulses:
         status = numbers(work)
         self.left, allowed = 0.0, EXACT * max(target, min(float(status["before"]), float(status["step"])))
         dropped = held.any(axis=1) & ~usable
-        faint = max(FAINT * size, NEARLY * target) if self._swings else 0.0
+        faint = max(FAINT * size if self._swings else 0.0, NEARLY * target)
         known: tuple[int, int] | None = None
         for _ in range(ROUNDS):
             chosen = np.flatnonzero(joins)
