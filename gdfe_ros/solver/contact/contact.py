@@ -345,12 +345,16 @@ class Contact(ContactTerm):
         self._clear = self._distances.min(initial=np.inf) - REACH * self._body.size
         planes = self._entered(self._starts(places), places)
         near = (self._distances < REACH * self._body.size) | (saved["press"] > 0.0) | planes[:, :3].any(axis=1)
-        self._chosen = chosen = np.flatnonzero(near & ~self._held_fast)
+        self._chosen = chosen = self._first_to_touch(np.flatnonzero(near & ~self._held_fast), places)
         self._press, self._shear = saved["press"][chosen], saved["shear"][chosen] @ self._axes.T
         self._planes, self._fixed, self._offsets = planes[chosen], np.zeros(len(chosen), bool), np.zeros(len(chosen))
         self._set_anchors(saved, positions)
         faces = self._touched.points is ContactPoints.FACES
         self._faces = self._points.about(chosen) if faces else np.zeros(0, np.int64)
+
+    def _first_to_touch(self, near: NDArray[np.int64], places: NDArray[np.float64]) -> NDArray[np.int64]:
+        """Return those of the points ``near`` (k,) that may touch before others do; ``places`` are of all points."""
+        return near
 
     def _measure(self, places: NDArray[np.float64]) -> None:
         """Write the distances [m] and normals of all points at ``places`` (p, 3) [m] to the term's arrays."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import ConvexHull, QhullError
 
 from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.constraints.rigid_body import RigidBody
@@ -19,6 +20,8 @@ AT_EDGE, BESIDE, SMOOTH = 1e-3, 1e-5, 0.1
 """A point lies at an edge if its distance, divided by the body's size, is below the first number, and if normals around
 it, within the second number, differ by more than the third.
 """
+FLAT, FEW = 9, 4
+"""Normals that agree in so many decimals are those of one flat face; up to this number, all points of a face stay."""
 
 
 class RigidContact(Contact):
@@ -68,6 +71,29 @@ class RigidContact(Contact):
         normal = facing @ self._axes / length
         self._planes[edge, :3], self._planes[edge, 3] = normal, self._in_frame(surface) @ normal
         self._fixed[edge] = True
+
+    def _first_to_touch(self, near: NDArray[np.int64], places: NDArray[np.float64]) -> NDArray[np.int64]:
+        """Return the points near flat faces that are vertices of the lower convex hull of gaps, and all other points.
+
+        Above a flat face, a rigid motion changes gaps by a linear function of the place. The least gap is then that of
+        a vertex of the hull, and forces on the other points have the same sum and moment as some on the vertices.
+        """
+        _, group = np.unique(np.round(self._normals[near], FLAT) + 0.0, axis=0, return_inverse=True)
+        kept = [near[group.ravel() == each] for each in range(group.max(initial=-1) + 1)]
+        kept = [own if len(own) <= FEW else own[self._lowest(places[own], own)] for own in kept]
+        return np.sort(np.concatenate([near[:0], *kept]))
+
+    def _lowest(self, places: NDArray[np.float64], own: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Return the vertices of the lower hull of ``places`` (k, 3) with one normal; all if they lie on a line."""
+        normal = self._normals[own[0]]
+        across = np.cross(normal, np.eye(3)[np.abs(normal).argmin()])
+        plane = (places - places.mean(axis=0)) @ np.stack([across, np.cross(normal, across)], axis=1)
+        apex = self._distances[own].max() + np.ptp(plane)
+        hull = np.vstack([np.column_stack([plane, self._distances[own]]), [0.0, 0.0, apex]])
+        try:
+            return np.setdiff1d(ConvexHull(hull).vertices, len(own))
+        except QhullError:
+            return np.arange(len(own))
 
     def fit(self, matrix: ConstantMatrix) -> None:
         """Set the stiffnesses as `Contact` does; those of two rigid bodies act in series."""
