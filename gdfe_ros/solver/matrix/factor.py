@@ -38,7 +38,7 @@ class Factor:
     """Multiple of the largest diagonal entry that is added to the diagonal of a matrix without a factor; it grows
     tenfold until there is one.
     """
-    ZEROS = 0.15
+    ZEROS = 0.3
     """Largest fraction of zeros in a supernode. This matrix is factored once and used often; broad supernodes are then
     fastest.
     """
