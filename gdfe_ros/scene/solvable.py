@@ -65,13 +65,9 @@ def remarks(scene: Scene, policy: Policy) -> list[str]:
 
 def _of_scheme(scene: Scene, scheme: Scheme) -> list[str]:
     """Return remarks on what a time scheme does not damp."""
-    rigid = [body.name for body in scene.rigid_bodies]
     grips = [item.name for item in scene.actuators if isinstance(item, Grip)]
     kept = [item.name for item in scene.actuators if item.constrains and item.name not in grips]
     notes = []
-    if len(rigid) > 1 and scheme is not Scheme.BDF2:
-        text = f"{', '.join(rigid)} may not come to rest on each other with {scheme.value}"
-        notes.append(f"bodies: {text}; remedy: dynamics.scheme: bdf2")
     if grips and scheme is not Scheme.BDF2:
         text = f"the forces of {', '.join(grips)} oscillate with {scheme.value} after a sudden motion"
         notes.append(f"dynamics: {text}; remedy: dynamics.scheme: bdf2")

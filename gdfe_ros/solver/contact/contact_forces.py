@@ -36,8 +36,10 @@ MOST_CHANGES = 30
 or in which the laws are violated, and by no less than half of the least violation before: with more, contact does not
 settle.
 """
-NEARLY = 5e-2
-"""Violation of the laws of self-contact that counts as nothing, divided by the target of the minimisation."""
+NEARLY, SLIGHT = 5e-2, 5e-10
+"""Violation of the laws that counts as nothing if less is out of reach, as where forces of redundant points are not
+unique: divided by the target of the minimisation, and by the body's size.
+"""
 REVERSED, MOST_INERTIA, FADING = 0.7, 64.0, 0.7
 """A step reverses the last one if the cosine between both is below minus the first number. Forces and steps then get an
 inertia of at least 1 and at most the second number, which fades by the last one in each step that does not reverse the
@@ -106,7 +108,7 @@ class ContactForces:
     def begin(self) -> None:
         """Prepare a solve."""
         self.left, self._nearest, self._changes = 0.0, np.inf, 0
-        self._least, self._in_vain = np.inf, 0
+        self._least, self._in_vain, self._faint = np.inf, 0, 0.0
         self._last, self._inertia, self._head = np.zeros(self._rows), 0.0, 0
 
     @property
@@ -173,9 +175,9 @@ class ContactForces:
     def settles(self, work: Workspace) -> bool:
         """Count iterations with other faces, and those whose laws have no solution; return whether both may settle."""
         nearest, step = float(numbers(work)["nearest"]), float(numbers(work)["step"])
-        if self.left <= max(HALF * self._least, ROUGH * step):
+        if self.left <= max(HALF * self._least, ROUGH * step, self._faint):
             self._least, self._in_vain = self.left, 0
-        self._in_vain += self.left > ROUGH * step
+        self._in_vain += self.left > max(ROUGH * step, self._faint)
         if nearest != self._nearest:
             self._nearest, self._changes = nearest, 0
         self._changes += any(contact.changed for contact in self.contacts)
@@ -198,8 +200,9 @@ class ContactForces:
         status = numbers(work)
         self.left, allowed = 0.0, EXACT * max(target, min(float(status["before"]), float(status["step"])))
         dropped = held.any(axis=1) & ~usable
-        faint = max(FAINT * size if self._swings else 0.0, NEARLY * target)
+        self._faint = faint = max((FAINT if self._swings else SLIGHT) * size, NEARLY * target)
         known: tuple[int, int] | None = None
+        before = np.inf
         for _ in range(ROUNDS):
             chosen = np.flatnonzero(joins)
             forces = np.where(dropped[:, None], 0.0, held)
@@ -222,8 +225,9 @@ class ContactForces:
             project(work.direction, points.rows, points.blocks, points.counts, ahead)
             enters = usable & ~joins & (points.places[:, 0] + ahead[:, 0] < -target)
             rough = self.left > max(faint, ROUGH * max(target, float(status["step"])))
-            if not (rough or enters.any()):
+            if not ((rough and self.left < HALF * before) or enters.any()):
                 break
+            before = self.left
             joins |= enters
             allowed = EXACT * max(target, float(status["step"]))
         self._shorten(work, ahead)

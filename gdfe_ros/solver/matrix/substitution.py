@@ -227,8 +227,6 @@ def expand_node(values, at, rows, axes, first, last, x, local):
 
 GROUP = 8
 """Number of columns of Y that are found together."""
-GROUP = 8
-"""Number of columns of Y that are found together."""
 WIDE, HIGH = 256, 128
 """Columns and rows of a product that are computed together."""
 
