@@ -178,23 +178,32 @@ class Solve:
             load_history(active.workspace, self._resumed.steps, self._resumed.changes)
         task = self._placed(active, threads)
         updates = bool(len(active.carried) or self._actuation.updates or self._softens(active))
-        self._rough = updates and (self.anew if self._resumed is None else self._resumed.rough)
+        self._rough = updates and self._begins_rough
         self._settled, self.iterations, self._cut, finest = not updates, 0, False, self.aim
         for _ in range(self.MOST_UPDATES):
             aim, left = max(self.ROUGH if self._rough else 0.0, finest), limit - self.iterations
             went = self._minimiser.descend(task, tolerance=aim, limit=left, proven=self._settled and updates)
             self.iterations, self._cut = self.iterations + went, active.ended is Outcome.CUT
-            if self._failed(active) or not updates:
+            if not updates or self._failed(active):
                 break
             exact = aim <= self.aim or active.ended is not Outcome.NEAR
-            if self._balanced(active, still=went == 0, exact=exact) or self._actuation.wanders:
+            still = went == 0
+            if self._balanced(active, still=still, exact=exact) or self._actuation.wanders:
                 break
-            if exact and went == 0 and not self._settled:  # too little for an iteration, too much for the constraints
-                finest *= self.FINER
+            # Multipliers may change by too little for an iteration, and by too much for the constraints.
+            finest *= self.FINER if exact and still and not self._settled else 1.0
             self._rough = False
-            self._cut = self.iterations >= limit or (self.iterations > 0 and past(self.problem.deadline))
-            if self._cut:
+            if self._is_late(limit):
                 break
+
+    def _is_late(self, limit: int) -> bool:
+        """Return whether the limit of iterations or the deadline ends the solve, and remember it."""
+        self._cut = self.iterations >= limit or (self.iterations > 0 and past(self.problem.deadline))
+        return self._cut
+
+    @property
+    def _begins_rough(self) -> bool:
+        return self.anew if self._resumed is None else self._resumed.rough
 
     def _failed(self, active: ActiveSet) -> bool:
         """Return whether the last minimisation was cut, ran away or was given up, so that updates are useless."""

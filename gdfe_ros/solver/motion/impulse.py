@@ -141,19 +141,28 @@ class ContactImpulses:
         w[3 * every, 3 * every] += np.concatenate([part.soft for part in parts]) / h**2
         impulses, scale = time * np.concatenate([part.first for part in parts]).ravel(), float(np.abs(speeds).max())
         left = solve_laws(w, speeds.ravel(), friction, impulses, self.EXACT * scale, self.FAINT * scale)
-        if left > self.SETTLED * scale:
-            names = ", ".join(part.contact.name for part in parts if len(part.chosen))
-            text = f"the impulses of the contacts {names} leave {left:.3g} m/s; remedy: a smaller dynamics.step"
-            now = _tell(text, now, converged=False)
         slips = (speeds.ravel() + w @ impulses).reshape(-1, 3)[:, 1:] - came[:, 1:]
-        for part, rows in zip(parts, np.split(every, np.cumsum(sizes)[:-1]), strict=True):
-            text = self._find_slip(part, impulses.reshape(-1, 3)[rows], slips[rows])
-            now = _tell(text, now, converged=now.summary.converged) if text else now
+        now = self._told(parts, impulses.reshape(-1, 3), slips, now, left if left > self.SETTLED * scale else 0.0)
         pulls, impulses = np.zeros_like(velocity), impulses.reshape(-1, 3)
         local = np.zeros(3 * len(vertices))
         pull(impulses, *given, local)
         pulls[vertices] = local.reshape(-1, 3)
         return self._mass.accelerated(pulls, now.positions), _publish(parts, impulses / h, before, now)
+
+    def _told(self, parts: Sequence[Pressing], impulses: Array, slips: Array, now: State, left: float) -> State:
+        """Return ``now`` with sentences about grips that slip, and about laws that are violated by ``left`` [m/s].
+
+        ``impulses`` (k, 3) [N s] and changes ``slips`` (k, 2) [m/s] of the slip speeds are those of all points.
+        """
+        texts, ends = [now.summary.message], np.cumsum([len(part.chosen) for part in parts])[:-1]
+        for part, own, gained in zip(parts, np.split(impulses, ends), np.split(slips, ends), strict=True):
+            texts.append(self._find_slip(part, own, gained))
+        if left:
+            names = ", ".join(part.contact.name for part in parts if len(part.chosen))
+            text = f"the impulses of the contacts {names} leave {left:.3g} m/s; remedy: a smaller dynamics.step"
+            texts.append(text)
+        converged = now.summary.converged and not left
+        return now.with_(summary=changed(now.summary, converged=converged, message=outcome.join(*texts)))
 
     def _find_slip(self, part: Pressing, impulses: Array, gained: Array) -> str:
         """Return a sentence if a rigid body slips out of a grip, with the friction that would hold it; else "".
@@ -195,8 +204,3 @@ def _publish(parts: Sequence[Pressing], forces: Array, before: State, now: State
             work += float(np.vdot(own, part.led))
     ledger = changed(now.ledger, work=work)
     return now.with_(terms=terms, summary=changed(now.summary, reactions=reactions), ledger=ledger)
-
-
-def _tell(text: str, now: State, *, converged: bool) -> State:
-    """Return ``now`` with a sentence added to its message."""
-    return now.with_(summary=changed(now.summary, converged=converged, message=outcome.join(now.summary.message, text)))
