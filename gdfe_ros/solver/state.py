@@ -217,7 +217,7 @@ class State:
         summary: quality and results of the last accepted solve.
         sound: whether no element is folded or inverted.
         suspect: whether a user set the positions, and they have folded or inverted elements.
-        anchor: the last equilibrium, to which a failed step returns. It is set if the limit or the deadline ended
+        anchor: the last equilibrium, from which a step may be tried again. It is set if the limit or the deadline ended
             the solve, or if a load path failed with elements folded or nearly folded; otherwise None.
         ledger: energy account of a moving body; None without dynamics.
     """

@@ -131,6 +131,13 @@ class Stepper:
         """Return ``march``, or the outcome of a better load path if this one from ``state`` gave up or is doubtful."""
         unfinished, deadline = march.state.unfinished, goal.deadline
         given_up = unfinished is None or max(march.iterations, unfinished.iterations) >= self.equilibrium.patience
+        doubtful = crumpled(state) or crumpled(march.state) or not march.sound
+        if given_up and state.anchor is not None and doubtful and not past(deadline):
+            # The state of an unfinished solve leads to a failure, or is crumpled and leads to higher energy.
+            # Try again from the last equilibrium.
+            again = self._march(state.anchor, goal)
+            lower = not march.sound or self._energy(again.state) < self._energy(march.state)
+            march = (again if again.sound and lower else march).counting(march, again)
         if given_up and not (march.sound or (march.snapped and march.reached) or past(deadline)):
             march = self._let_go(march, goal, state)
         return march
