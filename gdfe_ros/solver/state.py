@@ -217,7 +217,6 @@ class State:
         summary: quality and results of the last accepted solve.
         sound: whether no element is folded or inverted.
         suspect: whether a user set the positions, and they have folded or inverted elements.
-        tried: whether the load path from the undeformed body was tried without success.
         anchor: the last equilibrium, from which a step may be tried again. It is set if the limit or the deadline ended
             the solve, or if a load path failed with elements folded or nearly folded; otherwise None.
         ledger: energy account of a moving body; None without dynamics.
@@ -241,7 +240,6 @@ class State:
     summary: Summary
     sound: bool = True
     suspect: bool = False
-    tried: bool = False
     anchor: State | None = None
     ledger: Ledger | None = None
 

@@ -173,9 +173,7 @@ class Solve:
 
     def descend(self, active: ActiveSet, *, threads: int | None, limit: int) -> None:
         """Minimise and update multipliers in turn, until the constraints are satisfied to the tolerance."""
-        self._minimiser.begin(active, self._tangent)
-        if self._resumed is not None and not self.iterations:  # else it has moved on since
-            load_history(active.workspace, self._resumed.steps, self._resumed.changes)
+        self._begin_minimiser(active)
         task = self._placed(active, threads)
         updates = bool(len(active.carried) or self._actuation.updates or self._softens(active))
         self._rough = updates and self._begins_rough
@@ -204,6 +202,12 @@ class Solve:
     @property
     def _begins_rough(self) -> bool:
         return self.anew if self._resumed is None else self._resumed.rough
+
+    def _begin_minimiser(self, active: ActiveSet) -> None:
+        """Give the minimiser the tangent of the start, and at first the pairs of an unfinished solve."""
+        self._minimiser.begin(active, self._tangent)
+        if self._resumed is not None and not self.iterations:
+            load_history(active.workspace, self._resumed.steps, self._resumed.changes)
 
     def _failed(self, active: ActiveSet) -> bool:
         """Return whether the last minimisation was cut, ran away or was given up, so that updates are useless."""

@@ -95,13 +95,13 @@ class March:
         iterations, increments = first.iterations + second.iterations, first.increments + second.increments
         return changed(self, iterations=iterations, increments=increments)
 
-    def marked(self, *, suspect: bool, tried: bool) -> March:
-        """Return this outcome with these marks (see `State`) and its message in its state."""
+    def marked(self, *, suspect: bool) -> March:
+        """Return this outcome with this mark (see `State`) and its message in its state."""
         end = self.state
         if (end.summary.converged, end.summary.message) != (self.converged, self.message):
             end = end.with_(summary=changed(end.summary, converged=self.converged, message=self.message))
-        if (end.suspect, end.tried) != (suspect, tried):
-            end = end.with_(suspect=suspect, tried=tried)
+        if end.suspect != suspect:
+            end = end.with_(suspect=suspect)
         return self if end is self.state else changed(self, state=end)
 
 

@@ -120,17 +120,24 @@ class Stepper:
         goal = Goal(poses=dict(targets), commands=dict(commands), tolerance=tolerance, deadline=deadline)
         if unreachable := self._unreachable(state, goal):
             return March.refused(state, unreachable)
-        march, suspect, tried = self._rescued(self._march(state, goal), goal, state), state.suspect, state.tried
-        if (suspect or (march.inverted and self._displaced(state))) and not past(deadline):
-            march, suspect, tried = self._better_from_rest(march, goal), False, True
+        march, suspect = self._rescued(self._march(state, goal), goal, state), state.suspect
+        if suspect and not past(deadline):
+            march, suspect = self._better_from_rest(march, goal), False
         if march.inverted:
             march = changed(march, converged=False, message=join(march.message, REMEDY_OF_FOLDS))
-        return march.marked(suspect=suspect, tried=tried and not march.sound)
+        return march.marked(suspect=suspect)
 
     def _rescued(self, march: March, goal: Goal, state: State) -> March:
         """Return ``march``, or the outcome of a better load path if this one from ``state`` gave up or is doubtful."""
         unfinished, deadline = march.state.unfinished, goal.deadline
         given_up = unfinished is None or max(march.iterations, unfinished.iterations) >= self.equilibrium.patience
+        doubtful = crumpled(state) or crumpled(march.state) or not march.sound
+        if given_up and state.anchor is not None and doubtful and not past(deadline):
+            # The state of an unfinished solve leads to a failure, or is crumpled and leads to higher energy.
+            # Try again from the last equilibrium.
+            again = self._march(state.anchor, goal)
+            lower = not march.sound or self._energy(again.state) < self._energy(march.state)
+            march = (again if again.sound and lower else march).counting(march, again)
         if given_up and not (march.sound or (march.snapped and march.reached) or past(deadline)):
             march = self._let_go(march, goal, state)
         return march
@@ -143,7 +150,7 @@ class Stepper:
         undeformed body.
         """
         there = placed(self.body, self.equilibrium.handles, state, positions, afresh=self.at_rest())
-        return there.with_(suspect=not there.sound, tried=state.tried)
+        return there.with_(suspect=not there.sound)
 
     def carried(self, state: State, before: State) -> State:
         """Return ``state``: equilibria have no account of energies."""
@@ -167,10 +174,6 @@ class Stepper:
     def energies(self, state: State) -> dict[str, float]:
         """Return no energies beyond those of the summary."""
         return {}
-
-    def _displaced(self, state: State) -> bool:
-        """Return whether a restart from the undeformed body may help: ``state`` is deformed, no restart was tried."""
-        return not (state.tried or np.array_equal(state.positions, self.body.rest))
 
     def _unreachable(self, state: State, goal: Goal) -> str:
         """Return a message if a cable is commanded shorter than the distance between its handles; empty if not."""
