@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from gdfe_ros.compiled import kernel, vector_kernel
 from gdfe_ros.mesh.operators import ShapeOperators
 from gdfe_ros.solver.elements.cell_type import cell_type_of
-from gdfe_ros.solver.matrix.factor import Factor, Factorisation
+from gdfe_ros.solver.matrix.factor import Factorisation, factor_of
 from gdfe_ros.solver.matrix.inverse import Inverse, apply_free
 from gdfe_ros.solver.matrix.substitution import solve_rigid
 from gdfe_ros.solver.matrix.unknowns import Unknowns, clear_fixed
@@ -176,7 +176,7 @@ class ConstantMatrix:
                 (self.ROLLING * block.diagonal()[rolling], (rolling, rolling)), block.shape
             )
         self._prescribed = rows[:, unknowns.prescribed].tocsr()
-        self._factor = Factor(block, rest[free])
+        self._factor = factor_of(block, rest[free])
         self.kind = library or Factorisation.SUPERNODES
         self.coupling = couple(matrix, rest, unknowns, self.solve, self._factor.inverse)
 

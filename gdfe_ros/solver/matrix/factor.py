@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The factor of a symmetric positive definite matrix that acts on x, y and z alike."""
+"""Factors of symmetric positive definite matrices; equal matrices in a process have one factor."""
 
 from __future__ import annotations
 
+import hashlib
 from enum import Enum
+from weakref import WeakValueDictionary
 
 import numpy as np
 import scipy.sparse as sparse
@@ -66,3 +68,19 @@ class Factor:
             change = np.empty_like(out)
             apply_free(self.inverse, (right - self._matrix @ out).reshape(-1), change.reshape(-1), None)
             out += change
+
+
+_MADE: WeakValueDictionary[bytes, Factor] = WeakValueDictionary()
+"""Dict from the digest of a matrix and its vertices to the factor that is in use in the process."""
+
+
+def factor_of(matrix: sparse.csc_matrix, points: NDArray[np.float64]) -> Factor:
+    """Return the factor of a matrix (f, f); an equal matrix in the process has the same factor."""
+    digest = hashlib.blake2b(str(matrix.shape).encode())
+    for part in (matrix.indptr, matrix.indices, matrix.data, points):
+        digest.update(np.ascontiguousarray(part).data)
+    key = digest.digest()
+    found = _MADE.get(key)
+    if found is None:
+        found = _MADE.setdefault(key, Factor(matrix, points))
+    return found
