@@ -3,14 +3,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import pytest
 from threadpoolctl import ThreadpoolController
 
-from gdfe_ros import Simulation, blas, load_scene
+from gdfe_ros import blas
 from gdfe_ros.blas import one_blas_thread
-from gdfe_ros.solver.matrix import factor as factors
 
 
 def counts() -> set[int]:
@@ -22,22 +19,6 @@ def counts() -> set[int]:
 def _libraries_of_now() -> None:
     """Look for the libraries anew: another test of this process may have loaded one since."""
     blas._libraries.cache_clear()
-
-
-def test_a_matrix_is_factored_with_one_thread(monkeypatch: pytest.MonkeyPatch) -> None:
-    """With two threads allowed, a body's factor is made with one BLAS thread, and two are allowed afterwards."""
-    seen: list[set[int]] = []
-
-    def watched(*given: object, original: Callable = factors._factor) -> None:
-        seen.append(counts())
-        original(*given)
-
-    monkeypatch.setattr(factors, "_factor", watched)
-    with ThreadpoolController().limit(limits=2, user_api="blas"):
-        Simulation(load_scene("bend5", overrides={"mesh.bar.cells": [60, 6, 6]}))
-        assert counts() == {2}
-    assert seen
-    assert all(count == {1} for count in seen)
 
 
 def test_contexts_of_two_threads_may_overlap() -> None:

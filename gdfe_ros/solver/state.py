@@ -142,12 +142,12 @@ class Unfinished:
     """Progress of a solve that the limit or the deadline ended; the next solve continues from it.
 
     Attributes:
-        rough: whether the unfinished minimisation was a rough one, before the first update of multipliers.
+        tolerance: tolerance of the unfinished minimisation.
         iterations: number of iterations since the last finished solve.
         steps, changes: (k, 3 r) [m] and [N] the pairs of the history, oldest first.
     """
 
-    rough: bool
+    tolerance: float
     iterations: int
     steps: Array
     changes: Array

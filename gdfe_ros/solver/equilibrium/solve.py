@@ -28,6 +28,42 @@ from gdfe_ros.solver.solution import Increment, Solution
 from gdfe_ros.solver.state import ElementState, State, Summary, Unfinished
 
 
+class DescentSchedule:
+    """Tolerances of the minimisations between which multipliers are updated: coarse at first, the solve's at the end.
+
+    Args:
+        tolerance: tolerance of the solve.
+        first: tolerance of the first minimisation.
+
+    Attributes:
+        present: tolerance of the present minimisation.
+    """
+
+    FIRST_TOLERANCE, TIGHTEN = 1e-2, 0.1
+    """If multipliers are updated: tolerance of the first minimisation, and factor from each tolerance to the next."""
+
+    def __init__(self, tolerance: float, *, first: float) -> None:
+        self._tolerance, self._finest, self._aim, self.present = tolerance, tolerance, first, first
+
+    def aim(self, *, confirms: bool) -> float:
+        """Return the tolerance of the next minimisation; if it only ``confirms`` the positions, that of the solve."""
+        self._aim = self._tolerance if confirms else self.present
+        return self._aim
+
+    @property
+    def exact(self) -> bool:
+        """Whether the last minimisation had the tolerance of the solve, or a finer one that was asked for."""
+        return self.present <= self._tolerance and self._aim <= self.present
+
+    def refine(self) -> None:
+        """Decrease the tolerance of the solve: multipliers still change, but by too little for another iteration."""
+        self._finest *= self.TIGHTEN
+
+    def tighten(self) -> None:
+        """Decrease the tolerance for the next minimisation, at most to that of the solve."""
+        self.present = max(self._finest, self.TIGHTEN * self.present)
+
+
 @dataclass(frozen=True, eq=False)
 class Model:
     """Data common to all solves of a body: body, external terms, kinematics of its handles, and minimiser.
@@ -64,10 +100,6 @@ class Solve:
         iterations: number of iterations of the last call of `descend`.
     """
 
-    ROUGH = 5e-3
-    """Tolerance of the first minimisation if multipliers are updated, and are not extrapolated from a motion."""
-    FINER = 0.1
-    """Factor of the tolerance where multipliers still change, but by too little for another iteration."""
     LINEAR = 1e-4
     """Coarsest tolerance of the last minimisation in statics. Farther from the equilibrium, a step with the tangent
     does not measure the distance: the bending stiffness of a sheet or of a hanging bar changes within a thickness.
@@ -80,6 +112,9 @@ class Solve:
     LAGGING_VOLUME, LAGGING_SCALE = 10.0, 100.0
     """Allowed errors of volumes, and allowed changes of hourglass scales in the last update, in motion and divided by
     the tolerance. The updates of the next step reduce these errors.
+    """
+    SLOW = 10
+    """If this number of updates of exact minimisations does not settle the constraints, the minimisations become finer.
     """
     MOST_UPDATES = 200
     """Limit of the updates of pressures, multipliers and scales in one solve. Confined, incompressible bodies need
@@ -176,21 +211,17 @@ class Solve:
         self._begin_minimiser(active)
         task = self._placed(active, threads)
         updates = bool(len(active.carried) or self._actuation.updates or self._softens(active))
-        self._rough = updates and self._begins_rough
-        self._settled, self.iterations, self._cut, finest = not updates, 0, False, self.aim
+        self._schedule = self._scheduled(updates=updates)
+        self._settled, self._exact, self.iterations, self._cut = not updates, 0, 0, False
         for _ in range(self.MOST_UPDATES):
-            aim, left = max(self.ROUGH if self._rough else 0.0, finest), limit - self.iterations
+            aim, left = self._schedule.aim(confirms=self._settled and updates), limit - self.iterations
             went = self._minimiser.descend(task, tolerance=aim, limit=left, proven=self._settled and updates)
             self.iterations, self._cut = self.iterations + went, active.ended is Outcome.CUT
             if not updates or self._failed(active):
                 break
-            exact = aim <= self.aim or active.ended is not Outcome.NEAR
-            still = went == 0
-            if self._balanced(active, still=still, exact=exact) or self._actuation.wanders:
+            if self._balanced(active, still=went == 0) or self._actuation.wanders:
                 break
-            # Multipliers may change by too little for an iteration, and by too much for the constraints.
-            finest *= self.FINER if exact and still and not self._settled else 1.0
-            self._rough = False
+            self._schedule.tighten()
             if self._is_late(limit):
                 break
 
@@ -199,9 +230,13 @@ class Solve:
         self._cut = self.iterations >= limit or (self.iterations > 0 and past(self.problem.deadline))
         return self._cut
 
-    @property
-    def _begins_rough(self) -> bool:
-        return self.anew if self._resumed is None else self._resumed.rough
+    def _scheduled(self, *, updates: bool) -> DescentSchedule:
+        """Return the tolerances of the minimisations; those of an unfinished solve go on where it ended."""
+        tolerance, resumed = self.aim, self._resumed
+        first = max(DescentSchedule.FIRST_TOLERANCE, tolerance) if updates and self.anew else tolerance
+        if resumed is not None:
+            first = max(resumed.tolerance, tolerance)
+        return DescentSchedule(tolerance, first=first)
 
     def _begin_minimiser(self, active: ActiveSet) -> None:
         """Give the minimiser the tangent of the start, and at first the pairs of an unfinished solve."""
@@ -215,19 +250,22 @@ class Solve:
             return bool(active.status["blocked"])
         return active.ended in (Outcome.RUNAWAY, Outcome.GIVEN_UP, Outcome.CUT)
 
-    def _balanced(self, active: ActiveSet, *, still: bool, exact: bool) -> bool:
+    def _balanced(self, active: ActiveSet, *, still: bool) -> bool:
         """Update pressures, multipliers and scales, unless the last update stands; return whether the solve ends.
 
         In statics, the solve ends if the last update was faint, or if the minimisation after it made no iteration
-        (``still``). In motion, it ends after the first update that keeps the constraints. An update after a rough
-        minimisation, which is not ``exact``, ends no solve.
+        (``still``). In motion, it ends after the first update that keeps the constraints.
         """
         if still and self._settled:  # the last update has not moved the equilibrium
             return True
         # Even if no further descent is possible, new pressures and scales may make one possible.
+        last = self._schedule.exact or active.ended is not Outcome.NEAR
         error, change = self._update(active, still=still)
         kept = 1.0 if self._moving or self._actuation.contacts else self.FAINT
-        self._settled = exact and error <= kept
+        self._settled = last and error <= kept
+        self._exact += last
+        if last and not self._settled and (still or self._exact % self.SLOW == 0):
+            self._schedule.refine()  # the positions are not accurate enough for the constraints
         faint = max(error, change) <= self.FAINT and not self._actuation.contacts
         return self._settled and (still or faint or self._moving)
 
@@ -350,4 +388,5 @@ class Solve:
     def _unfinished(self, active: ActiveSet) -> Unfinished:
         done = self._resumed.iterations if self._resumed else 0
         steps, changes = history(active.workspace)
-        return Unfinished(rough=self._rough, iterations=done + self.iterations, steps=steps, changes=changes)
+        tolerance = self._schedule.present
+        return Unfinished(tolerance=tolerance, iterations=done + self.iterations, steps=steps, changes=changes)
