@@ -19,6 +19,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.elements.barrier import THRESHOLD
+from gdfe_ros.solver.elements.measures import least_volume_ratio
 from gdfe_ros.solver.handle_motions import LEAST_TURN, HandleMotions
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.matrix.rotation import apply_left_jacobian
@@ -77,11 +79,24 @@ class Predictor:
     def predict(self, state: State, base: NDArray[np.float64], change: NDArray[np.float64]) -> Prediction:
         """Return the start of a solve that moves the handles from ``state`` to ``base`` (n, 3) [m].
 
-        ``change`` (c,) are the changes of the commands of actuators and loads.
+        ``change`` (c,) are the changes of the commands of actuators and loads. A motion
+        whose extrapolation folds elements is not extrapolated.
         """
+        motion = base[self._held] - state.base[self._held]
+        ratio = _ratio(state.motion, motion, change)
+        found = self._predicted(state, base, ratio)
+        if ratio != 0.0 and self._is_far(state, ratio) and least_volume_ratio(found.positions, self._shape) < THRESHOLD:
+            return self._predicted(state, base, 0.0)
+        return found
+
+    def _is_far(self, state: State, ratio: float) -> bool:
+        """Return whether the extrapolated motion is so long that it may fold elements."""
+        return ratio * float(np.abs(state.motion.move).max()) > self.FAR * self._size
+
+    def _predicted(self, state: State, base: NDArray[np.float64], ratio: float) -> Prediction:
+        """Return the start with the last motion extrapolated by ``ratio``."""
         held, last = self._held, state.motion
         motion = base[held] - state.base[held]
-        ratio = _ratio(last, motion, change)
         start, rest, slides, turns = state.positions.copy(), motion, state.slides, state.turns
         if last is not None and ratio != 0.0:
             rest = motion - ratio * last.base
