@@ -111,6 +111,10 @@ class Stability:
     """Largest number of proofs in one solve. Each saddle takes one; a long, nearly flat valley of the energy takes
     many.
     """
+    SEEN = 0.1
+    """A fall of the energy counts if it exceeds this fraction of the bound of its rounding, which sums worst cases. A
+    fall that is none costs another proof.
+    """
     FIRST, DOUBLINGS, SHORTENINGS = 1e-3, 12, 6
     """First length of a step along a direction of negative curvature, divided by the body's size. The other two numbers
     are the largest numbers of doublings of this length and of its divisions by four.
@@ -263,7 +267,8 @@ class Stability:
         sign = -1.0 if float(work.gradient @ direction) > 0.0 else 1.0
         longest = largest(direction)
         unit, length, best, found = sign / longest * direction, min(self.FIRST * self._size, longest), np.inf, None
-        least = float(status["energy"] - status["grain"] - ROUNDING * (status["absolute"] + status["outside"]))
+        noise = float(status["grain"] + ROUNDING * (status["absolute"] + status["outside"]))
+        least = float(status["energy"]) - self.SEEN * noise
         self._product.begin(task)
         for _ in range(self.SHORTENINGS + self.DOUBLINGS):
             with task.turn:
