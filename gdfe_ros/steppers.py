@@ -105,7 +105,7 @@ def step_result(
         restarts=march.restarts if march else 0,
         wall_time=clock.perf_counter() - started,
         policy=settings.policy,
-        factorisation=stepper.equilibrium.matrix.kind.value,
+        factorisation="supernodes",
         message=summary.message,
         stable=summary.stable if summary.converged else None,
         estimated=summary.estimated,

@@ -134,5 +134,5 @@ def gradient(unknowns: Unknowns) -> NDArray[np.float64]:
 def solve(matrix: ConstantMatrix, right: NDArray[np.float64], unknowns: Unknowns) -> NDArray[np.float64]:
     """Solve for all rows, in compiled code."""
     out = np.zeros_like(right)
-    apply_inverse(right.ravel(), matrix.coupling, out.ravel(), None)
+    apply_inverse(right.ravel(), matrix.coupling, out.ravel())
     return out

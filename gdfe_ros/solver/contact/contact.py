@@ -145,9 +145,9 @@ class Contact(ContactTerm):
         if isinstance(self._touched, RigidBody):
             self._take_frame(positions)
         self._correct(positions)
-        gaps, normals = gap.measure(places, self._frame_numbers, self._form, self._touched.form.kind)
+        gaps, normals = gap.measure(places, *self._obstacle)
         if self._planes.any():
-            gap.replace_by_planes(places, self._planes, self._fixed, self._frame_numbers, gaps, normals)
+            gap.replace_by_planes(places, self._planes, self._fixed, self._others, gaps, normals)
         anchors, pressing = self._anchors[:, :3], self._points.weights[chosen]
         slips = self._rubbing(positions) - self._origin - anchors @ self._axes.T
         if isinstance(self._touched, RigidBody):
@@ -179,7 +179,6 @@ class Contact(ContactTerm):
         Points that slip store none: in the next step, their anchors are their positions at its start.
         """
         sticks = kept["slips"][self._chosen] == 0.0
-        kept["anchor"] = self._free["anchor"].copy()
         kept["anchor"][self._chosen[sticks]] = self._kept()[sticks]
 
     def resume(self, commands: Mapping[str, float], saved: Saved, found: Saved, positions: NDArray[np.float64]) -> None:
@@ -216,10 +215,11 @@ class Contact(ContactTerm):
         """
         if not self.near:
             return np.zeros(6)
-        normals, held = self.stencils.normals, self.stencils.axes[:, 0]
-        forces = self._press[:, None] * held - self._shear
-        if saved is not None:
-            forces = saved["push"][self._chosen, None] * normals + saved["rub"][self._chosen] @ self._axes.T
+        if saved is None:
+            forces = self._press[:, None] * self.stencils.axes[:, 0] - self._shear
+        else:
+            pushes = saved["push"][self._chosen, None] * self.stencils.normals
+            forces = pushes + saved["rub"][self._chosen] @ self._axes.T
         arms = self._rubbing(positions) - self._origin
         return np.concatenate([forces.sum(axis=0), np.cross(arms, forces).sum(axis=0)])
 
@@ -257,9 +257,9 @@ class Contact(ContactTerm):
         )
 
     @property
-    def _frame_numbers(self) -> NDArray[np.float64]:
-        """The rotation and origin of the obstacle's frame (12,), a view."""
-        return self._others
+    def _obstacle(self) -> tuple[NDArray[np.float64], NDArray[np.float64], int]:
+        """Frame (12,), form and kind of the obstacle, for the kernels of `gap`."""
+        return self._others, self._form, self._touched.form.kind
 
     @property
     def _origin(self) -> NDArray[np.float64]:
@@ -358,7 +358,7 @@ class Contact(ContactTerm):
 
     def _measure(self, places: NDArray[np.float64]) -> None:
         """Write the distances [m] and normals of all points at ``places`` (p, 3) [m] to the term's arrays."""
-        gap.distances(places, self._frame_numbers, self._form, self._touched.form.kind, self._distances, self._normals)
+        gap.distances(places, *self._obstacle, self._distances, self._normals)
 
     def _set_anchors(self, saved: Saved, positions: NDArray[np.float64]) -> None:
         """Set the anchors of the chosen points at the start of a step, in the obstacle's frame."""
@@ -388,7 +388,6 @@ class Contact(ContactTerm):
         if not len(self._faces):
             return
         surface, faces, nearer = self._points, self._faces, np.zeros(len(positions))
-        obstacle = self._frame_numbers, self._form, self._touched.form.kind
-        gap.nearness(positions, surface.quads[faces], surface.gauss[faces], SHAPE, *obstacle, nearer)
+        gap.nearness(positions, surface.quads[faces], surface.gauss[faces], SHAPE, *self._obstacle, nearer)
         chosen = self._chosen
         self._offsets = np.maximum(0.0, nearer[surface.carriers[chosen, 0]] / surface.areas[chosen])

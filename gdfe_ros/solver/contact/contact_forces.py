@@ -202,7 +202,7 @@ class ContactForces:
         dropped = held.any(axis=1) & ~usable
         self._faint = faint = max((FAINT if self._swings else SLIGHT) * size, NEARLY * target)
         known: tuple[int, int] | None = None
-        before = np.inf
+        before = np.inf  # violation after the last round
         for _ in range(ROUNDS):
             chosen = np.flatnonzero(joins)
             forces = np.where(dropped[:, None], 0.0, held)
@@ -219,7 +219,7 @@ class ContactForces:
                 self._unsolved = points.vertices[chosen], w, given, points.friction[chosen], now
             if np.array_equal(forces, held):
                 break
-            self._hold(points, forces, problem, work)
+            self._hold(forces, problem, work)
             held = forces
             found = choose_once(problem, work, metric, size, 2**62)
             project(work.direction, points.rows, points.blocks, points.counts, ahead)
@@ -305,7 +305,7 @@ class ContactForces:
         joined = [np.concatenate([part[k] for part in parts]) for k in (0, 1, 2, 3, 6, 7, 8, 9)]
         return Points(*joined[:4], rows, blocks, *joined[4:])
 
-    def _hold(self, points: Points, forces: NDArray[np.float64], problem: Problem, work: Workspace) -> None:
+    def _hold(self, forces: NDArray[np.float64], problem: Problem, work: Workspace) -> None:
         """Set the forces (k, 3) [N] of all points."""
         ends = np.cumsum([contact.count for contact in self._acting])[:-1]
 
@@ -363,7 +363,7 @@ class ContactForces:
             join(*given, number, between, frames, scale, self._w)
         w = self._w.copy()
         if status["count"]:
-            images = self._images.of(problem, work, metric, (*key, constant, scale), frames)
+            images = self._images.of(work, metric, (*key, constant, scale), frames)
             add_pairs(work, images, *given, w)
         w[range(0, len(w), 3), range(0, len(w), 3)] += points.soft[chosen]
         return w

@@ -40,7 +40,7 @@ class ContactTerm(Term):
         restitution: ratio of the normal speeds of a point after and before an impact.
 
     Attributes:
-        friction, restitution: the arguments.
+        vertices, friction, restitution: the arguments.
         stencils: the near points at the positions of the last call of `turn`.
         on_body: whether the points of the term belong to the elastic body; False for self-contact.
         held_mass: mass [kg] of a rigid body that the elastic body touches, else 0.
@@ -64,7 +64,7 @@ class ContactTerm(Term):
         self.valid, self.changed = np.inf, False
         self._number = np.full(len(body.rest), -1, dtype=np.int64)
         self._number[vertices] = np.arange(len(vertices))
-        self._vertices, self._count = vertices, count
+        self.vertices = vertices
         self._chosen = np.zeros(0, dtype=np.int64)
         self._press, self._shear = np.zeros(0), np.zeros((0, 3))
         none = np.zeros((count, 3))
@@ -103,18 +103,13 @@ class ContactTerm(Term):
         return self.near and self.friction > 0.0
 
     @property
-    def vertices(self) -> NDArray[np.int32]:
-        """The vertices (v,) on which forces can act."""
-        return self._vertices
-
-    @property
     def _loads(self) -> NDArray[np.float64]:
-        return self.reals[: LOADS * len(self._vertices)]
+        return self.reals[: LOADS * len(self.vertices)]
 
     @property
     def _anchors(self) -> NDArray[np.float64]:
         """The numbers (k, `ANCHOR`) of the near points, a view."""
-        first = LOADS * len(self._vertices)
+        first = LOADS * len(self.vertices)
         return self.reals[first : first + self.ANCHOR * self.count].reshape(-1, self.ANCHOR)
 
     @property
@@ -135,7 +130,7 @@ class ContactTerm(Term):
             self.integers[0] = 0
             return
         self.stencils = self.find_stencils(positions)
-        self._loads.reshape(-1, LOADS)[:, 3:] = positions[self._vertices]
+        self._loads.reshape(-1, LOADS)[:, 3:] = positions[self.vertices]
         self._write_loads()
 
     def hold_forces(self, forces: NDArray[np.float64]) -> None:
@@ -176,11 +171,8 @@ class ContactTerm(Term):
         slips = ~(self._press > 0.0)
         slips |= np.linalg.norm(self._shear, axis=1) >= (1.0 - ROUNDING) * self.friction * self._press
         kept, chosen = {name: array.copy() for name, array in self._free.items()}, self._chosen
-        kept["press"][chosen], kept["shear"][chosen], kept["slips"][chosen] = (
-            self._press,
-            self.stored(self._shear),
-            slips,
-        )
+        kept["press"][chosen], kept["slips"][chosen] = self._press, slips
+        kept["shear"][chosen] = self.stored(self._shear)
         self.keep_places(kept)
         pushes = self._press * np.linalg.norm(self.stencils.axes[:, 0], axis=1)
         return self.exerted(saved, kept, pushes, -self._shear)

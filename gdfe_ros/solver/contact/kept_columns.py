@@ -105,7 +105,7 @@ class ConstantColumns(KeptColumns):
             three = new[begin : begin + 3]
             right = np.zeros_like(out)
             right[three, range(len(three))] = 1.0
-            apply_free(self._inverse, right.reshape(-1), out.reshape(-1), None)
+            apply_free(self._inverse, right.reshape(-1), out.reshape(-1))
             self._columns[first + begin : first + begin + len(three)] = out[self._needed, : len(three)].T
 
     def _blocks(self, rows: Numbers) -> Array:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.solver.descent.loop import Metric, precondition
-from gdfe_ros.solver.descent.workspace import Problem, Workspace, numbers
+from gdfe_ros.solver.descent.workspace import Workspace, numbers
 from gdfe_ros.solver.matrix.constant_matrix import apply_inverse
 
 
@@ -19,12 +19,7 @@ class PairImages:
         self._known: tuple[tuple[object, ...] | None, NDArray[np.float64]] = None, np.zeros(0)
 
     def of(
-        self,
-        problem: Problem,
-        work: Workspace,
-        metric: Metric,
-        key: tuple[object, ...],
-        frames: NDArray[np.float64],
+        self, work: Workspace, metric: Metric, key: tuple[object, ...], frames: NDArray[np.float64]
     ) -> NDArray[np.float64]:
         """Return the products M^-1 y (memory, 3 r) of all pairs; those that are known are not computed again."""
         status, memory = numbers(work), len(work.curvature)
@@ -42,10 +37,10 @@ class PairImages:
                 continue
             image = self._images[at]
             if status["wild"]:
-                apply_inverse(work.changes[at], metric.coupling, image, problem.threads)
+                apply_inverse(work.changes[at], metric.coupling, image)
                 image *= float(status["scale"])
             else:
-                precondition(metric, work.changes[at], image, problem.threads)
+                precondition(metric, work.changes[at], image)
             curvature[at] = work.curvature[at]
         self._known = key, curvature
         return self._images

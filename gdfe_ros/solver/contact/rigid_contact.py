@@ -56,13 +56,12 @@ class RigidContact(Contact):
         if self._radius > 0.0 or not len(near):
             return
         places, shift = self._points.at(positions)[self._chosen[near]], BESIDE * self._body.size
-        obstacle = self._frame_numbers, self._form, self._touched.form.kind
-        beside = [gap.measure(places + shift * way, *obstacle)[1] for way in (*np.eye(3), *-np.eye(3))]
+        beside = [gap.measure(places + shift * way, *self._obstacle)[1] for way in (*np.eye(3), *-np.eye(3))]
         spread = np.linalg.norm(np.ptp(beside, axis=0), axis=1)
         edge = near[spread > SMOOTH]
         if not len(edge):
             return
-        facing = gap.measure(positions[self._rigid.vertices].mean(axis=0)[None], *obstacle)[1][0]
+        facing = gap.measure(positions[self._rigid.vertices].mean(axis=0)[None], *self._obstacle)[1][0]
         length = np.linalg.norm(facing)
         if not length > 0.0:
             return

@@ -16,7 +16,6 @@ from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.descent.workspace import Workspace, allocate, numbers
 from gdfe_ros.solver.elements.blocks import Blocks, TetBlocks
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
-from gdfe_ros.solver.matrix.factor import Factorisation
 from gdfe_ros.solver.matrix.unknowns import Unknowns
 from gdfe_ros.solver.outcome import Outcome
 from gdfe_ros.solver.settings import Skip
@@ -128,8 +127,6 @@ class ActiveSet:
 
     def threads(self, most: int) -> int | None:
         """Return the fastest number of threads, at most ``most``; None stands for the calling thread alone."""
-        if self.matrix.kind is Factorisation.DENSE:
-            return None
         count = min(most, len(self.blocks.element) // self.LEAST_BLOCKS)
         return count if count > 1 else None
 

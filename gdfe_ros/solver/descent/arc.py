@@ -99,7 +99,7 @@ def follow_arc(problem, work, metric):
         status.slope *= share
         place_and_pull(problem, work, metric)
     gather_rows(metric.force, problem.unknowns, metric.gradient)
-    apply_free(metric.coupling.inverse, metric.gradient, work.curve, problem.threads)
+    apply_free(metric.coupling.inverse, metric.gradient, work.curve)
     clear_fixed(problem.unknowns.fixed, work.curve)
     for n in range(free, len(work.u)):
         work.curve[n] = 0.0

@@ -73,25 +73,25 @@ class Metric(NamedTuple):
 
 
 @kernel
-def precondition(metric, right, out, threads):
+def precondition(metric, right, out):
     """Write M^-1 ``right`` (3 r,) to ``out``."""
     if len(metric.kept.order) > 0:
         solve_kept(metric.kept, right, out)
     else:
-        apply_inverse(right, metric.coupling, out, threads)
+        apply_inverse(right, metric.coupling, out)
 
 
 @internal
-def find_direction(problem, work, metric):
+def find_direction(work, metric):
     """Write the quasi-Newton direction, its slope [J] and its largest displacement [m]; return whether it descends."""
     status, d = work.status[0], work.direction
     begin_recursion(work)
     if status.wild == 1:
-        apply_inverse(work.step, metric.coupling, d, problem.threads)
+        apply_inverse(work.step, metric.coupling, d)
         for n in range(len(d)):
             d[n] *= status.scale
     else:
-        precondition(metric, work.step, d, problem.threads)
+        precondition(metric, work.step, d)
     end_recursion(work, d)
     for n in range(len(d)):
         d[n] = -d[n]
@@ -106,27 +106,27 @@ def choose_direction(problem, work, metric, size):
     Return whether there is one. A history that gives none is dropped.
     """
     status = work.status[0]
-    descends = find_direction(problem, work, metric)
+    descends = find_direction(work, metric)
     if status.wild == 1 and status.step < TAME * size:
         status.wild = 0
-        descends = find_direction(problem, work, metric)
+        descends = find_direction(work, metric)
     if not descends and status.count > 0 and status.step > 0.0:
         status.count = 0
-        descends = find_direction(problem, work, metric)
+        descends = find_direction(work, metric)
     folded = problem.watch.count[0] > 0 and len(metric.kept.order) > 0
     if status.wild == 0 and status.step > WILD * size and folded:
         status.wild, status.scale, status.count = 1, 1.0, 0
-        descends = find_direction(problem, work, metric)
+        descends = find_direction(work, metric)
     return descends
 
 
 @internal
-def rescale(problem, work, metric):
+def rescale(work, metric):
     """Scale the constant matrix to the curvature of the newest pair."""
     status = work.status[0]
     newest = (status.head - 1) % len(work.curvature)
     y, z = work.changes[newest], metric.u
-    apply_inverse(y, metric.coupling, z, problem.threads)
+    apply_inverse(y, metric.coupling, z)
     status.scale = work.curvature[newest] / inner(y, z)
 
 
@@ -203,7 +203,7 @@ def move(problem, work, metric, size, target, proven, descends):
     status.made += 1
     status.since += 1
     if remember(work) and status.wild == 1:
-        rescale(problem, work, metric)
+        rescale(work, metric)
     return True
 
 

@@ -24,7 +24,6 @@ from gdfe_ros.solver.forces.pressures import at_rest
 from gdfe_ros.solver.forces.reactions import vertex_forces
 from gdfe_ros.solver.handle_motions import HandleMotions
 from gdfe_ros.solver.matrix.constant_matrix import SINGULAR, ConstantMatrix, assemble
-from gdfe_ros.solver.matrix.factor import Factorisation
 from gdfe_ros.solver.minimise.level import TangentLevel
 from gdfe_ros.solver.minimise.minimiser import Minimiser, Observer, Task
 from gdfe_ros.solver.outcome import Outcome, tell
@@ -40,7 +39,6 @@ class EquilibriumSolver:
     Args:
         body: the discretised body.
         actuation: the external terms; None for none.
-        library: library that factors the constant matrix; None chooses by size.
         skip: kinds of work that are left out where possible.
         threads: largest number of threads among which the elements are divided.
         predictor: function that returns the predictor of a solve's start for given handle kinematics and constant
@@ -64,7 +62,6 @@ class EquilibriumSolver:
         body: Body,
         actuation: Actuation | None = None,
         *,
-        library: Factorisation | None = None,
         skip: Collection[Skip] = tuple(Skip),
         threads: int = 1,
         predictor: Callable[[HandleMotions, ConstantMatrix], Predictor] | None = None,
@@ -81,7 +78,7 @@ class EquilibriumSolver:
         assembled = sum(
             (share for share in shares if share is not None), assemble(body.shape, stiffness, bending, len(body.rest))
         )
-        self.matrix = ConstantMatrix(assembled.tocsc(), body.rest, body.unknowns, library=library)
+        self.matrix = ConstantMatrix(assembled.tocsc(), body.rest, body.unknowns)
         self.actuation.fit(self.matrix)
         self.handles = HandleMotions(body)
         self._predictor = (predictor or partial(Predictor, body))(self.handles, self.matrix)

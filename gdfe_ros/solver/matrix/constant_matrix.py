@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from gdfe_ros.compiled import kernel, vector_kernel
 from gdfe_ros.mesh.operators import ShapeOperators
 from gdfe_ros.solver.elements.cell_type import cell_type_of
-from gdfe_ros.solver.matrix.factor import Factorisation, factor_of
+from gdfe_ros.solver.matrix.factor import factor_of
 from gdfe_ros.solver.matrix.inverse import Inverse, apply_free
 from gdfe_ros.solver.matrix.substitution import solve_rigid
 from gdfe_ros.solver.matrix.unknowns import Unknowns, clear_fixed
@@ -147,10 +147,8 @@ class ConstantMatrix:
         matrix: the assembled matrix (n, n), symmetric.
         rest: (n, 3) rest vertices [m].
         unknowns: the numbering of the unknowns.
-        library: library that factors the matrix; None chooses by size.
 
     Attributes:
-        kind: the library in use.
         coupling: coupling of the handles in their rest poses to the free vertices.
         assembled: the matrix of all vertices (n, n).
     """
@@ -163,8 +161,6 @@ class ConstantMatrix:
         matrix: sparse.csc_matrix,
         rest: NDArray[np.float64],
         unknowns: Unknowns,
-        *,
-        library: Factorisation | None = None,
     ) -> None:
         self.assembled, self._rest, self._unknowns = matrix, rest, unknowns
         free = unknowns.free
@@ -177,7 +173,6 @@ class ConstantMatrix:
             )
         self._prescribed = rows[:, unknowns.prescribed].tocsr()
         self._factor = factor_of(block, rest[free])
-        self.kind = library or Factorisation.SUPERNODES
         self.coupling = couple(matrix, rest, unknowns, self.solve, self._factor.inverse)
 
     def solve(self, right: NDArray[np.float64], out: NDArray[np.float64]) -> None:
@@ -214,7 +209,7 @@ class ConstantMatrix:
 
 
 @vector_kernel
-def apply_inverse(gradient, coupling, out, threads):
-    """Write A^-1 gradient (3 r,) to ``out``, including the rigid rows; ``threads`` as in `apply_free`."""
-    apply_free(coupling.inverse, gradient, out, threads)
+def apply_inverse(gradient, coupling, out):
+    """Write A^-1 gradient (3 r,) to ``out``, including the rigid rows."""
+    apply_free(coupling.inverse, gradient, out)
     close_coupling(gradient, coupling, out)

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import hashlib
-from enum import Enum
 from weakref import WeakValueDictionary
 
 import numpy as np
@@ -13,13 +12,6 @@ from numpy.typing import NDArray
 
 from gdfe_ros.solver.matrix.fronts import Fronts
 from gdfe_ros.solver.matrix.inverse import Inverse, apply_free
-
-
-class Factorisation(str, Enum):
-    """Method of solving with the constant matrix."""
-
-    DENSE = "dense inverse"
-    SUPERNODES = "supernodes"
 
 
 class Factor:
@@ -63,10 +55,10 @@ class Factor:
 
     def solve(self, right: NDArray[np.float64], out: NDArray[np.float64]) -> None:
         """Write the solution (f, 3) of three right-hand sides (f, 3) to ``out``, to double precision."""
-        apply_free(self.inverse, right.reshape(-1), out.reshape(-1), None)
+        apply_free(self.inverse, right.reshape(-1), out.reshape(-1))
         for _ in range(self.REFINED if len(self.inverse.coarse) else 0):
             change = np.empty_like(out)
-            apply_free(self.inverse, (right - self._matrix @ out).reshape(-1), change.reshape(-1), None)
+            apply_free(self.inverse, (right - self._matrix @ out).reshape(-1), change.reshape(-1))
             out += change
 
 

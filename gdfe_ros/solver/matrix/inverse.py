@@ -33,7 +33,7 @@ class Inverse(NamedTuple):
 
 
 @vector_kernel
-def apply_free(inverse, right, out, threads):
+def apply_free(inverse, right, out):
     """Write A_ff^-1 right to the first rows of ``out``, for three right-hand sides (f, 3), flat."""
     if len(inverse.coarse) > 0:
         apply_factor(inverse, inverse.coarse, right, out)

@@ -170,11 +170,13 @@ class ContactImpulses:
         A grip presses on a body from opposite sides, and all of its points slip. ``impulses`` (k, 3) [N s] are those of
         the points. The missing one is the body's mass times the mean of the slip speeds ``gained`` (k, 2) [m/s].
         """
-        push, rub = impulses[:, 0], np.einsum("ka,kai->ki", impulses[:, 1:], part.axes[:, 1:])
         friction, mass = part.contact.friction, part.contact.held_mass
+        if not mass:
+            return ""
+        push, rub = impulses[:, 0], np.einsum("ka,kai->ki", impulses[:, 1:], part.axes[:, 1:])
         squeezed = np.linalg.norm(push @ part.axes[:, 0]) < self.OPPOSED * push.sum()
         sticks = np.linalg.norm(rub, axis=1) < (1.0 - ROUNDING) * friction * push
-        if not (mass and squeezed) or sticks.any():
+        if not squeezed or sticks.any():
             return ""
         slips = np.einsum("ka,kai->ki", gained, part.axes[:, 1:])
         needed = float(np.linalg.norm(rub.sum(axis=0) - mass * slips.mean(axis=0)) / push.sum())

@@ -128,11 +128,15 @@ class Linearised:
     def term_forces(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return dE/dx (n, 3) [N] of all terms other than the elements."""
         force = np.zeros_like(x)
-        for contact in self.actuation.contacts:
-            contact.turn(x)
+        self.turn_contacts(x)
         if len(self.actuation.table.address):
             terms_energy(x, self.actuation.table, force, np.zeros(1))
         return force
+
+    def turn_contacts(self, x: NDArray[np.float64]) -> None:
+        """Turn the forces of all contacts with their surfaces to positions ``x`` (n, 3) [m]."""
+        for contact in self.actuation.contacts:
+            contact.turn(x)
 
     def element_forces(
         self, table: MaterialTable, *, operators: Operators | None = None, scale: NDArray[np.float64] | None = None

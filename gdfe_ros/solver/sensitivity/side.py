@@ -99,8 +99,7 @@ class Column:
             solve.actuation.table.reals[...] = solve.numbers + sign * self._numbers
             solve.joint.hold(solve.multipliers + sign * change.multipliers)
             given = solve.x + sign * change.positions, solve.no_forces()
-            for contact in solve.actuation.contacts:
-                contact.turn(given[0])
+            solve.turn_contacts(given[0])
             outside = solve.forces + sign * forces
             others = solve.actuation.contacts, solve.actuation.grips
             found.append(handle_reactions(solve.body, *given, outside, *others))
