@@ -18,11 +18,8 @@ from gdfe_ros.solver.minimise.minimiser import Minimiser
 
 ONE_LOOP = "measured before one loop replaced the two minimisers; iterations and times have changed since"
 OLDER: dict[str, str] = {
-    "bench": ONE_LOOP,
-    "bench_node": ONE_LOOP,
     "contact": ONE_LOOP,
     "environments": ONE_LOOP,
-    "motion": ONE_LOOP,
     "torture": ONE_LOOP,
 }
 """Dict from a table made with an older solver, as its page says, to the reason; delete the entry when remeasured."""
