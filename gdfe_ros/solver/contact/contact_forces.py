@@ -8,20 +8,23 @@ gaps and slips at its end are p = p0 + J d. The forces f + df keep the laws betw
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.solver.contact.complementarity import HALF, find_violations, solve_laws
-from gdfe_ros.solver.contact.compliance import add_pairs, differentiate, join, project, pull, stack
-from gdfe_ros.solver.contact.contact_term import FAINT, MARGIN, ROUNDING, ContactTerm
+from gdfe_ros.solver.contact.answer import find_joins, settle, turn_forces
+from gdfe_ros.solver.contact.complementarity import HALF, find_violations
+from gdfe_ros.solver.contact.compliance import add_pairs, join, project, pull
+from gdfe_ros.solver.contact.contact_term import FAINT, ROUNDING, ContactTerm
+from gdfe_ros.solver.contact.field import Field
 from gdfe_ros.solver.contact.kept_columns import ConstantColumns, HalvedColumns, KeptColumns
 from gdfe_ros.solver.contact.pair_images import PairImages
-from gdfe_ros.solver.contact.stencil import held_energy
-from gdfe_ros.solver.descent.loop import Metric, choose_once
+from gdfe_ros.solver.contact.points import FOUND
+from gdfe_ros.solver.descent.loop import Metric
 from gdfe_ros.solver.descent.workspace import Problem, Workspace, numbers
-from gdfe_ros.solver.matrix.unknowns import Unknowns, add_rows, gather_rigid_rows
+from gdfe_ros.solver.matrix.unknowns import Unknowns
+from gdfe_ros.solver.terms.term import Term
 
 Product = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 
@@ -48,56 +51,32 @@ last one. It is the compliance against a change of a force, divided by that of t
 """
 LISTED = 5
 """Number of vertices that a message names."""
-LEAST_SLOPE = 0.1
-"""A point takes no part where the gradient of its distance is shorter than this: in the middle of an obstacle."""
-
-
-class Points(NamedTuple):
-    """Contact points of all terms.
-
-    Attributes:
-        places: (k, 3) [m] gaps, with the length of the spring, and slips.
-        axes: (k, 3, 3) directions of gap and slip.
-        held: (k, 3) [N] present forces along these axes.
-        soft: (k,) [m/N] compliance of the spring through which each normal force acts.
-        rows, blocks, counts: derivatives with respect to the rows of unknowns, see `differentiate`.
-        friction: (k,) friction coefficients.
-        scale: (k,) [N/m] stiffness of the body at each point.
-        vertices: (k,) a vertex that moves each point.
-    """
-
-    places: NDArray[np.float64]
-    axes: NDArray[np.float64]
-    held: NDArray[np.float64]
-    soft: NDArray[np.float64]
-    rows: NDArray[np.int64]
-    blocks: NDArray[np.float64]
-    counts: NDArray[np.int64]
-    friction: NDArray[np.float64]
-    scale: NDArray[np.float64]
-    vertices: NDArray[np.int64]
 
 
 class ContactForces:
     """Finds the contact forces of each step of a minimisation.
 
     Args:
-        contacts: the contact terms.
-        count: number n of vertices.
+        terms: all terms of the body.
+        contacts: the contact terms among them.
         unknowns: numbering of the unknowns.
+        count: number n of vertices.
 
     Attributes:
         contacts: the argument.
         left: largest violation [m] of the laws in the last step.
     """
 
-    def __init__(self, contacts: Sequence[ContactTerm], count: int, unknowns: Unknowns) -> None:
+    def __init__(self, terms: Sequence[Term], contacts: Sequence[ContactTerm], unknowns: Unknowns, count: int) -> None:
         self.contacts = tuple(contacts)
+        acting = [term.name for term in terms if term.kernel is not None]
+        self._at = np.array([acting.index(contact.name) for contact in self.contacts])
         self._handle_of = np.full(count, -1, dtype=np.int64)
         for p in range(len(unknowns.slides)):
             self._handle_of[unknowns.members[unknowns.member_start[p] : unknowns.member_start[p + 1]]] = p
         self._rows, self._swings = 3 * unknowns.rows, any(contact.valid < np.inf for contact in contacts)
         self._turns = unknowns.rigid_rows > 0
+        self._change, self._head = np.zeros((count, 3)), np.zeros(1, dtype=np.int64)
         self.begin()
         self._row_of, self._numbered = np.full(count, -1, dtype=np.int64), None
         self._columns: dict[str, tuple[tuple[object, ...], KeptColumns]] = {}
@@ -109,7 +88,8 @@ class ContactForces:
         """Prepare a solve."""
         self.left, self._nearest, self._changes = 0.0, np.inf, 0
         self._least, self._in_vain, self._faint = np.inf, 0, 0.0
-        self._last, self._inertia, self._head = np.zeros(self._rows), 0.0, 0
+        self._last, self._inertia, self._head[0] = np.zeros(self._rows), 0.0, 0
+        self._field: Field | None = None
 
     @property
     def near(self) -> bool:
@@ -118,53 +98,58 @@ class ContactForces:
 
     def told(self) -> str:
         """Return the contacts in the last step, the vertices where the laws are violated most, and by how much."""
-        names = ", ".join(contact.name for contact in self._acting)
+        names = ", ".join(contact.name for contact in self.contacts if contact.near)
         where = ", ".join(map(str, self._worst_vertices()))
         return f"{names}: {self.left:.3g} m of gap or slip remain, most at vertices {where}"
 
     def _worst_vertices(self) -> NDArray[np.int64]:
         """Return up to `LISTED` vertices, ascending, where the laws are violated by more than half of the most."""
-        vertices, *given = self._unsolved
-        found = np.empty(len(vertices))
-        find_violations(*given, found)
+        field, chosen, w, q, forces = self._unsolved
+        found, vertices = np.empty(len(chosen)), field.stencils.ends[chosen, 0]
+        find_violations(w, q, field.friction[chosen], forces, found)
         order = np.argsort(-found, kind="stable")[:LISTED]
         return np.unique(vertices[order[found[order] > 0.5 * found.max(initial=0.0)]])
 
     def follow(self, problem: Problem, work: Workspace) -> None:
-        """Choose the points again of contacts that hold forces, which turn with the surfaces; correct the gradient."""
-        acting = [contact for contact in self.contacts if contact.acts]
+        """Turn the forces with the surfaces; choose the points again of contacts whose points have moved far."""
+        self._waiting = []
+        for n, contact in enumerate(self.contacts):
+            searches = contact.shape.kind[0] == FOUND
+            if searches:
+                self._return_forces(n)
+            if searches and not contact.acts:
+                self._waiting.append(n)
+            elif contact.strays(work.x):
+                self._follow(n, work.x, np.inf)
+        field = self._gather(problem)
+        for contact, part in zip(self.contacts, self._parts, strict=True):
+            if part.stop > part.start and contact.corrects:
+                field.near.offsets[part] = contact.correct(work.x)
+        turn_forces(problem, work, field)
 
-        def choose_again() -> None:
-            for contact in acting:
-                contact.follow(work.x, np.inf)
+    def _follow(self, n: int, positions: NDArray[np.float64], ahead: float) -> None:
+        """Let contact ``n`` choose its points again; the next step moves vertices by at most ``ahead`` [m]."""
+        self._return_forces(n)
+        self.contacts[n].follow(positions, ahead)
+        self._field = None
 
-        if acting:
-            before = work.gradient.copy()
-            self._exchange(problem, work, choose_again)
-            self._curve(work, work.gradient - before)
-        self._waiting = [contact for contact in self.contacts if contact not in acting]
+    def _return_forces(self, n: int) -> None:
+        """Give the present forces of contact ``n`` back to it."""
+        if self._field is not None:
+            part = self._parts[n]
+            self.contacts[n].take_forces(self._field.stencils.held[part, 0], self._field.near.shears[part])
 
-    def _curve(self, work: Workspace, change: NDArray[np.float64]) -> None:
-        """Add to the newest pair the ``change`` (3 r,) [N] of the gradient by forces that turned in the last step.
-
-        The pairs thus contain the curvature of the surfaces: forces turn where a point moves along them.
-        """
-        status = numbers(work)
-        newest, fresh = (int(status["head"]) - 1) % len(work.curvature), status["head"] != self._head
-        self._head = int(status["head"])
-        if not (status["count"] and fresh):
-            return
-        curvature = work.curvature[newest] + float(work.steps[newest] @ change)
-        if curvature > 0.0:
-            work.changes[newest] += change
-            work.curvature[newest] = curvature
+    def finish(self) -> None:
+        """Give the present forces back to the contacts."""
+        for n in range(len(self.contacts)):
+            self._return_forces(n)
 
     def approach(self, work: Workspace) -> bool:
         """Choose the points again of the other contacts, before the step in ``work``; return whether any is near."""
         # The rows of turning handles are no displacements of vertices.
         ahead = np.inf if self._turns else float(numbers(work)["step"])
-        for contact in self._waiting:
-            contact.follow(work.x, ahead)
+        for n in self._waiting:
+            self._follow(n, work.x, ahead)
         return self.near
 
     @property
@@ -192,48 +177,33 @@ class ContactForces:
         ``work.direction``. ``key`` is the identity of the initial matrix, ``size`` [m] the body's size, and ``target``
         [m] the distance to the equilibrium that the minimisation allows.
         """
-        points = self._points(problem, work)
-        ahead, held, found = np.empty_like(points.places), points.held.copy(), 2
-        project(work.direction, points.rows, points.blocks, points.counts, ahead)
-        usable = (np.abs(points.axes[:, 0]).max(axis=1) > LEAST_SLOPE) & (points.counts > 0)
-        joins = usable & ((points.places[:, 0] + ahead[:, 0] < MARGIN * size) | held.any(axis=1))
-        status = numbers(work)
+        field, status = self._gather(problem), numbers(work)
+        count, found, before = find_joins(problem, work, field, self._row_of, self._handle_of, size), 2, np.inf
         self.left, allowed = 0.0, EXACT * max(target, min(float(status["before"]), float(status["step"])))
-        dropped = held.any(axis=1) & ~usable
         self._faint = faint = max((FAINT if self._swings else SLIGHT) * size, NEARLY * target)
         known: tuple[int, int] | None = None
-        before = np.inf  # violation after the last round
         for _ in range(ROUNDS):
-            chosen = np.flatnonzero(joins)
-            forces = np.where(dropped[:, None], 0.0, held)
-            if len(chosen):
-                if known != (len(chosen), int(status["wild"])):
-                    w = self._compliance(problem, work, metric, key, points, chosen)
-                    known = len(chosen), int(status["wild"])
-                    if self._swings:
-                        w[np.diag_indices(len(w))] += np.repeat(self._inertia / points.scale[chosen], 3)
-                there, start = (points.places + ahead)[chosen].ravel(), held[chosen].ravel()
-                given, now = there - w @ start, start.copy()
-                self.left = solve_laws(w, given, points.friction[chosen], now, allowed, faint)
-                forces[chosen] = now.reshape(-1, 3)
-                self._unsolved = points.vertices[chosen], w, given, points.friction[chosen], now
-            if np.array_equal(forces, held):
+            if count and known != (count, int(status["wild"])):
+                w = self._compliance(problem, work, metric, key, field, count)
+                known = count, int(status["wild"])
+                if self._swings:
+                    w[np.diag_indices(len(w))] += np.repeat(self._inertia / field.scale[field.chosen[:count]], 3)
+            given = field, count, w if count else np.zeros((0, 0)), size, target, allowed, faint
+            self.left, chose, changed, entered, *solved = settle(problem, work, metric, *given)
+            self._unsolved = field, field.chosen[:count].copy(), w if count else np.zeros((0, 0)), *solved
+            if not changed:
                 break
-            self._hold(forces, problem, work)
-            held = forces
-            found = choose_once(problem, work, metric, size, 2**62)
-            project(work.direction, points.rows, points.blocks, points.counts, ahead)
-            enters = usable & ~joins & (points.places[:, 0] + ahead[:, 0] < -target)
-            rough = self.left > max(faint, ROUGH * max(target, float(status["step"])))
-            if not ((rough and self.left < HALF * before) or enters.any()):
+            found, rough = chose, self.left > max(faint, ROUGH * max(target, float(status["step"])))
+            if not ((rough and self.left < HALF * before) or entered):
                 break
-            before = self.left
-            joins |= enters
-            allowed = EXACT * max(target, float(status["step"]))
-        self._shorten(work, ahead)
+            before, allowed = self.left, EXACT * max(target, float(status["step"]))
+            if entered:
+                count += entered
+                field.chosen[:count] = np.flatnonzero(field.joins)
+        self._shorten(work, field)
         return found
 
-    def _shorten(self, work: Workspace, ahead: NDArray[np.float64]) -> None:
+    def _shorten(self, work: Workspace, field: Field) -> None:
         """Shorten the step if it swings, or if points move farther past what they touch than their stencils hold.
 
         The distance to the equilibrium is still measured by the whole step.
@@ -241,11 +211,10 @@ class ContactForces:
         if not self._swings:
             return
         self._watch(work.direction)
-        first, share = 0, 1.0 / (1.0 + self._inertia)
-        for contact in self._acting:
-            last = first + contact.count
-            longest = float(np.sqrt(np.square(ahead[first:last]).sum(axis=1).max(initial=0.0)))
-            share, first = min(share, contact.valid / max(longest, 1e-300)), last
+        share = 1.0 / (1.0 + self._inertia)
+        for contact, part in zip(self.contacts, self._parts, strict=True):
+            longest = float(np.sqrt(np.square(field.ahead[part]).sum(axis=1).max(initial=0.0)))
+            share = min(share, contact.valid / max(longest, 1e-300))
         if share < 1.0:
             work.direction[...] *= share
             numbers(work)["slope"] *= share
@@ -268,72 +237,34 @@ class ContactForces:
         """
         if not self.near:
             return product
-        points = self._points(problem, work)
-        press, shear = points.held[:, 0], np.linalg.norm(points.held[:, 1:], axis=1)
-        sticks = (press > 0.0) & (shear < (1.0 - ROUNDING) * points.friction * press)
-        springs = points.scale[:, None] * np.column_stack([press > 0.0, sticks, sticks])
-        given = points.rows, points.blocks, points.counts
+        field = self._gather(problem)
+        find_joins(problem, work, field, self._row_of, self._handle_of, 0.0)
+        held, given = field.stencils.held, (field.rows, field.blocks, field.used)
+        press, shear = held[:, 0], np.linalg.norm(held[:, 1:], axis=1)
+        sticks = (press > 0.0) & (shear < (1.0 - ROUNDING) * field.friction * press)
+        springs = field.scale[:, None] * np.column_stack([press > 0.0, sticks, sticks])
 
         def multiply(direction: NDArray[np.float64]) -> NDArray[np.float64]:
-            image, way = product(direction), np.empty_like(points.places)
+            image, way = product(direction), np.empty_like(held)
             project(direction, *given, way)
             pull(springs * way, *given, image)
             return image
 
         return multiply
 
-    def _points(self, problem: Problem, work: Workspace) -> Points:
-        """Return the contact points of all terms at the present positions."""
+    def _gather(self, problem: Problem) -> Field:
+        """Return the near points of all contacts; they are gathered again after any contact has chosen others."""
         unknowns = problem.unknowns
         if self._numbered is not unknowns:
             self._row_of[...] = -1
             self._row_of[unknowns.free] = np.arange(len(unknowns.free))
             self._numbered = unknowns
-        self._acting, parts = [contact for contact in self.contacts if contact.near], []
-        for contact in self._acting:
-            places, axes, held, soft, ends, pressing, rubbing = contact.stencils
-            places = places.copy()
-            places[:, 0] += soft * held[:, 0]
-            count, width = ends.shape
-            rows, blocks = np.zeros((count, 2 * width), np.int64), np.zeros((count, 2 * width, 3, 3))
-            counts = np.zeros(count, np.int64)
-            given = work.x, work.u, problem.frame, unknowns, self._row_of, self._handle_of
-            differentiate(*given, axes, ends, pressing, rubbing, rows, blocks, counts)
-            friction = np.full(count, contact.friction)
-            parts.append((places, axes, held, soft, rows, blocks, counts, friction, contact.scale, ends[:, 0]))
-        rows, blocks = stack([part[4:6] for part in parts])
-        joined = [np.concatenate([part[k] for part in parts]) for k in (0, 1, 2, 3, 6, 7, 8, 9)]
-        return Points(*joined[:4], rows, blocks, *joined[4:])
-
-    def _hold(self, forces: NDArray[np.float64], problem: Problem, work: Workspace) -> None:
-        """Set the forces (k, 3) [N] of all points."""
-        ends = np.cumsum([contact.count for contact in self._acting])[:-1]
-
-        def hold() -> None:
-            for contact, part in zip(self._acting, np.split(forces, ends), strict=True):
-                contact.hold_forces(part)
-
-        self._exchange(problem, work, hold)
-
-    def _exchange(self, problem: Problem, work: Workspace, change: Callable[[], None]) -> None:
-        """Call ``change``, which gives other contact forces, and correct energy and gradient for them."""
-        slopes, energies = np.zeros((2, *work.x.shape)), np.zeros(2)
-        for place in range(2):
-            for contact in self.contacts:
-                if contact.near:
-                    given = work.x, contact.reals, contact.integers, slopes[place], np.zeros(1)
-                    energies[place] += held_energy(*given)
-            if place == 0:
-                change()
-        numbers(work)["energy"] += energies[1] - energies[0]
-        slopes[1] -= slopes[0]
-        if not slopes[1].any():
-            return
-        work.outside[...] += slopes[1]
-        add_rows(slopes[1], problem.unknowns, work.gradient)
-        if problem.unknowns.rigid_rows:
-            given = work.u, work.x, work.force, work.outside, True, problem.frame, problem.unknowns
-            gather_rigid_rows(*given, work.gradient)
+        if self._field is None:
+            terms, scratch = problem.terms, (self._change, np.empty(self._rows), self._head)
+            self._field = Field.of(self.contacts, terms.real_start[self._at], terms.integer_start[self._at], scratch)
+            ends = np.searchsorted(self._field.owner, np.arange(len(self.contacts) + 1))
+            self._parts = [slice(*each) for each in pairwise(ends)]
+        return self._field
 
     def _compliance(
         self,
@@ -341,22 +272,22 @@ class ContactForces:
         work: Workspace,
         metric: Metric,
         key: tuple[object, ...],
-        points: Points,
-        chosen: NDArray[np.int64],
+        field: Field,
+        count: int,
     ) -> NDArray[np.float64]:
-        """Return W (3 c, 3 c) [m/N] of the ``chosen`` points; J M^-1 J^T is kept while nothing in it changes."""
-        status = numbers(work)
+        """Return W (3 c, 3 c) [m/N] of the points that take part; J M^-1 J^T is kept while nothing in it changes."""
+        status, chosen = numbers(work), field.chosen[:count]
         constant = bool(status["wild"]) or not len(metric.kept.order)
         kept = self._kept("constant" if constant else "tangent", problem, metric, key)
-        used = np.arange(points.rows.shape[1]) < points.counts[chosen, None]
-        rows = np.unique(points.rows[chosen][used])
+        used = np.arange(field.rows.shape[1]) < field.used[chosen, None]
+        rows = np.unique(field.rows[chosen][used])
         kept.include(rows)
         number = np.full(len(work.u) // 3, -1, dtype=np.int64)
         number[rows] = np.arange(len(rows))
         scale = float(status["scale"]) if status["wild"] else 1.0
         frames = np.zeros((0, 9)) if constant else metric.kept.frames
-        given, between = (chosen, points.rows, points.blocks, points.counts), kept.between(rows)
-        now = np.array(scale), points.rows[chosen], points.blocks[chosen], frames
+        given, between = (chosen, field.rows, field.blocks, field.used), kept.between(rows)
+        now = np.array(scale), field.rows[chosen], field.blocks[chosen], frames
         if between is not self._between or not all(map(np.array_equal, now, self._joined)):
             self._between, self._joined = between, (*now[:3], frames.copy())
             self._w = np.empty((3 * len(chosen), 3 * len(chosen)))
@@ -365,7 +296,7 @@ class ContactForces:
         if status["count"]:
             images = self._images.of(work, metric, (*key, constant, scale), frames)
             add_pairs(work, images, *given, w)
-        w[range(0, len(w), 3), range(0, len(w), 3)] += points.soft[chosen]
+        w[range(0, len(w), 3), range(0, len(w), 3)] += field.stencils.soft[chosen]
         return w
 
     def _kept(self, kind: str, problem: Problem, metric: Metric, key: tuple[object, ...]) -> KeptColumns:
