@@ -96,16 +96,28 @@ def curve(work, field):
 
 
 @kernel
-def turn_forces(problem, work, field):
-    """Turn the forces of all points with the surfaces to the present positions."""
+def begin_step(problem, work, metric, field, row_of, handle_of, size, most):
+    """Turn the forces of all points with the surfaces, find the step with them, and the points that take part.
+
+    Return the result of `choose`, and the number of points.
+    """
     for n in range(len(field.before)):
         field.before[n] = work.gradient[n]
     find_all(work.x, field.near, field.surfaces, field.owner, field.stencils)
     exchange_loads(problem, work, field)
     curve(work, field)
+    found = choose(problem, work, metric, size, most)
+    return found, find_joins(problem, work, field, row_of, handle_of, size)
 
 
 @kernel
+def look_again(problem, work, field, row_of, handle_of, size):
+    """Find the stencils of points that were gathered anew, and those that take part; return their number."""
+    find_all(work.x, field.near, field.surfaces, field.owner, field.stencils)
+    return find_joins(problem, work, field, row_of, handle_of, size)
+
+
+@internal
 def find_joins(problem, work, field, row_of, handle_of, size):
     """Find the points that take part in the step; return their number."""
     s, count = field.stencils, 0

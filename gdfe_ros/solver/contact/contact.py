@@ -315,8 +315,13 @@ class Contact(ContactTerm):
         """Return an upper bound of the displacement [m] of any point since the distances were computed."""
         if self._seen is None:
             return np.inf
-        longest = largest_distance(positions, self._seen)
-        return longest * max(TURNED if isinstance(self._touched, RigidBody) else 1.0, self._points.reach)
+        if not isinstance(self._touched, RigidBody):
+            return self._points.reach * largest_distance(positions, self._seen)
+        if not self.on_body:
+            return TURNED * largest_distance(positions, self._seen)
+        four, count = self._touched.vertices, self._body.count
+        own = self._points.reach * largest_distance(positions[:count], self._seen[:count])
+        return own + TURNED * largest_distance(positions[four], self._seen[four])
 
     def _shifted(self, positions: NDArray[np.float64]) -> float:
         """Return an upper bound of any point's relative displacement [m] that the obstacle's motion causes.

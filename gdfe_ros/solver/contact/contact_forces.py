@@ -9,20 +9,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.solver.contact.answer import find_joins, settle, turn_forces
+from gdfe_ros.solver.contact.answer import begin_step, look_again, settle
 from gdfe_ros.solver.contact.complementarity import HALF, find_violations
-from gdfe_ros.solver.contact.compliance import add_pairs, join, project, pull
+from gdfe_ros.solver.contact.compliance import add_history, join, project, pull
 from gdfe_ros.solver.contact.contact_term import FAINT, ROUNDING, ContactTerm
 from gdfe_ros.solver.contact.field import Field
 from gdfe_ros.solver.contact.kept_columns import ConstantColumns, HalvedColumns, KeptColumns
-from gdfe_ros.solver.contact.pair_images import PairImages
 from gdfe_ros.solver.contact.points import FOUND
 from gdfe_ros.solver.descent.loop import Metric
-from gdfe_ros.solver.descent.workspace import Problem, Workspace, numbers
+from gdfe_ros.solver.descent.workspace import MEMORY, Problem, Workspace, numbers
 from gdfe_ros.solver.matrix.unknowns import Unknowns
 from gdfe_ros.solver.terms.term import Term
 
@@ -53,6 +53,22 @@ LISTED = 5
 """Number of vertices that a message names."""
 
 
+class Numbered(NamedTuple):
+    """Rows of unknowns on which points depend, and their columns.
+
+    Attributes:
+        kept: the columns of the inverse matrix, which are known for these rows.
+        every: (c, e) the rows of each point, filled up with -1.
+        rows: (m,) all rows, ascending.
+        number: (r,) number of each row among them.
+    """
+
+    kept: KeptColumns
+    every: NDArray[np.int64]
+    rows: NDArray[np.int64]
+    number: NDArray[np.int64]
+
+
 class ContactForces:
     """Finds the contact forces of each step of a minimisation.
 
@@ -69,6 +85,7 @@ class ContactForces:
 
     def __init__(self, terms: Sequence[Term], contacts: Sequence[ContactTerm], unknowns: Unknowns, count: int) -> None:
         self.contacts = tuple(contacts)
+        self._searches = [contact for contact in contacts if contact.shape.kind[0] == FOUND]
         acting = [term.name for term in terms if term.kernel is not None]
         self._at = np.array([acting.index(contact.name) for contact in self.contacts])
         self._handle_of = np.full(count, -1, dtype=np.int64)
@@ -80,9 +97,11 @@ class ContactForces:
         self.begin()
         self._row_of, self._numbered = np.full(count, -1, dtype=np.int64), None
         self._columns: dict[str, tuple[tuple[object, ...], KeptColumns]] = {}
-        self._images = PairImages()
-        self._w = self._between = np.zeros((0, 0))
-        self._joined: tuple[NDArray[np.float64], ...] = (np.zeros(0),) * 4
+        self._images, self._known = np.zeros((MEMORY, self._rows)), np.full(MEMORY, np.nan)
+        self._source: tuple[object, ...] = ()
+        self._matrix: tuple[object, ...] = ()
+        self._w, self._blocks, self._frames = np.zeros((0, 0)), np.zeros(0), np.zeros((0, 9))
+        self._last_rows: Numbered | None = None
 
     def begin(self) -> None:
         """Prepare a solve."""
@@ -110,46 +129,42 @@ class ContactForces:
         order = np.argsort(-found, kind="stable")[:LISTED]
         return np.unique(vertices[order[found[order] > 0.5 * found.max(initial=0.0)]])
 
-    def follow(self, problem: Problem, work: Workspace) -> None:
-        """Turn the forces with the surfaces; choose the points again of contacts whose points have moved far."""
-        self._waiting = []
-        for n, contact in enumerate(self.contacts):
-            searches = contact.shape.kind[0] == FOUND
-            if searches:
-                self._return_forces(n)
-            if searches and not contact.acts:
-                self._waiting.append(n)
-            elif contact.strays(work.x):
-                self._follow(n, work.x, np.inf)
-        field = self._gather(problem)
-        for contact, part in zip(self.contacts, self._parts, strict=True):
-            if part.stop > part.start and contact.corrects:
-                field.near.offsets[part] = contact.correct(work.x)
-        turn_forces(problem, work, field)
+    def begin_step(self, problem: Problem, work: Workspace, metric: Metric, size: float, most: int) -> int:
+        """Turn the forces with the surfaces, and find the step with them; return the result of `choose`.
 
-    def _follow(self, n: int, positions: NDArray[np.float64], ahead: float) -> None:
-        """Let contact ``n`` choose its points again; the next step moves vertices by at most ``ahead`` [m]."""
-        self._return_forces(n)
-        self.contacts[n].follow(positions, ahead)
+        The points of contacts that have moved far are chosen again. ``problem``, ``work`` and ``metric`` are those of
+        the minimisation; ``size`` [m] is the body's size, and ``most`` the number of iterations that a matrix serves.
+        """
+        if self._searches:
+            self.finish()
+        self._waiting = [contact for contact in self._searches if not contact.acts]
+        for contact in self.contacts:
+            if contact not in self._waiting and contact.strays(work.x):
+                self._follow(contact, work.x, np.inf)
+        given = self._row_of, self._handle_of, size, most
+        found, self._count = begin_step(problem, work, metric, self._gather(problem, work), *given)
+        return found
+
+    def _follow(self, contact: ContactTerm, positions: NDArray[np.float64], ahead: float) -> None:
+        """Let a contact choose its points again; the next step moves vertices by at most ``ahead`` [m]."""
+        self.finish()
+        contact.follow(positions, ahead)
         self._field = None
-
-    def _return_forces(self, n: int) -> None:
-        """Give the present forces of contact ``n`` back to it."""
-        if self._field is not None:
-            part = self._parts[n]
-            self.contacts[n].take_forces(self._field.stencils.held[part, 0], self._field.near.shears[part])
 
     def finish(self) -> None:
         """Give the present forces back to the contacts."""
-        for n in range(len(self.contacts)):
-            self._return_forces(n)
+        if self._field is None:
+            return
+        for contact, part in zip(self.contacts, self._parts, strict=True):
+            if part.stop > part.start:
+                contact.take_forces(self._field.stencils.held[part, 0], self._field.near.shears[part])
 
     def approach(self, work: Workspace) -> bool:
         """Choose the points again of the other contacts, before the step in ``work``; return whether any is near."""
         # The rows of turning handles are no displacements of vertices.
         ahead = np.inf if self._turns else float(numbers(work)["step"])
-        for n in self._waiting:
-            self._follow(n, work.x, ahead)
+        for contact in self._waiting:
+            self._follow(contact, work.x, ahead)
         return self.near
 
     @property
@@ -177,8 +192,10 @@ class ContactForces:
         ``work.direction``. ``key`` is the identity of the initial matrix, ``size`` [m] the body's size, and ``target``
         [m] the distance to the equilibrium that the minimisation allows.
         """
-        field, status = self._gather(problem), numbers(work)
-        count, found, before = find_joins(problem, work, field, self._row_of, self._handle_of, size), 2, np.inf
+        afresh, status, found, before = self._field is None, numbers(work), 2, np.inf
+        field, count = self._gather(problem, work), self._count
+        if afresh:
+            count = look_again(problem, work, field, self._row_of, self._handle_of, size)
         self.left, allowed = 0.0, EXACT * max(target, min(float(status["before"]), float(status["step"])))
         self._faint = faint = max((FAINT if self._swings else SLIGHT) * size, NEARLY * target)
         known: tuple[int, int] | None = None
@@ -237,8 +254,8 @@ class ContactForces:
         """
         if not self.near:
             return product
-        field = self._gather(problem)
-        find_joins(problem, work, field, self._row_of, self._handle_of, 0.0)
+        field = self._gather(problem, work)
+        look_again(problem, work, field, self._row_of, self._handle_of, 0.0)
         held, given = field.stencils.held, (field.rows, field.blocks, field.used)
         press, shear = held[:, 0], np.linalg.norm(held[:, 1:], axis=1)
         sticks = (press > 0.0) & (shear < (1.0 - ROUNDING) * field.friction * press)
@@ -252,7 +269,7 @@ class ContactForces:
 
         return multiply
 
-    def _gather(self, problem: Problem) -> Field:
+    def _gather(self, problem: Problem, work: Workspace) -> Field:
         """Return the near points of all contacts; they are gathered again after any contact has chosen others."""
         unknowns = problem.unknowns
         if self._numbered is not unknowns:
@@ -264,6 +281,9 @@ class ContactForces:
             self._field = Field.of(self.contacts, terms.real_start[self._at], terms.integer_start[self._at], scratch)
             ends = np.searchsorted(self._field.owner, np.arange(len(self.contacts) + 1))
             self._parts = [slice(*each) for each in pairwise(ends)]
+        for contact, part in zip(self.contacts, self._parts, strict=True):
+            if part.stop > part.start and contact.corrects:
+                self._field.near.offsets[part] = contact.correct(work.x)
         return self._field
 
     def _compliance(
@@ -276,34 +296,48 @@ class ContactForces:
         count: int,
     ) -> NDArray[np.float64]:
         """Return W (3 c, 3 c) [m/N] of the points that take part; J M^-1 J^T is kept while nothing in it changes."""
-        status, chosen = numbers(work), field.chosen[:count]
-        constant = bool(status["wild"]) or not len(metric.kept.order)
+        status, chosen = numbers(work), field.chosen[:count].copy()
+        constant, scale = bool(status["wild"]) or not len(metric.kept.order), 1.0
+        if status["wild"]:
+            scale = float(status["scale"])
         kept = self._kept("constant" if constant else "tangent", problem, metric, key)
-        used = np.arange(field.rows.shape[1]) < field.used[chosen, None]
-        rows = np.unique(field.rows[chosen][used])
-        kept.include(rows)
-        number = np.full(len(work.u) // 3, -1, dtype=np.int64)
-        number[rows] = np.arange(len(rows))
-        scale = float(status["scale"]) if status["wild"] else 1.0
+        numbered = self._number_rows(field, chosen, kept)
         frames = np.zeros((0, 9)) if constant else metric.kept.frames
-        given, between = (chosen, field.rows, field.blocks, field.used), kept.between(rows)
-        now = np.array(scale), field.rows[chosen], field.blocks[chosen], frames
-        if between is not self._between or not all(map(np.array_equal, now, self._joined)):
-            self._between, self._joined = between, (*now[:3], frames.copy())
-            self._w = np.empty((3 * len(chosen), 3 * len(chosen)))
-            join(*given, number, between, frames, scale, self._w)
+        given, between = (chosen, field.rows, field.blocks, field.used), kept.between(numbered.rows)
+        matrix, blocks = (between, scale), field.blocks[chosen]
+        turned = not np.array_equal(frames, self._frames)
+        if (
+            turned
+            or self._matrix[0] is not between
+            or self._matrix[1] != scale
+            or not np.array_equal(blocks, self._blocks)
+        ):
+            self._w = np.empty((3 * count, 3 * count))
+            join(*given, numbered.number, between, frames, scale, self._w)
+            self._matrix, self._blocks = matrix, blocks
+        source = (*key, constant, scale)
+        if turned or not _same(source, self._source):
+            self._known[...], self._source, self._frames = np.nan, source, frames.copy()
         w = self._w.copy()
-        if status["count"]:
-            images = self._images.of(work, metric, (*key, constant, scale), frames)
-            add_pairs(work, images, *given, w)
-        w[range(0, len(w), 3), range(0, len(w), 3)] += field.stencils.soft[chosen]
+        add_history(work, metric, self._images, self._known, *given, field.stencils.soft, w)
         return w
+
+    def _number_rows(self, field: Field, chosen: NDArray[np.int64], kept: KeptColumns) -> Numbered:
+        """Return the numbered rows of the ``chosen`` points, whose columns are known then."""
+        last, used = self._last_rows, field.used[chosen]
+        every = np.where(np.arange(field.rows.shape[1]) < used[:, None], field.rows[chosen], -1)
+        if last is None or last.kept is not kept or not np.array_equal(last.every, every):
+            rows, number = np.unique(every[every >= 0]), np.full(self._rows // 3, -1, dtype=np.int64)
+            number[rows] = np.arange(len(rows))
+            kept.include(rows)
+            self._last_rows = Numbered(kept, every, rows, number)
+        return self._last_rows
 
     def _kept(self, kind: str, problem: Problem, metric: Metric, key: tuple[object, ...]) -> KeptColumns:
         """Return the kept columns of the tangent or of the constant matrix; those of an earlier matrix are dropped."""
         key = (metric.coupling.inverse_schur, problem.unknowns.free) if kind == "constant" else key
         known = self._columns.get(kind)
-        if known is not None and len(known[0]) == len(key) and all(a is b for a, b in zip(known[0], key, strict=True)):
+        if known is not None and _same(known[0], key):
             return known[1]
         if kind == "constant":
             free = problem.unknowns.free
@@ -317,3 +351,9 @@ class ContactForces:
         """Return the rows, ascending, of the ``free`` vertices that any contact point may involve."""
         ends = np.unique(np.concatenate([contact.vertices for contact in self.contacts]))
         return np.flatnonzero(np.isin(free, ends))
+
+
+def _same(one: tuple[object, ...], other: tuple[object, ...]) -> bool:
+    """Return whether two keys have the same objects and equal numbers."""
+    pairs = zip(one, other, strict=False)
+    return len(one) == len(other) and all(a is b or (isinstance(a, float) and a == b) for a, b in pairs)

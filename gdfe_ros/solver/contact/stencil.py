@@ -111,7 +111,7 @@ class Stencils(NamedTuple):
 
 
 def pad_columns(parts: Sequence[NDArray], width: int, kind: type) -> NDArray:
-    """Return the rows of all ``parts`` (k, c), filled up to ``width`` columns: with the first number, or weights of 0."""
+    """Return the rows of all ``parts`` (k, c), filled up to ``width`` columns with the first number, or 0."""
     found, first = np.zeros((sum(map(len, parts)), width), kind), 0
     for part in parts:
         own = found[first : first + len(part)]

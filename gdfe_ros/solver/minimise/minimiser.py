@@ -16,7 +16,7 @@ from gdfe_ros.solver.contact.contact_forces import ContactForces
 from gdfe_ros.solver.deadline import Deadline, past
 from gdfe_ros.solver.descent.active_set import ActiveSet
 from gdfe_ros.solver.descent.arc import follow_arc_once
-from gdfe_ros.solver.descent.loop import Metric, choose_once, descend, move_once, precondition
+from gdfe_ros.solver.descent.loop import Metric, descend, move_once, precondition
 from gdfe_ros.solver.descent.search import ROUNDING, advance
 from gdfe_ros.solver.descent.workspace import Problem, Workspace, numbers
 from gdfe_ros.solver.matrix.springs import Tangent
@@ -185,8 +185,7 @@ class Minimiser:
             descend(problem, work, metric, size, target, proven, most, 0, begins)  # only evaluates all terms
         made = 0
         while made < limit:
-            forces.follow(problem, work)
-            found = choose_once(problem, work, metric, size, most)
+            found = forces.begin_step(problem, work, metric, size, most)
             if found and forces.approach(work):
                 found = forces.answer(problem, work, metric, key, size, target)
             self._show(work, begins=True)  # other forces have another energy
