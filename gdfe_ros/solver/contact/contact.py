@@ -75,6 +75,7 @@ class Contact(ContactTerm):
         self._distances, self._normals = np.zeros(count), np.zeros((count, 3))
         self._take_none()
         self._clear, self._lag, self._led = -np.inf, 0.0, np.zeros((0, 3))
+        self._began = np.zeros((0, 3))
         self._pose = self._seen_at = Pose()
         self._last: State | None = None
         self._seen: NDArray[np.float64] | None = None
@@ -212,6 +213,7 @@ class Contact(ContactTerm):
         """Update the obstacle's frame and the anchors of the chosen points; keep the choice of points."""
         if self.near:
             self._take_frame(positions)
+            self._began = self._starts(self._points.at(positions))
             self._set_anchors(saved, positions)
             self._anchors[:, :3] -= self._led
 
@@ -355,7 +357,8 @@ class Contact(ContactTerm):
         self._measure(places)
         self._seen, self._seen_at, self._lag = positions.copy(), self._pose, 0.0
         self._clear = self._distances.min(initial=np.inf) - REACH * self._body.size
-        planes = self._entered(self._starts(places), places)
+        self._began = self._starts(places)
+        planes = self._entered(self._began, places)
         near = (self._distances < REACH * self._body.size) | (saved["press"] > 0.0) | planes[:, :3].any(axis=1)
         self._chosen = chosen = self._first_to_touch(np.flatnonzero(near & ~self._held_fast), places)
         self._press, self._shear = saved["press"][chosen], saved["shear"][chosen] @ self._axes.T
@@ -376,8 +379,7 @@ class Contact(ContactTerm):
     def _set_anchors(self, saved: Saved, positions: NDArray[np.float64]) -> None:
         """Set the anchors of the chosen points at the start of a step, in the obstacle's frame."""
         anchors = saved["anchor"][self._chosen]
-        starts = self._starts(self._points.at(positions))[self._chosen]
-        self._anchors[...] = np.where(np.isnan(anchors), starts, anchors)
+        self._anchors[...] = np.where(np.isnan(anchors), self._began[self._chosen], anchors)
 
     def _kept(self) -> NDArray[np.float64]:
         """Return the anchors (k, 3) [m] that the state stores for the chosen points."""

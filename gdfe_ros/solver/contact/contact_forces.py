@@ -20,7 +20,7 @@ from gdfe_ros.solver.contact.compliance import add_history, join, project, pull
 from gdfe_ros.solver.contact.contact_term import FAINT, ROUNDING, ContactTerm
 from gdfe_ros.solver.contact.field import Field
 from gdfe_ros.solver.contact.kept_columns import ConstantColumns, HalvedColumns, KeptColumns
-from gdfe_ros.solver.contact.points import FOUND
+from gdfe_ros.solver.contact.points import FOUND, Surfaces
 from gdfe_ros.solver.descent.loop import Metric
 from gdfe_ros.solver.descent.workspace import MEMORY, Problem, Workspace, numbers
 from gdfe_ros.solver.matrix.unknowns import Unknowns
@@ -93,6 +93,7 @@ class ContactForces:
             self._handle_of[unknowns.members[unknowns.member_start[p] : unknowns.member_start[p + 1]]] = p
         self._rows, self._swings = 3 * unknowns.rows, any(contact.valid < np.inf for contact in contacts)
         self._turns = unknowns.rigid_rows > 0
+        self._surfaces = Surfaces.join([contact.shape for contact in contacts])
         self._change, self._head = np.zeros((count, 3)), np.zeros(1, dtype=np.int64)
         self.begin()
         self._row_of, self._numbered = np.full(count, -1, dtype=np.int64), None
@@ -100,6 +101,7 @@ class ContactForces:
         self._images, self._known = np.zeros((MEMORY, self._rows)), np.full(MEMORY, np.nan)
         self._source: tuple[object, ...] = ()
         self._matrix: tuple[object, ...] = ()
+        self._answer = np.zeros((0, 0))
         self._w, self._blocks, self._frames = np.zeros((0, 0)), np.zeros(0), np.zeros((0, 9))
         self._last_rows: Numbered | None = None
 
@@ -142,6 +144,8 @@ class ContactForces:
             if contact not in self._waiting and contact.strays(work.x):
                 self._follow(contact, work.x, np.inf)
         given = self._row_of, self._handle_of, size, most
+        if self._field is not None:
+            self._correct(self._field, work)
         found, self._count = begin_step(problem, work, metric, self._gather(problem, work), *given)
         return found
 
@@ -277,14 +281,19 @@ class ContactForces:
             self._row_of[unknowns.free] = np.arange(len(unknowns.free))
             self._numbered = unknowns
         if self._field is None:
-            terms, scratch = problem.terms, (self._change, np.empty(self._rows), self._head)
-            self._field = Field.of(self.contacts, terms.real_start[self._at], terms.integer_start[self._at], scratch)
+            starts = problem.terms.real_start[self._at], problem.terms.integer_start[self._at]
+            scratch = self._change, np.empty(self._rows), self._head
+            self._field = Field.of(self.contacts, self._surfaces, *starts, scratch)
             ends = np.searchsorted(self._field.owner, np.arange(len(self.contacts) + 1))
             self._parts = [slice(*each) for each in pairwise(ends)]
+            self._correct(self._field, work)
+        return self._field
+
+    def _correct(self, field: Field, work: Workspace) -> None:
+        """Update the offsets of gaps that depend on the positions."""
         for contact, part in zip(self.contacts, self._parts, strict=True):
             if part.stop > part.start and contact.corrects:
-                self._field.near.offsets[part] = contact.correct(work.x)
-        return self._field
+                field.near.offsets[part] = contact.correct(work.x)
 
     def _compliance(
         self,
@@ -312,13 +321,17 @@ class ContactForces:
             or self._matrix[1] != scale
             or not np.array_equal(blocks, self._blocks)
         ):
-            self._w = np.empty((3 * count, 3 * count))
+            if len(self._w) != 3 * count:
+                self._w = np.empty((3 * count, 3 * count))
             join(*given, numbered.number, between, frames, scale, self._w)
             self._matrix, self._blocks = matrix, blocks
         source = (*key, constant, scale)
         if turned or not _same(source, self._source):
             self._known[...], self._source, self._frames = np.nan, source, frames.copy()
-        w = self._w.copy()
+        if self._answer.shape != self._w.shape:
+            self._answer = np.empty_like(self._w)
+        w = self._answer
+        w[...] = self._w
         add_history(work, metric, self._images, self._known, *given, field.stencils.soft, w)
         return w
 

@@ -59,13 +59,14 @@ class Field(NamedTuple):
     def of(
         cls,
         contacts: Sequence[ContactTerm],
+        surfaces: Surfaces,
         reals: NDArray[np.int64],
         integers: NDArray[np.int64],
         scratch: tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]],
     ) -> Field:
         """Return the near points of ``contacts``, whose numbers begin at ``reals`` and ``integers`` (t,).
 
-        ``scratch`` is kept from field to field: `change`, `before` and `head`.
+        ``surfaces`` are those of all contacts; ``scratch`` is kept from field to field: `change`, `before` and `head`.
         """
         near = [contact if contact.near else None for contact in contacts]
         sizes = [contact.count if contact else 0 for contact in near]
@@ -75,15 +76,12 @@ class Field(NamedTuple):
         loads = [first + contact.load_places() for first, contact in zip(reals, near, strict=True) if contact]
         multipliers = [contact.multipliers.reshape(-1, 4) for contact in near if contact]
         stencils.held[:, 0] = np.concatenate([np.zeros((0, 4)), *multipliers])[:, 0]
+        for number, contact in enumerate(contacts):
+            surfaces.frames[number] = contact.shape.frames[0]
         return cls(
             stencils,
-            Near(
-                *(
-                    np.concatenate([none, *parts])
-                    for none, *parts in zip(Near.none(np.zeros((0, 3))), *points, strict=True)
-                )
-            ),
-            Surfaces.join([contact.shape for contact in contacts]),
+            Near(*map(np.concatenate, zip(Near.none(np.zeros((0, 3))), *points, strict=True))),
+            surfaces,
             np.repeat(np.arange(len(contacts)), sizes),
             np.repeat([float(contact.friction) for contact in contacts], sizes),
             np.concatenate([np.zeros(0), *(contact.scale for contact in near if contact)]),
