@@ -9,20 +9,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.solver.contact.answer import begin_step, look_again, settle
 from gdfe_ros.solver.contact.complementarity import HALF, find_violations
-from gdfe_ros.solver.contact.compliance import add_history, join, project, pull
+from gdfe_ros.solver.contact.compliance import project, pull
 from gdfe_ros.solver.contact.contact_term import FAINT, ROUNDING, ContactTerm
 from gdfe_ros.solver.contact.field import Field
-from gdfe_ros.solver.contact.kept_columns import ConstantColumns, HalvedColumns, KeptColumns
+from gdfe_ros.solver.contact.kept_compliance import Compliance
 from gdfe_ros.solver.contact.points import FOUND, Surfaces
 from gdfe_ros.solver.descent.loop import Metric
-from gdfe_ros.solver.descent.workspace import MEMORY, Problem, Workspace, numbers
+from gdfe_ros.solver.descent.workspace import Problem, Workspace, numbers
 from gdfe_ros.solver.matrix.unknowns import Unknowns
 from gdfe_ros.solver.terms.term import Term
 
@@ -53,22 +52,6 @@ LISTED = 5
 """Number of vertices that a message names."""
 
 
-class Numbered(NamedTuple):
-    """Rows of unknowns on which points depend, and their columns.
-
-    Attributes:
-        kept: the columns of the inverse matrix, which are known for these rows.
-        every: (c, e) the rows of each point, filled up with -1.
-        rows: (m,) all rows, ascending.
-        number: (r,) number of each row among them.
-    """
-
-    kept: KeptColumns
-    every: NDArray[np.int64]
-    rows: NDArray[np.int64]
-    number: NDArray[np.int64]
-
-
 class ContactForces:
     """Finds the contact forces of each step of a minimisation.
 
@@ -97,13 +80,8 @@ class ContactForces:
         self._change, self._head = np.zeros((count, 3)), np.zeros(1, dtype=np.int64)
         self.begin()
         self._row_of, self._numbered = np.full(count, -1, dtype=np.int64), None
-        self._columns: dict[str, tuple[tuple[object, ...], KeptColumns]] = {}
-        self._images, self._known = np.zeros((MEMORY, self._rows)), np.full(MEMORY, np.nan)
-        self._source: tuple[object, ...] = ()
-        self._matrix: tuple[object, ...] = ()
-        self._answer = np.zeros((0, 0))
-        self._w, self._blocks, self._frames = np.zeros((0, 0)), np.zeros(0), np.zeros((0, 9))
-        self._last_rows: Numbered | None = None
+        vertices = np.unique(np.concatenate([contact.vertices for contact in contacts]))
+        self._compliance = Compliance(vertices, self._rows)
 
     def begin(self) -> None:
         """Prepare a solve."""
@@ -205,7 +183,7 @@ class ContactForces:
         known: tuple[int, int] | None = None
         for _ in range(ROUNDS):
             if count and known != (count, int(status["wild"])):
-                w = self._compliance(problem, work, metric, key, field, count)
+                w = self._compliance.of(problem, work, metric, key, field, count)
                 known = count, int(status["wild"])
                 if self._swings:
                     w[np.diag_indices(len(w))] += np.repeat(self._inertia / field.scale[field.chosen[:count]], 3)
@@ -294,79 +272,3 @@ class ContactForces:
         for contact, part in zip(self.contacts, self._parts, strict=True):
             if part.stop > part.start and contact.corrects:
                 field.near.offsets[part] = contact.correct(work.x)
-
-    def _compliance(
-        self,
-        problem: Problem,
-        work: Workspace,
-        metric: Metric,
-        key: tuple[object, ...],
-        field: Field,
-        count: int,
-    ) -> NDArray[np.float64]:
-        """Return W (3 c, 3 c) [m/N] of the points that take part; J M^-1 J^T is kept while nothing in it changes."""
-        status, chosen = numbers(work), field.chosen[:count].copy()
-        constant, scale = bool(status["wild"]) or not len(metric.kept.order), 1.0
-        if status["wild"]:
-            scale = float(status["scale"])
-        kept = self._kept("constant" if constant else "tangent", problem, metric, key)
-        numbered = self._number_rows(field, chosen, kept)
-        frames = np.zeros((0, 9)) if constant else metric.kept.frames
-        given, between = (chosen, field.rows, field.blocks, field.used), kept.between(numbered.rows)
-        matrix, blocks = (between, scale), field.blocks[chosen]
-        turned = not np.array_equal(frames, self._frames)
-        if (
-            turned
-            or self._matrix[0] is not between
-            or self._matrix[1] != scale
-            or not np.array_equal(blocks, self._blocks)
-        ):
-            if len(self._w) != 3 * count:
-                self._w = np.empty((3 * count, 3 * count))
-            join(*given, numbered.number, between, frames, scale, self._w)
-            self._matrix, self._blocks = matrix, blocks
-        source = (*key, constant, scale)
-        if turned or not _same(source, self._source):
-            self._known[...], self._source, self._frames = np.nan, source, frames.copy()
-        if self._answer.shape != self._w.shape:
-            self._answer = np.empty_like(self._w)
-        w = self._answer
-        w[...] = self._w
-        add_history(work, metric, self._images, self._known, *given, field.stencils.soft, w)
-        return w
-
-    def _number_rows(self, field: Field, chosen: NDArray[np.int64], kept: KeptColumns) -> Numbered:
-        """Return the numbered rows of the ``chosen`` points, whose columns are known then."""
-        last, used = self._last_rows, field.used[chosen]
-        every = np.where(np.arange(field.rows.shape[1]) < used[:, None], field.rows[chosen], -1)
-        if last is None or last.kept is not kept or not np.array_equal(last.every, every):
-            rows, number = np.unique(every[every >= 0]), np.full(self._rows // 3, -1, dtype=np.int64)
-            number[rows] = np.arange(len(rows))
-            kept.include(rows)
-            self._last_rows = Numbered(kept, every, rows, number)
-        return self._last_rows
-
-    def _kept(self, kind: str, problem: Problem, metric: Metric, key: tuple[object, ...]) -> KeptColumns:
-        """Return the kept columns of the tangent or of the constant matrix; those of an earlier matrix are dropped."""
-        key = (metric.coupling.inverse_schur, problem.unknowns.free) if kind == "constant" else key
-        known = self._columns.get(kind)
-        if known is not None and _same(known[0], key):
-            return known[1]
-        if kind == "constant":
-            free = problem.unknowns.free
-            found = ConstantColumns(metric.coupling, self._rows_of(free), len(free))
-        else:
-            found = HalvedColumns(metric.kept)
-        self._columns[kind] = key, found
-        return found
-
-    def _rows_of(self, free: NDArray[np.int32]) -> NDArray[np.int64]:
-        """Return the rows, ascending, of the ``free`` vertices that any contact point may involve."""
-        ends = np.unique(np.concatenate([contact.vertices for contact in self.contacts]))
-        return np.flatnonzero(np.isin(free, ends))
-
-
-def _same(one: tuple[object, ...], other: tuple[object, ...]) -> bool:
-    """Return whether two keys have the same objects and equal numbers."""
-    pairs = zip(one, other, strict=False)
-    return len(one) == len(other) and all(a is b or (isinstance(a, float) and a == b) for a, b in pairs)
