@@ -105,7 +105,6 @@ def step_result(
         restarts=march.restarts if march else 0,
         wall_time=clock.perf_counter() - started,
         policy=settings.policy,
-        factorisation="supernodes",
         message=summary.message,
         stable=summary.stable if summary.converged else None,
         estimated=summary.estimated,

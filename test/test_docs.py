@@ -13,7 +13,6 @@ import pytest
 from markdown.extensions.toc import slugify
 
 from benchmarks.markdown import replace_tables
-from docs.scripts.constants import constants
 from docs.scripts.generate import pages, texts
 from gdfe_ros.cli import COMMANDS
 from gdfe_ros.scene import scene_from_text
@@ -92,11 +91,6 @@ def test_what_is_printed_is_up_to_date() -> None:
     assert [name for name, text in PAGES.items() if replace_tables(text, printed) != text] == []
     shown = "".join(PAGES.values())
     assert [name for name in printed if f"<!-- end {name} -->" not in shown] == []
-
-
-def test_every_constant_has_a_reason() -> None:
-    """Every constant that affects results has a reason in its docstring."""
-    assert [item.names for item in constants() if not item.reason] == []
 
 
 def test_the_whole_contract_of_a_term_is_on_its_page() -> None:

@@ -84,7 +84,6 @@ def solve(case: Case, variant: Variant, points: Array) -> PeerSolution:
         "version": __version__,
         "tolerance": variant.options["tolerance"],
         "iterations": iterations,
-        "factorisation": simulation.result.factorisation,
     }
     displacement = simulation.positions - scene.mesh.vertices
     return PeerSolution(

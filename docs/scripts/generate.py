@@ -23,7 +23,6 @@ from benchmarks.tables import all_tables
 from benchmarks.torture.score import torture_table
 from docs.scripts import node_reference, scene_reference
 from docs.scripts.compatibility import compatibility_table
-from docs.scripts.constants import constant_table
 from docs.scripts.library import library_table, published_table
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -39,7 +38,6 @@ def texts() -> dict[str, str]:
     found = {
         "scene": scene_reference.markdown(),
         "node": node_reference.markdown(),
-        "constants": constant_table(),
         "library": library_table(),
         "published": published_table(),
         "compatibility": compatibility_table(),

@@ -38,7 +38,6 @@ def write_result(
         "whole": whole,
         "wall_time": wall_time,
         "min_det": result.min_det,
-        "factorisation": result.factorisation,
         "message": result.message,
         "actuators": {name: state.mode.value for name, state in result.actuators.items()},
         "version": __version__,

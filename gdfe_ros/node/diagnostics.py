@@ -203,7 +203,6 @@ def _solver(session: SimulationSession, last: _Mark, mark: _Mark) -> _Part:
         **{f"energy: {name} [J]": f"{value:.6g}" for name, value in result.energies.items()},
         "least det F": f"{result.min_det:.4g}",
         "policy": result.policy.value,
-        "factorisation": result.factorisation,
         **{f"skipped: {name}": count for name, count in result.skipped.items()},
     }
     if result.converged or (result.cut_after is not None and session.arrived()):

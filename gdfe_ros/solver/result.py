@@ -38,7 +38,6 @@ class StepResult:
         substeps: number of increments or internal steps that were attempted.
         wall_time: elapsed time [s].
         policy: the policy of the solve.
-        factorisation: the method that solves with the constant matrix: supernodes.
         message: description of the defect; empty if there is none.
         stable: whether the energy has positive curvature in every direction. This is proved after cold and far steps,
             when the strain energy has grown much, and at intervals. False: the body is at a saddle of the energy and
@@ -66,7 +65,6 @@ class StepResult:
     substeps: int
     wall_time: float
     policy: Policy
-    factorisation: str
     message: str = ""
     stable: bool | None = None
     estimated: bool = False

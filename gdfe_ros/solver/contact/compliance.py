@@ -15,7 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.compiled import internal, kernel
+from gdfe_ros.solver.descent.loop import precondition
 from gdfe_ros.solver.descent.pairs import inner
+from gdfe_ros.solver.matrix.constant_matrix import apply_inverse
 from gdfe_ros.solver.matrix.rotation import left_jacobian_transposed
 from gdfe_ros.solver.matrix.unknowns import rigid_part
 
@@ -171,6 +173,29 @@ def project_one(vector, i, rows, blocks, counts, k):
 
 
 @kernel
+def add_history(work, metric, images, known, chosen, rows, blocks, counts, soft, w):
+    """Add to W = J M^-1 J^T of the ``chosen`` points the change by the pairs of L-BFGS, and the points' springs.
+
+    ``images`` (memory, 3 r) are products M^-1 y; those of pairs without a ``known`` (memory,) curvature are found.
+    """
+    status, memory = work.status[0], len(known)
+    for k in range(status.count):
+        at = (status.head - 1 - k) % memory
+        if known[at] == work.curvature[at]:
+            continue
+        known[at] = work.curvature[at]
+        if status.wild == 1:
+            apply_inverse(work.changes[at], metric.coupling, images[at])
+            images[at] *= status.scale
+        else:
+            precondition(metric, work.changes[at], images[at])
+    if status.count > 0:
+        add_pairs(work, images, chosen, rows, blocks, counts, w)
+    for c in range(len(chosen)):
+        w[3 * c, 3 * c] += soft[chosen[c]]
+
+
+@internal
 def add_pairs(work, images, chosen, rows, blocks, counts, out):
     """Add the change by the pairs of L-BFGS to W; ``images`` (memory, 3 r) are the products M^-1 y."""
     status, size = work.status[0], 3 * len(chosen)

@@ -15,6 +15,7 @@ from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact import gap
 from gdfe_ros.solver.contact.contact_term import FAINT, ContactTerm
+from gdfe_ros.solver.contact.points import Near, Surfaces, find_stencils
 from gdfe_ros.solver.contact.skin import Skin
 from gdfe_ros.solver.contact.stencil import Stencils
 from gdfe_ros.solver.contact.surface import SHAPE, TURNED, ContactSurface, Corners
@@ -68,10 +69,13 @@ class Contact(ContactTerm):
             vertices = np.concatenate([vertices, touched.vertices])
         super().__init__(name, body, count, np.unique(vertices), friction=friction, restitution=restitution)
         self._form = gap.form_numbers(touched.form)
+        four = (touched.vertices, touched.signs) if isinstance(touched, RigidBody) else ()
+        self.shape = Surfaces.of(touched.form.kind, points.carriers.shape[1], self._form, *four)
         self._scale, self._held_fast = np.zeros(count), np.zeros(count, dtype=bool)
         self._distances, self._normals = np.zeros(count), np.zeros((count, 3))
         self._take_none()
         self._clear, self._lag, self._led = -np.inf, 0.0, np.zeros((0, 3))
+        self._began = np.zeros((0, 3))
         self._pose = self._seen_at = Pose()
         self._last: State | None = None
         self._seen: NDArray[np.float64] | None = None
@@ -128,34 +132,38 @@ class Contact(ContactTerm):
             self._choose(saved, positions)
             self.turn(positions)
 
+    def strays(self, positions: NDArray[np.float64]) -> bool:
+        """Return whether the body has moved far enough at ``positions`` (n, 3) [m] for other points to be near."""
+        return self._moved(positions) >= max(self._clear - self._lag, 0.5 * REACH * self._body.size)
+
     def follow(self, positions: NDArray[np.float64], ahead: float) -> None:
-        """Choose the points again if the body has moved far enough; turn the forces with the obstacle."""
-        if self._moved(positions) < max(self._clear - self._lag, 0.5 * REACH * self._body.size):
-            self.turn(positions)
-            return
+        """Choose the points again at ``positions`` (n, 3) [m]; those that stay keep their forces."""
         shears, press, shear = self.stored(self._shear), self._free["press"].copy(), self._free["shear"].copy()
         press[self._chosen], shear[self._chosen] = self._press, shears
         self._choose({**self._saved, "press": press, "shear": shear}, positions)
-        self.turn(positions)
+        self.look(positions)
 
     def find_stencils(self, positions: NDArray[np.float64]) -> Stencils:
         """Return the stencils of the chosen points at ``positions`` (n, 3) [m], and turn their forces."""
-        chosen, rubbing = self._chosen, self._rubbing_weights()
-        places, ends = self._points.at(positions)[chosen], self._points.carriers[chosen]
+        ends = self._points.carriers[self._chosen]
+        pressing, rubbing = self._points.weights[self._chosen], self._rubbing_weights()
         if isinstance(self._touched, RigidBody):
             self._take_frame(positions)
-        self._correct(positions)
-        gaps, normals = gap.measure(places, *self._obstacle)
-        if self._planes.any():
-            gap.replace_by_planes(places, self._planes, self._fixed, self._others, gaps, normals)
-        anchors, pressing = self._anchors[:, :3], self._points.weights[chosen]
-        slips = self._rubbing(positions) - self._origin - anchors @ self._axes.T
-        if isinstance(self._touched, RigidBody):
+            four = np.zeros((len(ends), 4))
             ends = np.column_stack([ends, np.tile(self._touched.vertices, (len(ends), 1))])
-            pressing = np.column_stack([pressing, self._touched_weights(self._in_frame(places))])
-            rubbing = np.column_stack([rubbing, self._touched_weights(anchors)])
-        forces, soft = (self._press, self._shear), np.zeros(len(chosen))
-        return Stencils.of(gaps - self._offsets, normals, slips, forces, soft, ends, pressing, rubbing)
+            pressing, rubbing = np.column_stack([pressing, four]), np.column_stack([rubbing, four])
+        self.shape.frames[0] = self._others
+        if self.corrects:
+            self._offsets = self.correct(positions)
+        found = Stencils.empty(self._press, np.zeros(len(ends)), ends, pressing, rubbing)
+        find_stencils(positions, self.near_points, self.shape, found)
+        return found
+
+    @property
+    def near_points(self) -> Near:
+        """Data from which the kernels find the stencils of the near points."""
+        anchors = np.ascontiguousarray(self._anchors[:, :3])
+        return Near(anchors, self._planes, self._fixed, self._offsets, self._shear)
 
     def present_stencils(self, positions: NDArray[np.float64]) -> Stencils:
         """Return the stencils, whose friction acts on a touched rigid body at the points' present places."""
@@ -205,6 +213,7 @@ class Contact(ContactTerm):
         """Update the obstacle's frame and the anchors of the chosen points; keep the choice of points."""
         if self.near:
             self._take_frame(positions)
+            self._began = self._starts(self._points.at(positions))
             self._set_anchors(saved, positions)
             self._anchors[:, :3] -= self._led
 
@@ -308,8 +317,13 @@ class Contact(ContactTerm):
         """Return an upper bound of the displacement [m] of any point since the distances were computed."""
         if self._seen is None:
             return np.inf
-        longest = largest_distance(positions, self._seen)
-        return longest * max(TURNED if isinstance(self._touched, RigidBody) else 1.0, self._points.reach)
+        if not isinstance(self._touched, RigidBody):
+            return self._points.reach * largest_distance(positions, self._seen)
+        if not self.on_body:
+            return TURNED * largest_distance(positions, self._seen)
+        four, count = self._touched.vertices, self._body.count
+        own = self._points.reach * largest_distance(positions[:count], self._seen[:count])
+        return own + TURNED * largest_distance(positions[four], self._seen[four])
 
     def _shifted(self, positions: NDArray[np.float64]) -> float:
         """Return an upper bound of any point's relative displacement [m] that the obstacle's motion causes.
@@ -343,11 +357,13 @@ class Contact(ContactTerm):
         self._measure(places)
         self._seen, self._seen_at, self._lag = positions.copy(), self._pose, 0.0
         self._clear = self._distances.min(initial=np.inf) - REACH * self._body.size
-        planes = self._entered(self._starts(places), places)
+        self._began = self._starts(places)
+        planes = self._entered(self._began, places)
         near = (self._distances < REACH * self._body.size) | (saved["press"] > 0.0) | planes[:, :3].any(axis=1)
         self._chosen = chosen = self._first_to_touch(np.flatnonzero(near & ~self._held_fast), places)
         self._press, self._shear = saved["press"][chosen], saved["shear"][chosen] @ self._axes.T
-        self._planes, self._fixed, self._offsets = planes[chosen], np.zeros(len(chosen), bool), np.zeros(len(chosen))
+        self._planes, self._fixed = planes[chosen], np.zeros(len(chosen), dtype=bool)
+        self._offsets = np.full(len(chosen), self._radius)
         self._set_anchors(saved, positions)
         faces = self._touched.points is ContactPoints.FACES
         self._faces = self._points.about(chosen) if faces else np.zeros(0, np.int64)
@@ -363,8 +379,7 @@ class Contact(ContactTerm):
     def _set_anchors(self, saved: Saved, positions: NDArray[np.float64]) -> None:
         """Set the anchors of the chosen points at the start of a step, in the obstacle's frame."""
         anchors = saved["anchor"][self._chosen]
-        starts = self._starts(self._points.at(positions))[self._chosen]
-        self._anchors[...] = np.where(np.isnan(anchors), starts, anchors)
+        self._anchors[...] = np.where(np.isnan(anchors), self._began[self._chosen], anchors)
 
     def _kept(self) -> NDArray[np.float64]:
         """Return the anchors (k, 3) [m] that the state stores for the chosen points."""
@@ -378,16 +393,18 @@ class Contact(ContactTerm):
         """Return the weights (k, c) of the carriers in these positions."""
         return self._points.weights[self._chosen]
 
-    def _correct(self, positions: NDArray[np.float64]) -> None:
-        """Update the offsets of the points.
+    @property
+    def corrects(self) -> bool:
+        """Whether the gaps have offsets that depend on the positions."""
+        return len(self._faces) > 0
+
+    def correct(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the offsets (k,) [m] of the chosen points at ``positions`` (n, 3) [m].
 
         Between its corners, a flat face comes nearer to a round obstacle than at its corners. The error of a face is
         the distance interpolated between its corners, minus the true distance. The offset of a vertex is the mean of
         this error over the faces around it, at least 0. On a ball the offsets halve the error of the gaps.
         """
-        if not len(self._faces):
-            return
-        surface, faces, nearer = self._points, self._faces, np.zeros(len(positions))
+        surface, faces, nearer, chosen = self._points, self._faces, np.zeros(len(positions)), self._chosen
         gap.nearness(positions, surface.quads[faces], surface.gauss[faces], SHAPE, *self._obstacle, nearer)
-        chosen = self._chosen
-        self._offsets = np.maximum(0.0, nearer[surface.carriers[chosen, 0]] / surface.areas[chosen])
+        return np.maximum(0.0, nearer[surface.carriers[chosen, 0]] / surface.areas[chosen])

@@ -8,20 +8,22 @@ gaps and slips at its end are p = p0 + J d. The forces f + df keep the laws betw
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.solver.contact.complementarity import HALF, find_violations, solve_laws
-from gdfe_ros.solver.contact.compliance import add_pairs, differentiate, join, project, pull, stack
-from gdfe_ros.solver.contact.contact_term import FAINT, MARGIN, ROUNDING, ContactTerm
-from gdfe_ros.solver.contact.kept_columns import ConstantColumns, HalvedColumns, KeptColumns
-from gdfe_ros.solver.contact.pair_images import PairImages
-from gdfe_ros.solver.contact.stencil import held_energy
-from gdfe_ros.solver.descent.loop import Metric, choose_once
+from gdfe_ros.solver.contact.answer import begin_step, look_again, settle
+from gdfe_ros.solver.contact.complementarity import HALF, find_violations
+from gdfe_ros.solver.contact.compliance import project, pull
+from gdfe_ros.solver.contact.contact_term import FAINT, ROUNDING, ContactTerm
+from gdfe_ros.solver.contact.field import Field
+from gdfe_ros.solver.contact.kept_compliance import Compliance
+from gdfe_ros.solver.contact.points import FOUND, Surfaces
+from gdfe_ros.solver.descent.loop import Metric
 from gdfe_ros.solver.descent.workspace import Problem, Workspace, numbers
-from gdfe_ros.solver.matrix.unknowns import Unknowns, add_rows, gather_rigid_rows
+from gdfe_ros.solver.matrix.unknowns import Unknowns
+from gdfe_ros.solver.terms.term import Term
 
 Product = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 
@@ -48,68 +50,45 @@ last one. It is the compliance against a change of a force, divided by that of t
 """
 LISTED = 5
 """Number of vertices that a message names."""
-LEAST_SLOPE = 0.1
-"""A point takes no part where the gradient of its distance is shorter than this: in the middle of an obstacle."""
-
-
-class Points(NamedTuple):
-    """Contact points of all terms.
-
-    Attributes:
-        places: (k, 3) [m] gaps, with the length of the spring, and slips.
-        axes: (k, 3, 3) directions of gap and slip.
-        held: (k, 3) [N] present forces along these axes.
-        soft: (k,) [m/N] compliance of the spring through which each normal force acts.
-        rows, blocks, counts: derivatives with respect to the rows of unknowns, see `differentiate`.
-        friction: (k,) friction coefficients.
-        scale: (k,) [N/m] stiffness of the body at each point.
-        vertices: (k,) a vertex that moves each point.
-    """
-
-    places: NDArray[np.float64]
-    axes: NDArray[np.float64]
-    held: NDArray[np.float64]
-    soft: NDArray[np.float64]
-    rows: NDArray[np.int64]
-    blocks: NDArray[np.float64]
-    counts: NDArray[np.int64]
-    friction: NDArray[np.float64]
-    scale: NDArray[np.float64]
-    vertices: NDArray[np.int64]
 
 
 class ContactForces:
     """Finds the contact forces of each step of a minimisation.
 
     Args:
-        contacts: the contact terms.
-        count: number n of vertices.
+        terms: all terms of the body.
+        contacts: the contact terms among them.
         unknowns: numbering of the unknowns.
+        count: number n of vertices.
 
     Attributes:
         contacts: the argument.
         left: largest violation [m] of the laws in the last step.
     """
 
-    def __init__(self, contacts: Sequence[ContactTerm], count: int, unknowns: Unknowns) -> None:
+    def __init__(self, terms: Sequence[Term], contacts: Sequence[ContactTerm], unknowns: Unknowns, count: int) -> None:
         self.contacts = tuple(contacts)
+        self._searches = [contact for contact in contacts if contact.shape.kind[0] == FOUND]
+        acting = [term.name for term in terms if term.kernel is not None]
+        self._at = np.array([acting.index(contact.name) for contact in self.contacts])
         self._handle_of = np.full(count, -1, dtype=np.int64)
         for p in range(len(unknowns.slides)):
             self._handle_of[unknowns.members[unknowns.member_start[p] : unknowns.member_start[p + 1]]] = p
         self._rows, self._swings = 3 * unknowns.rows, any(contact.valid < np.inf for contact in contacts)
         self._turns = unknowns.rigid_rows > 0
+        self._surfaces = Surfaces.join([contact.shape for contact in contacts])
+        self._change, self._head = np.zeros((count, 3)), np.zeros(1, dtype=np.int64)
         self.begin()
         self._row_of, self._numbered = np.full(count, -1, dtype=np.int64), None
-        self._columns: dict[str, tuple[tuple[object, ...], KeptColumns]] = {}
-        self._images = PairImages()
-        self._w = self._between = np.zeros((0, 0))
-        self._joined: tuple[NDArray[np.float64], ...] = (np.zeros(0),) * 4
+        vertices = np.unique(np.concatenate([contact.vertices for contact in contacts]))
+        self._compliance = Compliance(vertices, self._rows)
 
     def begin(self) -> None:
         """Prepare a solve."""
         self.left, self._nearest, self._changes = 0.0, np.inf, 0
         self._least, self._in_vain, self._faint = np.inf, 0, 0.0
-        self._last, self._inertia, self._head = np.zeros(self._rows), 0.0, 0
+        self._last, self._inertia, self._head[0] = np.zeros(self._rows), 0.0, 0
+        self._field: Field | None = None
 
     @property
     def near(self) -> bool:
@@ -118,53 +97,56 @@ class ContactForces:
 
     def told(self) -> str:
         """Return the contacts in the last step, the vertices where the laws are violated most, and by how much."""
-        names = ", ".join(contact.name for contact in self._acting)
+        names = ", ".join(contact.name for contact in self.contacts if contact.near)
         where = ", ".join(map(str, self._worst_vertices()))
         return f"{names}: {self.left:.3g} m of gap or slip remain, most at vertices {where}"
 
     def _worst_vertices(self) -> NDArray[np.int64]:
         """Return up to `LISTED` vertices, ascending, where the laws are violated by more than half of the most."""
-        vertices, *given = self._unsolved
-        found = np.empty(len(vertices))
-        find_violations(*given, found)
+        field, chosen, w, q, forces = self._unsolved
+        found, vertices = np.empty(len(chosen)), field.stencils.ends[chosen, 0]
+        find_violations(w, q, field.friction[chosen], forces, found)
         order = np.argsort(-found, kind="stable")[:LISTED]
         return np.unique(vertices[order[found[order] > 0.5 * found.max(initial=0.0)]])
 
-    def follow(self, problem: Problem, work: Workspace) -> None:
-        """Choose the points again of contacts that hold forces, which turn with the surfaces; correct the gradient."""
-        acting = [contact for contact in self.contacts if contact.acts]
+    def begin_step(self, problem: Problem, work: Workspace, metric: Metric, size: float, most: int) -> int:
+        """Turn the forces with the surfaces, and find the step with them; return the result of `choose`.
 
-        def choose_again() -> None:
-            for contact in acting:
-                contact.follow(work.x, np.inf)
-
-        if acting:
-            before = work.gradient.copy()
-            self._exchange(problem, work, choose_again)
-            self._curve(work, work.gradient - before)
-        self._waiting = [contact for contact in self.contacts if contact not in acting]
-
-    def _curve(self, work: Workspace, change: NDArray[np.float64]) -> None:
-        """Add to the newest pair the ``change`` (3 r,) [N] of the gradient by forces that turned in the last step.
-
-        The pairs thus contain the curvature of the surfaces: forces turn where a point moves along them.
+        The points of contacts that have moved far are chosen again. ``problem``, ``work`` and ``metric`` are those of
+        the minimisation; ``size`` [m] is the body's size, and ``most`` the number of iterations that a matrix serves.
         """
-        status = numbers(work)
-        newest, fresh = (int(status["head"]) - 1) % len(work.curvature), status["head"] != self._head
-        self._head = int(status["head"])
-        if not (status["count"] and fresh):
+        if self._searches:
+            self.finish()
+        self._waiting = [contact for contact in self._searches if not contact.acts]
+        for contact in self.contacts:
+            if contact not in self._waiting and contact.strays(work.x):
+                self._follow(contact, work.x, np.inf)
+        given = self._row_of, self._handle_of, size, most
+        if self._field is not None:
+            self._correct(self._field, work)
+        found, self._count = begin_step(problem, work, metric, self._gather(problem, work), *given)
+        return found
+
+    def _follow(self, contact: ContactTerm, positions: NDArray[np.float64], ahead: float) -> None:
+        """Let a contact choose its points again; the next step moves vertices by at most ``ahead`` [m]."""
+        self.finish()
+        contact.follow(positions, ahead)
+        self._field = None
+
+    def finish(self) -> None:
+        """Give the present forces back to the contacts."""
+        if self._field is None:
             return
-        curvature = work.curvature[newest] + float(work.steps[newest] @ change)
-        if curvature > 0.0:
-            work.changes[newest] += change
-            work.curvature[newest] = curvature
+        for contact, part in zip(self.contacts, self._parts, strict=True):
+            if part.stop > part.start:
+                contact.take_forces(self._field.stencils.held[part, 0], self._field.near.shears[part])
 
     def approach(self, work: Workspace) -> bool:
         """Choose the points again of the other contacts, before the step in ``work``; return whether any is near."""
         # The rows of turning handles are no displacements of vertices.
         ahead = np.inf if self._turns else float(numbers(work)["step"])
         for contact in self._waiting:
-            contact.follow(work.x, ahead)
+            self._follow(contact, work.x, ahead)
         return self.near
 
     @property
@@ -192,48 +174,35 @@ class ContactForces:
         ``work.direction``. ``key`` is the identity of the initial matrix, ``size`` [m] the body's size, and ``target``
         [m] the distance to the equilibrium that the minimisation allows.
         """
-        points = self._points(problem, work)
-        ahead, held, found = np.empty_like(points.places), points.held.copy(), 2
-        project(work.direction, points.rows, points.blocks, points.counts, ahead)
-        usable = (np.abs(points.axes[:, 0]).max(axis=1) > LEAST_SLOPE) & (points.counts > 0)
-        joins = usable & ((points.places[:, 0] + ahead[:, 0] < MARGIN * size) | held.any(axis=1))
-        status = numbers(work)
+        afresh, status, found, before = self._field is None, numbers(work), 2, np.inf
+        field, count = self._gather(problem, work), self._count
+        if afresh:
+            count = look_again(problem, work, field, self._row_of, self._handle_of, size)
         self.left, allowed = 0.0, EXACT * max(target, min(float(status["before"]), float(status["step"])))
-        dropped = held.any(axis=1) & ~usable
         self._faint = faint = max((FAINT if self._swings else SLIGHT) * size, NEARLY * target)
         known: tuple[int, int] | None = None
-        before = np.inf  # violation after the last round
         for _ in range(ROUNDS):
-            chosen = np.flatnonzero(joins)
-            forces = np.where(dropped[:, None], 0.0, held)
-            if len(chosen):
-                if known != (len(chosen), int(status["wild"])):
-                    w = self._compliance(problem, work, metric, key, points, chosen)
-                    known = len(chosen), int(status["wild"])
-                    if self._swings:
-                        w[np.diag_indices(len(w))] += np.repeat(self._inertia / points.scale[chosen], 3)
-                there, start = (points.places + ahead)[chosen].ravel(), held[chosen].ravel()
-                given, now = there - w @ start, start.copy()
-                self.left = solve_laws(w, given, points.friction[chosen], now, allowed, faint)
-                forces[chosen] = now.reshape(-1, 3)
-                self._unsolved = points.vertices[chosen], w, given, points.friction[chosen], now
-            if np.array_equal(forces, held):
+            if count and known != (count, int(status["wild"])):
+                w = self._compliance.of(problem, work, metric, key, field, count)
+                known = count, int(status["wild"])
+                if self._swings:
+                    w[np.diag_indices(len(w))] += np.repeat(self._inertia / field.scale[field.chosen[:count]], 3)
+            given = field, count, w if count else np.zeros((0, 0)), size, target, allowed, faint
+            self.left, chose, changed, entered, *solved = settle(problem, work, metric, *given)
+            self._unsolved = field, field.chosen[:count].copy(), w if count else np.zeros((0, 0)), *solved
+            if not changed:
                 break
-            self._hold(forces, problem, work)
-            held = forces
-            found = choose_once(problem, work, metric, size, 2**62)
-            project(work.direction, points.rows, points.blocks, points.counts, ahead)
-            enters = usable & ~joins & (points.places[:, 0] + ahead[:, 0] < -target)
-            rough = self.left > max(faint, ROUGH * max(target, float(status["step"])))
-            if not ((rough and self.left < HALF * before) or enters.any()):
+            found, rough = chose, self.left > max(faint, ROUGH * max(target, float(status["step"])))
+            if not ((rough and self.left < HALF * before) or entered):
                 break
-            before = self.left
-            joins |= enters
-            allowed = EXACT * max(target, float(status["step"]))
-        self._shorten(work, ahead)
+            before, allowed = self.left, EXACT * max(target, float(status["step"]))
+            if entered:
+                count += entered
+                field.chosen[:count] = np.flatnonzero(field.joins)
+        self._shorten(work, field)
         return found
 
-    def _shorten(self, work: Workspace, ahead: NDArray[np.float64]) -> None:
+    def _shorten(self, work: Workspace, field: Field) -> None:
         """Shorten the step if it swings, or if points move farther past what they touch than their stencils hold.
 
         The distance to the equilibrium is still measured by the whole step.
@@ -241,11 +210,10 @@ class ContactForces:
         if not self._swings:
             return
         self._watch(work.direction)
-        first, share = 0, 1.0 / (1.0 + self._inertia)
-        for contact in self._acting:
-            last = first + contact.count
-            longest = float(np.sqrt(np.square(ahead[first:last]).sum(axis=1).max(initial=0.0)))
-            share, first = min(share, contact.valid / max(longest, 1e-300)), last
+        share = 1.0 / (1.0 + self._inertia)
+        for contact, part in zip(self.contacts, self._parts, strict=True):
+            longest = float(np.sqrt(np.square(field.ahead[part]).sum(axis=1).max(initial=0.0)))
+            share = min(share, contact.valid / max(longest, 1e-300))
         if share < 1.0:
             work.direction[...] *= share
             numbers(work)["slope"] *= share
@@ -268,121 +236,39 @@ class ContactForces:
         """
         if not self.near:
             return product
-        points = self._points(problem, work)
-        press, shear = points.held[:, 0], np.linalg.norm(points.held[:, 1:], axis=1)
-        sticks = (press > 0.0) & (shear < (1.0 - ROUNDING) * points.friction * press)
-        springs = points.scale[:, None] * np.column_stack([press > 0.0, sticks, sticks])
-        given = points.rows, points.blocks, points.counts
+        field = self._gather(problem, work)
+        look_again(problem, work, field, self._row_of, self._handle_of, 0.0)
+        held, given = field.stencils.held, (field.rows, field.blocks, field.used)
+        press, shear = held[:, 0], np.linalg.norm(held[:, 1:], axis=1)
+        sticks = (press > 0.0) & (shear < (1.0 - ROUNDING) * field.friction * press)
+        springs = field.scale[:, None] * np.column_stack([press > 0.0, sticks, sticks])
 
         def multiply(direction: NDArray[np.float64]) -> NDArray[np.float64]:
-            image, way = product(direction), np.empty_like(points.places)
+            image, way = product(direction), np.empty_like(held)
             project(direction, *given, way)
             pull(springs * way, *given, image)
             return image
 
         return multiply
 
-    def _points(self, problem: Problem, work: Workspace) -> Points:
-        """Return the contact points of all terms at the present positions."""
+    def _gather(self, problem: Problem, work: Workspace) -> Field:
+        """Return the near points of all contacts; they are gathered again after any contact has chosen others."""
         unknowns = problem.unknowns
         if self._numbered is not unknowns:
             self._row_of[...] = -1
             self._row_of[unknowns.free] = np.arange(len(unknowns.free))
             self._numbered = unknowns
-        self._acting, parts = [contact for contact in self.contacts if contact.near], []
-        for contact in self._acting:
-            places, axes, held, soft, ends, pressing, rubbing = contact.stencils
-            places = places.copy()
-            places[:, 0] += soft * held[:, 0]
-            count, width = ends.shape
-            rows, blocks = np.zeros((count, 2 * width), np.int64), np.zeros((count, 2 * width, 3, 3))
-            counts = np.zeros(count, np.int64)
-            given = work.x, work.u, problem.frame, unknowns, self._row_of, self._handle_of
-            differentiate(*given, axes, ends, pressing, rubbing, rows, blocks, counts)
-            friction = np.full(count, contact.friction)
-            parts.append((places, axes, held, soft, rows, blocks, counts, friction, contact.scale, ends[:, 0]))
-        rows, blocks = stack([part[4:6] for part in parts])
-        joined = [np.concatenate([part[k] for part in parts]) for k in (0, 1, 2, 3, 6, 7, 8, 9)]
-        return Points(*joined[:4], rows, blocks, *joined[4:])
+        if self._field is None:
+            starts = problem.terms.real_start[self._at], problem.terms.integer_start[self._at]
+            scratch = self._change, np.empty(self._rows), self._head
+            self._field = Field.of(self.contacts, self._surfaces, *starts, scratch)
+            ends = np.searchsorted(self._field.owner, np.arange(len(self.contacts) + 1))
+            self._parts = [slice(*each) for each in pairwise(ends)]
+            self._correct(self._field, work)
+        return self._field
 
-    def _hold(self, forces: NDArray[np.float64], problem: Problem, work: Workspace) -> None:
-        """Set the forces (k, 3) [N] of all points."""
-        ends = np.cumsum([contact.count for contact in self._acting])[:-1]
-
-        def hold() -> None:
-            for contact, part in zip(self._acting, np.split(forces, ends), strict=True):
-                contact.hold_forces(part)
-
-        self._exchange(problem, work, hold)
-
-    def _exchange(self, problem: Problem, work: Workspace, change: Callable[[], None]) -> None:
-        """Call ``change``, which gives other contact forces, and correct energy and gradient for them."""
-        slopes, energies = np.zeros((2, *work.x.shape)), np.zeros(2)
-        for place in range(2):
-            for contact in self.contacts:
-                if contact.near:
-                    given = work.x, contact.reals, contact.integers, slopes[place], np.zeros(1)
-                    energies[place] += held_energy(*given)
-            if place == 0:
-                change()
-        numbers(work)["energy"] += energies[1] - energies[0]
-        slopes[1] -= slopes[0]
-        if not slopes[1].any():
-            return
-        work.outside[...] += slopes[1]
-        add_rows(slopes[1], problem.unknowns, work.gradient)
-        if problem.unknowns.rigid_rows:
-            given = work.u, work.x, work.force, work.outside, True, problem.frame, problem.unknowns
-            gather_rigid_rows(*given, work.gradient)
-
-    def _compliance(
-        self,
-        problem: Problem,
-        work: Workspace,
-        metric: Metric,
-        key: tuple[object, ...],
-        points: Points,
-        chosen: NDArray[np.int64],
-    ) -> NDArray[np.float64]:
-        """Return W (3 c, 3 c) [m/N] of the ``chosen`` points; J M^-1 J^T is kept while nothing in it changes."""
-        status = numbers(work)
-        constant = bool(status["wild"]) or not len(metric.kept.order)
-        kept = self._kept("constant" if constant else "tangent", problem, metric, key)
-        used = np.arange(points.rows.shape[1]) < points.counts[chosen, None]
-        rows = np.unique(points.rows[chosen][used])
-        kept.include(rows)
-        number = np.full(len(work.u) // 3, -1, dtype=np.int64)
-        number[rows] = np.arange(len(rows))
-        scale = float(status["scale"]) if status["wild"] else 1.0
-        frames = np.zeros((0, 9)) if constant else metric.kept.frames
-        given, between = (chosen, points.rows, points.blocks, points.counts), kept.between(rows)
-        now = np.array(scale), points.rows[chosen], points.blocks[chosen], frames
-        if between is not self._between or not all(map(np.array_equal, now, self._joined)):
-            self._between, self._joined = between, (*now[:3], frames.copy())
-            self._w = np.empty((3 * len(chosen), 3 * len(chosen)))
-            join(*given, number, between, frames, scale, self._w)
-        w = self._w.copy()
-        if status["count"]:
-            images = self._images.of(work, metric, (*key, constant, scale), frames)
-            add_pairs(work, images, *given, w)
-        w[range(0, len(w), 3), range(0, len(w), 3)] += points.soft[chosen]
-        return w
-
-    def _kept(self, kind: str, problem: Problem, metric: Metric, key: tuple[object, ...]) -> KeptColumns:
-        """Return the kept columns of the tangent or of the constant matrix; those of an earlier matrix are dropped."""
-        key = (metric.coupling.inverse_schur, problem.unknowns.free) if kind == "constant" else key
-        known = self._columns.get(kind)
-        if known is not None and len(known[0]) == len(key) and all(a is b for a, b in zip(known[0], key, strict=True)):
-            return known[1]
-        if kind == "constant":
-            free = problem.unknowns.free
-            found = ConstantColumns(metric.coupling, self._rows_of(free), len(free))
-        else:
-            found = HalvedColumns(metric.kept)
-        self._columns[kind] = key, found
-        return found
-
-    def _rows_of(self, free: NDArray[np.int32]) -> NDArray[np.int64]:
-        """Return the rows, ascending, of the ``free`` vertices that any contact point may involve."""
-        ends = np.unique(np.concatenate([contact.vertices for contact in self.contacts]))
-        return np.flatnonzero(np.isin(free, ends))
+    def _correct(self, field: Field, work: Workspace) -> None:
+        """Update the offsets of gaps that depend on the positions."""
+        for contact, part in zip(self.contacts, self._parts, strict=True):
+            if part.stop > part.start and contact.corrects:
+                field.near.offsets[part] = contact.correct(work.x)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.contact.points import FOUND, Near, Surfaces
 from gdfe_ros.solver.contact.stencil import LOADS, Stencils, held_energy, held_entry, write_loads
 from gdfe_ros.solver.state import Saved, State
 from gdfe_ros.solver.terms.term import Term
@@ -41,15 +42,17 @@ class ContactTerm(Term):
 
     Attributes:
         vertices, friction, restitution: the arguments.
-        stencils: the near points at the positions of the last call of `turn`.
+        stencils: the near points at the positions of the last call of `look` or `turn`.
+        shape: what the points touch, for the kernels.
         on_body: whether the points of the term belong to the elastic body; False for self-contact.
+        corrects: whether the gaps have offsets that depend on the positions, which `correct` returns.
         held_mass: mass [kg] of a rigid body that the elastic body touches, else 0.
         valid: relative displacement [m] for which the stencils of the points hold.
         changed: whether points that press touch other faces since `follow` was last called.
     """
 
     kernel = held_entry
-    on_body, held_mass = False, 0.0
+    on_body, corrects, held_mass = False, False, 0.0
     ANCHOR: ClassVar[int] = 3
     """Numbers of each point that derivatives differentiate: its anchor, the place where its slip begins."""
     OTHERS: ClassVar[int] = 0
@@ -76,6 +79,7 @@ class ContactTerm(Term):
             "rub": none,
         }
         self.stencils: Stencils
+        self.shape = Surfaces.of(FOUND, 0, np.zeros(0))
 
     @property
     def near(self) -> bool:
@@ -124,26 +128,36 @@ class ContactTerm(Term):
     def find_stencils(self, positions: NDArray[np.float64]) -> Stencils:
         """Return the stencils of the near points at ``positions`` (n, 3) [m]; their forces turn with it."""
 
+    def look(self, positions: NDArray[np.float64]) -> None:
+        """Take the stencils at ``positions`` (n, 3) [m]; the forces turn with the surfaces, but do not act yet."""
+        if self.near:
+            self.stencils = self.find_stencils(positions)
+
     def turn(self, positions: NDArray[np.float64]) -> None:
-        """Take the stencils at ``positions`` (n, 3) [m]; the forces turn with the surfaces."""
-        if not self.near:
-            self.integers[0] = 0
-            return
-        self.stencils = self.find_stencils(positions)
-        self._loads.reshape(-1, LOADS)[:, 3:] = positions[self.vertices]
-        self._write_loads()
-
-    def hold_forces(self, forces: NDArray[np.float64]) -> None:
-        """Set the forces (k, 3) [N] of the near points along the axes of the stencils."""
-        self.stencils = self.stencils._replace(held=forces)
-        self._press, self._shear = forces[:, 0], -np.einsum("ka,kai->ki", forces[:, 1:], self.stencils.axes[:, 1:])
-        self._write_loads()
-
-    def _write_loads(self) -> None:
+        """Take the stencils at ``positions`` (n, 3) [m], and let the forces act as dead loads from there."""
+        self.look(positions)
         self.integers[0] = self.acts
-        self._loads.reshape(-1, LOADS)[:, :3] = 0.0
+        loads = self._loads.reshape(-1, LOADS)
+        loads[:, :3], loads[:, 3:] = 0.0, positions[self.vertices]
         if self.acts:
-            write_loads(self.stencils, self._number, self.reals)
+            write_loads(self.stencils, self.load_places(), self.reals)
+
+    def load_places(self) -> NDArray[np.int64]:
+        """Return the offset of the load of each end of the near points (k, c) in the term's numbers."""
+        return LOADS * self._number[self.stencils.ends]
+
+    def strays(self, positions: NDArray[np.float64]) -> bool:
+        """Return whether `follow` has to choose points again at ``positions`` (n, 3) [m]."""
+        return True
+
+    @property
+    def near_points(self) -> Near:
+        """Data from which the kernels find the stencils of the near points."""
+        return Near.none(self._shear)
+
+    def take_forces(self, presses: NDArray[np.float64], shears: NDArray[np.float64]) -> None:
+        """Take the normal forces (k,) and vectors t (k, 3) [N] of the near points, which act already."""
+        self._press, self._shear = presses.copy(), shears.copy()
 
     def present_stencils(self, positions: NDArray[np.float64]) -> Stencils:
         """Return the stencils at ``positions`` (n, 3) [m] of `turn`, with friction at the present places."""

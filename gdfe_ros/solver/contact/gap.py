@@ -88,25 +88,6 @@ def distances(points, frame, form, kind, out, normals):
 
 
 @kernel
-def replace_by_planes(points, planes, fixed, frame, out, normals):
-    """Replace distances ``out`` (k,) [m] and ``normals`` (k, 3) by those of planes n . q = d in the frame.
-
-    The row of a point in ``planes`` (k, 4) is (n, d); n = 0 means no plane. If the obstacle would push the point out on
-    the plane's side itself, it is not replaced, unless the plane is ``fixed`` (k,).
-    """
-    for i in range(len(points)):
-        a, b, c = planes[i, 0], planes[i, 1], planes[i, 2]
-        ex, ey, ez = in_world(frame, a, b, c)
-        along = normals[i, 0] * ex + normals[i, 1] * ey + normals[i, 2] * ez
-        if (a == 0.0 and b == 0.0 and c == 0.0) or (along > 0.0 and not fixed[i]):
-            continue
-        dx, dy, dz = points[i, 0] - frame[ORIGIN], points[i, 1] - frame[ORIGIN + 1], points[i, 2] - frame[ORIGIN + 2]
-        x, y, z = in_frame(frame, dx, dy, dz)
-        out[i] = a * x + b * y + c * z - planes[i, 3]
-        normals[i, 0], normals[i, 1], normals[i, 2] = ex, ey, ez
-
-
-@kernel
 def entries(starts, ends, reach, form, kind, planes):
     """Write the entry planes (k, 4) of points that move on straight lines from ``starts`` to ``ends`` (k, 3) [m].
 

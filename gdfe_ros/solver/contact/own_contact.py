@@ -128,14 +128,14 @@ class OwnContact(ContactTerm):
             return
         if self._begins:
             self._begins = False
-            self.turn(positions)
+            self.look(positions)
             return
         self._presses[self._chosen], self._shears[self._chosen] = self._press, self._shear
         self._set_reach(x, self._deepest)
         found = self.pairs.look(x, self._from, self._reach, self._partners, self._sunk)
         before, pressed = self._partners, self._presses > 0.0
         self._choose(found)
-        self.turn(positions)
+        self.look(positions)
         self.changed = bool((pressed & ((found.face != before) | (self._presses == 0.0))).any())
         if not pressed.any():
             self._measure_clearance(x)

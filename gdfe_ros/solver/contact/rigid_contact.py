@@ -77,6 +77,8 @@ class RigidContact(Contact):
         Above a flat face, a rigid motion changes gaps by a linear function of the place. The least gap is then that of
         a vertex of the hull, and forces on the other points have the same sum and moment as some on the vertices.
         """
+        if len(near) <= FEW:
+            return near
         _, group = np.unique(np.round(self._normals[near], FLAT) + 0.0, axis=0, return_inverse=True)
         kept = [near[group.ravel() == each] for each in range(group.max(initial=-1) + 1)]
         kept = [own if len(own) <= FEW else own[self._lowest(places[own], own)] for own in kept]

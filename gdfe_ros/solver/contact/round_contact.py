@@ -61,7 +61,3 @@ class RoundContact(RigidContact):
 
     def _rubbing_weights(self) -> NDArray[np.float64]:
         return self._anchors[:, 3:].copy()
-
-    def _correct(self, positions: NDArray[np.float64]) -> None:
-        """Set the offsets to the radius."""
-        self._offsets = np.full(self.count, self._radius)

@@ -11,14 +11,15 @@ the gap and w' of the slip. Before the next step, they turn with the surfaces.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.compiled import kernel
+from gdfe_ros.compiled import internal, kernel
 from gdfe_ros.materials.tensor import perpendicular
-from gdfe_ros.mesh.triples import cross, dot
+from gdfe_ros.mesh.triples import corner, cross, dot
 from gdfe_ros.solver.contact.gap import unit
 from gdfe_ros.solver.terms.term import as_arrays, term_kernel
 
@@ -64,17 +65,38 @@ class Stencils(NamedTuple):
 
         ``forces`` are the normal forces l (k,) and the vectors t (k, 3) [N], which are turned into the planes.
         """
-        found = cls(
-            np.empty((len(gaps), 3)),
-            np.empty((len(gaps), 3, 3)),
-            np.empty((len(gaps), 3)),
-            soft,
-            ends,
-            pressing,
-            rubbing,
-        )
-        write_axes(gaps, normals, slips, *forces, found.places, found.axes, found.held)
+        found = cls.empty(forces[0], soft, ends, pressing, rubbing)
+        write_axes(gaps, normals, slips, forces[1], found)
         return found
+
+    @classmethod
+    def empty(
+        cls,
+        presses: NDArray[np.float64],
+        soft: NDArray[np.float64],
+        ends: NDArray[np.int32],
+        pressing: NDArray[np.float64],
+        rubbing: NDArray[np.float64],
+    ) -> Self:
+        """Return stencils of points with normal forces (k,) [N], whose places and axes are not written yet."""
+        count = len(presses)
+        held = np.zeros((count, 3))
+        held[:, 0] = presses
+        return cls(np.empty((count, 3)), np.empty((count, 3, 3)), held, soft, ends, pressing, rubbing)
+
+    @classmethod
+    def padded(cls, parts: Sequence[Stencils], width: int) -> Self:
+        """Return the stencils of all ``parts``, with ``width`` ends; those that are added have no weight."""
+        places, axes, held, soft, ends, pressing, rubbing = zip(*parts, strict=True) if parts else [()] * 7
+        return cls(
+            np.concatenate([np.zeros((0, 3)), *places]),
+            np.concatenate([np.zeros((0, 3, 3)), *axes]),
+            np.concatenate([np.zeros((0, 3)), *held]),
+            np.concatenate([np.zeros(0), *soft]),
+            pad_columns(ends, width, np.int32),
+            pad_columns(pressing, width, np.float64),
+            pad_columns(rubbing, width, np.float64),
+        )
 
     @property
     def slips(self) -> NDArray[np.float64]:
@@ -88,31 +110,59 @@ class Stencils(NamedTuple):
         return self.axes[:, 0] / np.where(length > 0.0, length, 1.0)
 
 
+def pad_columns(parts: Sequence[NDArray], width: int, kind: type) -> NDArray:
+    """Return the rows of all ``parts`` (k, c), filled up to ``width`` columns with the first number, or 0."""
+    found, first = np.zeros((sum(map(len, parts)), width), kind), 0
+    for part in parts:
+        own = found[first : first + len(part)]
+        own[:, : part.shape[1]] = part
+        if kind is not np.float64:
+            own[:, part.shape[1] :] = part[:, :1]
+        first += len(part)
+    return found
+
+
+@internal
+def set_axes(i, gap, gradient, slip, shears, stencils):
+    """Write place, axes and held force of a point with a gap, its gradient and a slip; its vector t is turned.
+
+    The normal force stays as it is. ``shears`` (k, 3) [N] are the vectors t of all points.
+    """
+    places, axes, held = stencils.places, stencils.axes, stencils.held
+    normal = unit(gradient[0], gradient[1], gradient[2])
+    first = perpendicular(normal)
+    second = cross(normal, first)
+    t = shears[i, 0], shears[i, 1], shears[i, 2]
+    places[i, 0], places[i, 1], places[i, 2] = gap, dot(first, slip), dot(second, slip)
+    held[i, 1], held[i, 2] = -dot(first, t), -dot(second, t)
+    for j in range(3):
+        axes[i, 0, j], axes[i, 1, j], axes[i, 2, j] = gradient[j], first[j], second[j]
+        shears[i, j] = -(held[i, 1] * first[j] + held[i, 2] * second[j])
+
+
 @kernel
-def write_axes(gaps, normals, slips, presses, shears, places, axes, held):
-    """Write gaps and slips, axes, and held forces of points; see `Stencils.of`."""
+def write_axes(gaps, normals, slips, shears, stencils):
+    """Do `set_axes` for all points; see `Stencils.of`."""
     for i in range(len(gaps)):
-        normal = unit(normals[i, 0], normals[i, 1], normals[i, 2])
-        first = perpendicular(normal)
-        second = cross(normal, first)
-        s, t = (slips[i, 0], slips[i, 1], slips[i, 2]), (shears[i, 0], shears[i, 1], shears[i, 2])
-        places[i, 0], places[i, 1], places[i, 2] = gaps[i], dot(first, s), dot(second, s)
-        held[i, 0], held[i, 1], held[i, 2] = presses[i], -dot(first, t), -dot(second, t)
+        set_axes(i, gaps[i], corner(normals, i), corner(slips, i), shears, stencils)
+
+
+@internal
+def add_load(stencils, i, loads, reals):
+    """Add the gradient of a point's dead load; ``loads`` (k, c) are the offsets of its ends in ``reals``."""
+    axes, held = stencils.axes, stencils.held
+    for a in range(loads.shape[1]):
+        first, w, v = loads[i, a], stencils.pressing[i, a], stencils.rubbing[i, a]
         for j in range(3):
-            axes[i, 0, j], axes[i, 1, j], axes[i, 2, j] = normals[i, j], first[j], second[j]
-            shears[i, j] = -(held[i, 1] * first[j] + held[i, 2] * second[j])
+            rubs = held[i, 1] * axes[i, 1, j] + held[i, 2] * axes[i, 2, j]
+            reals[first + j] -= w * held[i, 0] * axes[i, 0, j] + v * rubs
 
 
 @kernel
-def write_loads(stencils, place, reals):
-    """Write the gradients of the dead loads; ``place`` (n,) is the number of each vertex among those of the term."""
-    axes, held, ends = stencils.axes, stencils.held, stencils.ends
-    for i in range(len(held)):
-        for a in range(ends.shape[1]):
-            first, w, v = LOADS * place[ends[i, a]], stencils.pressing[i, a], stencils.rubbing[i, a]
-            for j in range(3):
-                rubs = held[i, 1] * axes[i, 1, j] + held[i, 2] * axes[i, 2, j]
-                reals[first + j] -= w * held[i, 0] * axes[i, 0, j] + v * rubs
+def write_loads(stencils, loads, reals):
+    """Do `add_load` for all points."""
+    for i in range(len(loads)):
+        add_load(stencils, i, loads, reals)
 
 
 @kernel

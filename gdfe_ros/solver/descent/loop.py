@@ -241,15 +241,6 @@ def descend(problem, work, metric, size, target, proven, most, limit, begins):
     return limit
 
 
-# Entries for Python are functions of their own: each takes a second to compile, and only bodies in contact need them.
-
-
-@kernel
-def choose_once(problem, work, metric, size, most):
-    """Do `choose` for a caller in Python."""
-    return choose(problem, work, metric, size, most)
-
-
 @kernel
 def move_once(problem, work, metric, size, target, proven, descends):
     """Do `move` for a caller in Python."""

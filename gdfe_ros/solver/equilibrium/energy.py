@@ -86,7 +86,8 @@ class EquilibriumSolver:
         level = TangentLevel(body, self.matrix.assembled, self.actuation.terms)
         moving = predictor is not None
         touching = self.actuation.contacts
-        forces = ContactForces(touching, len(body.rest), body.unknowns) if touching else None
+        given = self.actuation.terms, touching, body.unknowns, len(body.rest)
+        forces = ContactForces(*given) if touching else None
         self.minimiser = Minimiser(body, stiffness, level, moving=moving, contact_forces=forces)
         self.model = Model(body, self.actuation, self.handles, self.minimiser, softening=softening, moving=moving)
         if level.affordable:

@@ -16,7 +16,7 @@ from gdfe_ros.solver.contact.contact_forces import ContactForces
 from gdfe_ros.solver.deadline import Deadline, past
 from gdfe_ros.solver.descent.active_set import ActiveSet
 from gdfe_ros.solver.descent.arc import follow_arc_once
-from gdfe_ros.solver.descent.loop import Metric, choose_once, descend, move_once, precondition
+from gdfe_ros.solver.descent.loop import Metric, descend, move_once, precondition
 from gdfe_ros.solver.descent.search import ROUNDING, advance
 from gdfe_ros.solver.descent.workspace import Problem, Workspace, numbers
 from gdfe_ros.solver.matrix.springs import Tangent
@@ -183,18 +183,20 @@ class Minimiser:
         forces, key = self.contact_forces, (None,) if self.tangent is None else (self.tangent.blocks, self.tangent.ways)
         if begins:
             descend(problem, work, metric, size, target, proven, most, 0, begins)  # only evaluates all terms
-        for iteration in range(limit):
-            forces.follow(problem, work)
-            found = choose_once(problem, work, metric, size, most)
+        made = 0
+        while made < limit:
+            found = forces.begin_step(problem, work, metric, size, most)
             if found and forces.approach(work):
                 found = forces.answer(problem, work, metric, key, size, target)
             self._show(work, begins=True)  # other forces have another energy
             if found == 0 or not move_once(problem, work, metric, size, target, proven, found == 2):
-                return iteration
+                break
+            made += 1
             if not forces.settles(work):
                 numbers(work)["ended"] = Outcome.GIVEN_UP
-                return iteration + 1
-        return limit
+                break
+        forces.finish()
+        return made
 
     def precondition(self, task: Task, gradient: NDArray[np.float64], step: NDArray[np.float64]) -> None:
         """Write the product of M^-1 and ``gradient`` (3 r,) [N] to ``step`` (3 r,) [m]."""

@@ -94,15 +94,17 @@ class ContactImpulses:
 
     def add(self, before: State, now: State, h: float, contacts: Sequence[ContactTerm]) -> State:
         """Return ``now``, the state after a step of length ``h`` [s] from ``before``, with velocities by impulses."""
-        near, x = [contact for contact in contacts if contact.near], now.positions
-        if not near:
+        if not any(contact.near for contact in contacts):
             return now
-        rule, saved, multipliers = rule_of(self._dynamics, h, before.terms[NAME]), now.terms[NAME], np.zeros_like(x)
-        for contact in near:
+        acting, x, saved = [contact for contact in contacts if contact.acts], now.positions, now.terms[NAME]
+        if not acting:
+            return now.with_(terms={**now.terms, NAME: {**saved, "pushed": np.zeros_like(x)}})
+        rule, multipliers = rule_of(self._dynamics, h, before.terms[NAME]), np.zeros_like(x)
+        for contact in acting:
             contact.add_forces(x, multipliers)
         moved = self._mass.accelerated(multipliers, x) / rule.kappa
         velocity = saved["velocity"] - rule.theta * moved
-        parts = [Pressing.of(contact, x, before) for contact in near]
+        parts = [Pressing.of(contact, x, before) for contact in acting]
         gained, now = self._strike(parts, velocity, 2.0 / (rule.kappa * h), before, now, h)
         kept = {
             **saved,

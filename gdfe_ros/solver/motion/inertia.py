@@ -18,6 +18,7 @@ from scipy import sparse
 from gdfe_ros.actuators.load import AttachedMass, gauss_points
 from gdfe_ros.compiled import kernel
 from gdfe_ros.mesh.filling import Filling
+from gdfe_ros.mesh.triples import corner, cross, dot
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.matrix.constant_matrix import scattered
 from gdfe_ros.solver.motion.dynamics import Dynamics, Scheme
@@ -83,8 +84,11 @@ class FreeMass:
         At ``positions`` (n, 3) [m], rigid bodies stay rigid.
         """
         acceleration, factors = np.zeros_like(forces), self._factored()
-        for axis, free in enumerate(self._free):
-            acceleration[free, axis] = factors[axis % len(factors)].solve(forces[free, axis])
+        if len(factors) == 1:
+            acceleration[self._free[0]] = factors[0].solve(forces[self._free[0]])
+        else:
+            for axis, (free, factor) in enumerate(zip(self._free, factors, strict=True)):
+                acceleration[free, axis] = factor.solve(forces[free, axis])
         if positions is not None and len(self._rigid):
             acceleration[self._rigid] = rigid_part(positions[self._rigid], acceleration[self._rigid])
         return acceleration
@@ -101,7 +105,7 @@ class FreeMass:
             found[:, axis, :, axis] = 0.5 * (soft + soft.T)
         for four in self._rigid[np.isin(self._rigid[:, 0], vertices)]:
             own, mass = np.searchsorted(vertices, four), self._mass[four[0], four[0]]
-            every = rigid_part(np.broadcast_to(positions[four], (12, 4, 3)), np.eye(12).reshape(12, 4, 3))
+            every = rigid_part(np.tile(positions[four], (12, 1, 1)), np.eye(12).reshape(12, 4, 3))
             found[np.ix_(own, range(3), own, range(3))] = every.reshape(4, 3, 4, 3) / mass
         return found.reshape(3 * len(vertices), -1)
 
@@ -130,18 +134,35 @@ class FreeMass:
         return found
 
 
-def rigid_part(positions: NDArray[np.float64], vectors: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the rigid field u + w x r closest to ``vectors`` (..., 4, 3) on vertices of equal mass.
+@kernel
+def rigid_part(positions, vectors):
+    """Return the rigid fields u + w x r (k, 4, 3) closest to ``vectors`` (k, 4, 3) on four vertices of equal mass each.
 
-    ``positions`` (..., 4, 3) [m] are those of the vertices. For velocities, the field has the same momentum and angular
+    ``positions`` (k, 4, 3) [m] are those of the vertices. For velocities, the field has the same momentum and angular
     momentum. For forces divided by the mass of a vertex, it is the acceleration of the rigid body.
     """
-    arms = positions - positions.mean(axis=-2, keepdims=True)
-    moment = np.cross(arms, vectors).sum(axis=-2)
-    products = np.einsum("...ai,...aj->...ij", arms, arms)
-    inertia = np.trace(products, axis1=-2, axis2=-1)[..., None, None] * np.eye(3) - products
-    spin = np.linalg.solve(inertia, moment[..., None]).swapaxes(-1, -2)
-    return vectors.mean(axis=-2, keepdims=True) + np.cross(spin, arms)
+    found, arms, mean, inertia, moment = np.empty_like(vectors), np.empty((4, 3)), np.empty(3), np.eye(3), np.empty(3)
+    for k in range(len(vectors)):
+        inertia[:], moment[:] = 0.0, 0.0
+        for j in range(3):
+            middle = 0.25 * (positions[k, 0, j] + positions[k, 1, j] + positions[k, 2, j] + positions[k, 3, j])
+            mean[j] = 0.25 * (vectors[k, 0, j] + vectors[k, 1, j] + vectors[k, 2, j] + vectors[k, 3, j])
+            for a in range(4):
+                arms[a, j] = positions[k, a, j] - middle
+        for a in range(4):
+            arm = corner(arms, a)
+            square, turned = dot(arm, arm), cross(arm, corner(vectors[k], a))
+            for i in range(3):
+                moment[i] += turned[i]
+                inertia[i, i] += square
+                for j in range(3):
+                    inertia[i, j] -= arm[i] * arm[j]
+        spin = np.linalg.solve(inertia, moment)
+        for a in range(4):
+            turned = cross((spin[0], spin[1], spin[2]), corner(arms, a))
+            for j in range(3):
+                found[k, a, j] = mean[j] + turned[j]
+    return found
 
 
 NAME = "(inertia)"

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from gdfe_ros import Command, Pose, Simulation
+from gdfe_ros import Command, Pose, Simulation, load_scene
 from gdfe_ros.mesh.packing import pack_surface
 
 BALL = trimesh.creation.icosphere(subdivisions=4, radius=0.04)
@@ -41,3 +41,12 @@ def test_shear_stays_within_the_cone(cube: Callable[..., Simulation]) -> None:
     assert on.sum() >= 4
     assert (shears <= 0.2 * touch.presses[on] * (1 + 1e-2)).all()
     assert (shears > 0.2 * touch.presses[on] * (1 - 1e-2)).any()
+
+
+def test_a_search_leaves_the_forces_of_other_contacts() -> None:
+    """A ball lies on a table in a few iterations a step, while a gripper above it searches for contact with itself."""
+    simulation = Simulation(load_scene("ball_gripper", overrides={"dynamics.step": 0.005}))
+    for _ in range(4):
+        result = simulation.step(dt=0.005)
+        assert result.converged
+        assert result.iterations <= 15  # two thousand where the ball loses its support at each search

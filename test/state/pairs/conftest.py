@@ -49,7 +49,7 @@ LIFT, OVER = Pose((-0.002, 0.004, 0.02), (0.2, 0.1, 0.0)), Pose((-0.3, 0.0, 0.0)
 VOLUME = 3.4e-6
 """Volume of the ball's undeformed chamber, about [m^3]."""
 NUMBERS = ("time", "converged", "iterations", "error_estimate", "energy", "min_det", "skipped", "substeps", "restarts")
-WORDS = ("message", "cut_after", "actuators", "policy", "factorisation")
+WORDS = ("message", "cut_after", "actuators", "policy")
 Way = list[tuple[Command, dict]]
 
 
