@@ -26,7 +26,6 @@ from gdfe_ros.solver.stepping.march import March
 from gdfe_ros.solver.stepping.path import on_path
 from gdfe_ros.solver.stepping.stepper import Stepper
 from gdfe_ros.solver.value import NEGLIGIBLE, changed
-from gdfe_ros.solver.vectors import largest
 
 Vector = NDArray[np.float64]
 BALANCED = 0.1
@@ -249,7 +248,7 @@ class JointCoupling:
         """
         if not balance.rules:
             return self._near
-        body = balance.h**2 * largest(self._stepper.accelerations(start).ravel())
+        body = balance.h**2 * self._stepper.largest_acceleration(start)
         return self._near * reduction(max(balance.swing(), body), self._size)
 
 

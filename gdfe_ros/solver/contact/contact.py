@@ -367,6 +367,8 @@ class Contact(ContactTerm):
         self._set_anchors(saved, positions)
         faces = self._touched.points is ContactPoints.FACES
         self._faces = self._points.about(chosen) if faces else np.zeros(0, np.int64)
+        if self.corrects:
+            self._around = self._points.quads[self._faces], self._points.gauss[self._faces]
 
     def _first_to_touch(self, near: NDArray[np.int64], places: NDArray[np.float64]) -> NDArray[np.int64]:
         """Return those of the points ``near`` (k,) that may touch before others do; ``places`` are of all points."""
@@ -405,6 +407,6 @@ class Contact(ContactTerm):
         the distance interpolated between its corners, minus the true distance. The offset of a vertex is the mean of
         this error over the faces around it, at least 0. On a ball the offsets halve the error of the gaps.
         """
-        surface, faces, nearer, chosen = self._points, self._faces, np.zeros(len(positions)), self._chosen
-        gap.nearness(positions, surface.quads[faces], surface.gauss[faces], SHAPE, *self._obstacle, nearer)
-        return np.maximum(0.0, nearer[surface.carriers[chosen, 0]] / surface.areas[chosen])
+        nearer = np.zeros(len(positions))
+        gap.nearness(positions, *self._around, SHAPE, *self._obstacle, nearer)
+        return np.maximum(0.0, nearer[self._points.carriers[self._chosen, 0]] / self._points.areas[self._chosen])

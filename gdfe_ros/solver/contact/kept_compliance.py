@@ -20,12 +20,15 @@ class Numbered(NamedTuple):
 
     Attributes:
         kept: the columns of the inverse matrix, which are known for these rows.
+        field, chosen: the points, and the indices (c,) of those that take part.
         every: (c, e) the rows of each point, filled up with -1.
         rows: (m,) all rows, ascending.
         number: (r,) number of each row among them.
     """
 
     kept: KeptColumns
+    field: Field
+    chosen: NDArray[np.int64]
     every: NDArray[np.int64]
     rows: NDArray[np.int64]
     number: NDArray[np.int64]
@@ -80,13 +83,18 @@ class Compliance:
 
     def _number_rows(self, field: Field, chosen: NDArray[np.int64], kept: KeptColumns) -> Numbered:
         """Return the numbered rows of the ``chosen`` points, whose columns are known then."""
-        last, used = self._last_rows, np.arange(field.rows.shape[1]) < field.used[chosen, None]
+        last = self._last_rows
+        if last is not None and last.field is field and last.kept is kept and np.array_equal(last.chosen, chosen):
+            return last
+        used = np.arange(field.rows.shape[1]) < field.used[chosen, None]
         every = np.where(used, field.rows[chosen], -1)
-        if last is None or last.kept is not kept or not np.array_equal(last.every, every):
+        if last is not None and last.kept is kept and np.array_equal(last.every, every):
+            rows, number = last.rows, last.number
+        else:
             rows, number = np.unique(every[used]), np.full(self._rows // 3, -1, dtype=np.int64)
             number[rows] = np.arange(len(rows))
             kept.include(rows)
-            self._last_rows = Numbered(kept, every, rows, number)
+        self._last_rows = Numbered(kept, field, chosen, every, rows, number)
         return self._last_rows
 
     def _kept(self, kind: str, problem: Problem, metric: Metric, key: tuple[object, ...]) -> KeptColumns:

@@ -62,7 +62,7 @@ class FlightPredictor(Predictor):
         slides, turns = state.slides, state.turns
         if last is not None:
             slides, turns = slides + last.slides, turns + last.turns
-        flight = h * now.velocity + 0.5 * h * h * now.acceleration
+        flight = h * now.velocity + 0.5 * h * h * now.trend(h)
         drift, flight = self._shares @ flight, flight[self._free]
         led = state.positions.copy()
         led[held] += base[held] - state.base[held]

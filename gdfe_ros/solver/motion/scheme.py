@@ -59,6 +59,17 @@ class Kinematics:
             velocity_before=velocity - h * acceleration,
         )
 
+    def trend(self, h: float) -> Vectors:
+        """Return the acceleration [m/s^2] that goes on after a step of length ``h`` [s].
+
+        Where contacts push, it is the change of the velocity in the last step. The forces at its end do not give it:
+        of the contacts, only the mean force is known, and the forces that hold a vertex in a grip are many times as
+        large as those that move it.
+        """
+        if self.pushed is None or not self.pushed.any():
+            return self.acceleration
+        return (self.velocity - self.velocity_before) / h + self.pushed
+
     def restarted(self, positions: Vectors, h: float) -> Kinematics:
         """Return the kinematics restarted at positions (n, 3) [m] with a new step length ``h`` [s].
 

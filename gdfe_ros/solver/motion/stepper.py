@@ -234,8 +234,12 @@ class MotionStepper:
         return self._kinematics(state).velocity.copy()
 
     def accelerations(self, state: State) -> NDArray[np.float64]:
-        """Return the acceleration (n, 3) [m/s^2] of every vertex."""
-        return self._kinematics(state).acceleration
+        """Return the acceleration (n, 3) [m/s^2] of every vertex; with contact, the mean one of the last step."""
+        return self._kinematics(state).trend(float(state.terms[inertia.NAME]["h"][0]) or self._dynamics.step)
+
+    def largest_acceleration(self, state: State) -> float:
+        """Return the largest acceleration [m/s^2] of any vertex by the forces at the end of the step."""
+        return float(largest(self._kinematics(state).acceleration.ravel()))
 
     def energies(self, state: State) -> dict[str, float]:
         """Return a dict from name to energy [J]; work and dissipated energy are totals since the start."""

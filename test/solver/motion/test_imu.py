@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from gdfe_ros import Command, Simulation, load_scene
+from gdfe_ros import Command, Pose, Simulation, load_scene
 from gdfe_ros.actuators.embedding import embed
 from gdfe_ros.errors import CommandError
 from gdfe_ros.mesh.operators import shape_operators
@@ -85,3 +85,24 @@ def test_a_body_without_mass_has_no_unit() -> None:
     """An IMU reading without dynamics is an error that says which section to add."""
     with pytest.raises(CommandError, match="dynamics"):
         Simulation(load_scene("bend5")).imus()
+
+
+def test_a_unit_in_a_slow_grip_reads_its_slow_motion(moving: Callable) -> None:
+    """A bar between two jaws that press more and more reads nearly nothing, and its steps start near their ends."""
+    jaws = {
+        name: {"plane": [0, 0, sign], "at": [0, 0, -0.0101 * sign], "friction": 0.5}
+        for name, sign in {"low": 1, "high": -1}.items()
+    }
+    given = {"dynamics__scheme": "bdf2", "dynamics__damping": {"viscosity": 100.0}, "dynamics__step": 0.005}
+    bar = moving(obstacles=jaws, probes={"side": [0.08, 0.0, 0.01]}, mesh__bar__cells=[10, 2, 2], **given)
+    readings, iterations = [], []
+    for k in range(60):
+        shift = 1e-5 * (k + 1)
+        poses = {"low": Pose((0.0, 0.0, shift)), "high": Pose((0.0, 0.0, -shift))}
+        result = bar.step(Command(handles=poses))
+        assert result.converged
+        readings.append(np.abs(bar.imus()["side"].linear_acceleration).max())
+        iterations.append(result.iterations)
+    assert bar.result.reactions["low"][2] > 1.0
+    assert max(readings[20:]) < 1.0  # m/s^2; the forces of the jaws alone would accelerate the vertices by thousands
+    assert np.mean(iterations[20:]) <= 1.5
