@@ -4,44 +4,54 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Annotated
+from functools import cached_property
+from typing import Annotated, TypeVar
 
 import numpy as np
 
 from gdfe_ros.arms.spline import spline
 from gdfe_ros.constraints import Pose
+from gdfe_ros.quantity import Quantity, Vector
 from gdfe_ros.scene.entry import Entry
-from gdfe_ros.scene.quantity import Quantity
 
 TIME = Quantity("time", "s", least=0.0, most=1e6)
-_VALUE = Quantity("command in the actuator's unit, or factor of the load", least=-1e15, most=1e15)
-_POSITION = Quantity("position of the joint, in rad or m", least=-1e6, most=1e6)
-_VELOCITY = Quantity("velocity of the joint there, in rad/s or m/s", least=-1e6, most=1e6)
 
 
-@dataclass(frozen=True)
-class Keyframe:
-    """The pose of a handle at a time [s]."""
+_TRANSLATION = Quantity("translation [x, y, z]", "m", least=-1e3, most=1e3, count=3)
+_ROTATION = Quantity("rotation vector [x, y, z]", "degrees", least=-36000, most=36000, count=3)
 
-    time: float
-    pose: Pose
+
+class Keyframe(Entry):
+    """The pose of a handle or obstacle at a time, relative to its rest pose; a key that is left out is zero."""
+
+    time: Annotated[float, TIME]
+    translation: Annotated[Vector, _TRANSLATION] = (0.0, 0.0, 0.0)
+    rotation_deg: Annotated[Vector, _ROTATION] = (0.0, 0.0, 0.0)
+
+    @cached_property
+    def pose(self) -> Pose:
+        """The pose in SI units."""
+        return Pose(self.translation, tuple(np.radians(self.rotation_deg).tolist()))
 
 
 class Point(Entry):
     """The command of an actuator, or the factor of a load, at a time."""
 
     time: Annotated[float, TIME]
-    value: Annotated[float, _VALUE]
+    value: Annotated[float, Quantity("command in the actuator's unit, or factor of the load", least=-1e15, most=1e15)]
 
 
 class JointPoint(Entry):
     """Position and velocity of an arm's joint at a time; between two points the position is a cubic polynomial."""
 
     time: Annotated[float, TIME]
-    value: Annotated[float, _POSITION]
-    velocity: Annotated[float, _VELOCITY] = 0.0
+    value: Annotated[float, Quantity("position of the joint, in rad or m", least=-1e6, most=1e6)]
+    velocity: Annotated[float, Quantity("velocity of the joint there, in rad/s or m/s", least=-1e6, most=1e6)] = 0.0
+
+
+Frame = TypeVar("Frame", Keyframe, Point)
 
 
 @dataclass(frozen=True)
@@ -110,24 +120,22 @@ class Program:
         return min(max(time, 0.0), self.duration)
 
 
-def _pose_at(frames: tuple[Keyframe, ...], time: float) -> Pose:
-    if frames[0].time > 0.0:
-        frames = (Keyframe(0.0, Pose()), *frames)
+def _around(frames: Sequence[Frame], time: float) -> tuple[Frame, Frame, float]:
+    """Return the frames before and after a time [s], and the elapsed fraction of the time between them."""
     last = bisect_right([frame.time for frame in frames], time) - 1
-    if last == len(frames) - 1:
-        return frames[last].pose
-    start, end = frames[last], frames[last + 1]
-    return start.pose.blend(end.pose, (time - start.time) / (end.time - start.time))
+    start, end = frames[last], frames[min(last + 1, len(frames) - 1)]
+    return start, end, 0.0 if start is end else (time - start.time) / (end.time - start.time)
+
+
+def _pose_at(frames: tuple[Keyframe, ...], time: float) -> Pose:
+    start, end, share = _around(frames if frames[0].time <= 0.0 else (Keyframe(time=0.0), *frames), time)
+    return start.pose.blend(end.pose, share)
 
 
 def _value_at(points: tuple[Point, ...], time: float, before: float) -> float:
-    if points[0].time > 0.0:
-        points = (Point.model_construct(time=0.0, value=before), *points)
-    last = bisect_right([point.time for point in points], time) - 1
-    if last == len(points) - 1:
-        return points[last].value
-    start, end = points[last], points[last + 1]
-    return start.value + (time - start.time) / (end.time - start.time) * (end.value - start.value)
+    first = () if points[0].time <= 0.0 else (Point.model_construct(time=0.0, value=before),)
+    start, end, share = _around((*first, *points), time)
+    return start.value + share * (end.value - start.value)
 
 
 def _joint_at(points: tuple[JointPoint, ...], time: float, before: float) -> float:
