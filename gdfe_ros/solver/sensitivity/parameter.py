@@ -15,7 +15,7 @@ from gdfe_ros.actuators.actuator import Grip, Growth
 from gdfe_ros.actuators.load import AttachedMass, Gravity, Load
 from gdfe_ros.constraints import Handle, Pose
 from gdfe_ros.constraints.rigid_body import RigidBody
-from gdfe_ros.errors import CommandError
+from gdfe_ros.errors import require_named
 from gdfe_ros.materials import Curve, Material, cell_densities
 from gdfe_ros.materials.table import YOUNG, MaterialTable, pack
 from gdfe_ros.mesh.filling import Filling
@@ -209,9 +209,7 @@ class Parameters:
             CommandError: there is no such parameter.
         """
         for name in names:
-            if name not in self._made:
-                known = ", ".join(self._made) or "none"
-                raise CommandError(f"no parameter {name!r} in this scene; parameters: {known}")
+            require_named("parameter", name, self._made, " in this scene")
         return [self._made[name] for name in names]
 
     def _add(self, name: str, unit: str, scale: float, **more: object) -> None:
