@@ -69,8 +69,7 @@ class Alternatives:
         """Raise ValueError if there is not exactly one of the keys."""
         names = [name for name in vars(self) if name not in self.options]
         given = [name for name in names if getattr(self, name) is not None]
-        enough = any(getattr(self, name) is not None for name in self.alone)
-        if len(given) > 1 or not (given or enough):
+        if len(given) > 1 or not (given or any(getattr(self, name) is not None for name in self.alone)):
             raise ValueError(f"give exactly one of {', '.join(names)}; given: {', '.join(given) or 'none'}")
 
     @property

@@ -85,7 +85,7 @@ class Quantity:
         """
         if self.count is None:
             return self._number(value)
-        if not isinstance(value, list | tuple) or not value or len(value) != (self._length(value)):
+        if not isinstance(value, list | tuple) or not value or self.count not in (ANY, len(value)):
             raise self._error()
         numbers = tuple(self._number(item) for item in value)
         if self.ascending and any(b < a for a, b in pairwise(numbers)):
@@ -100,9 +100,6 @@ class Quantity:
         if self.count is None:
             return f"a {noun}"
         return f"a list of {noun}s" if self.count == ANY else f"a list of {self.count} {noun}s"
-
-    def _length(self, value: Any) -> int:
-        return len(value) if self.count == ANY else self.count
 
     def _number(self, value: Any) -> float | int:
         if isinstance(value, bool):

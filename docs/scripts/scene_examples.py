@@ -300,7 +300,7 @@ EXAMPLES: dict[type, tuple[str, ...]] = {
     arm_schema.JointLimitsModel: ("{lower: -1.57, upper: 1.57, velocity: 2.0, acceleration: 10.0, effort: 50.0}",),
     arm_schema.SpringModel: ("{stiffness: 8000, damping: 20}", "{stiffness: 3000}"),
     program.JointPoint: ("{time: 1.0, value: 0.5, velocity: 0.2}",),
-    schema.ProgramModel: (
+    program.Program: (
         "{duration: 1.0, joints: {elbow_joint: [{time: 0.0, value: 1.57}, {time: 1.0, value: 1.2}]}}",
         "{duration: 1.0, handles: {tip: [{time: 0.0}, {time: 1.0, translation: [0, 0, 0.1]}]}, obstacles: {table: "
         "[{time: 1.0, translation: [0, 0, 0.02]}]}, actuators: {tendon: "

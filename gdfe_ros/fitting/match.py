@@ -65,10 +65,7 @@ class _Found(Entry):
 class CompareModel(_Found, Choice):
     """A measured quantity, and the simulated quantity with which it is compared."""
 
-    options: ClassVar[tuple[str, ...]] = (
-        "column", "columns", "topic", "frame_id", "marker", "joint", "field", "path", "unit", "along", "displacement",
-        "sigma",
-    )  # fmt: skip
+    options: ClassVar[tuple[str, ...]] = (*_Found.model_fields, "along", "displacement", "sigma")
 
     probe: str | None = Field(None, description="position of a probe [m]")
     mean: Where | None = Field(None, description="mean position of these vertices [m], e.g. {face: x+}")

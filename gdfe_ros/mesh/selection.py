@@ -135,16 +135,9 @@ def select_vertices(mesh: Mesh, where: Where) -> NDArray[np.int32]:
             return united(select_vertices(mesh, place) for place in places)
         case Where(face=Side() as side):
             return _ids(_on_side(mesh, side))
-        case Where(vertices=tuple(ids)):
-            return _checked(ids, mesh.n_vertices, "vertex")
-        case Where(cells=tuple(ids)):
-            return _vertices_of(mesh, _checked(ids, mesh.n_cells, "cell"))
-        case Where(set=str(name)) if name in mesh.vertex_sets:
-            return mesh.vertex_sets[name]
-        case Where(set=str(name)) if name in mesh.cell_sets:
-            return _vertices_of(mesh, mesh.cell_sets[name])
-        case Where(set=str(name)):
-            raise _unknown_set(mesh, name)
+        case Where(box=None, sphere=None):
+            vertices, cells = _listed(mesh, where)
+            return np.unique(mesh.cells[cells]) if vertices is None else vertices
     return _ids(inside_of(mesh, mesh.vertices, where))
 
 
@@ -169,17 +162,25 @@ def select_cells(mesh: Mesh, where: Where) -> NDArray[np.int32]:
             return united(select_cells(mesh, place) for place in places)
         case Where(face=Side() as side):
             return _ids(_on_side(mesh, side)[mesh.cells].any(axis=1))
-        case Where(vertices=tuple(ids)):
-            return _cells_within(mesh, _checked(ids, mesh.n_vertices, "vertex"))
-        case Where(cells=tuple(ids)):
-            return _checked(ids, mesh.n_cells, "cell")
-        case Where(set=str(name)) if name in mesh.cell_sets:
-            return mesh.cell_sets[name]
-        case Where(set=str(name)) if name in mesh.vertex_sets:
-            return _cells_within(mesh, mesh.vertex_sets[name])
-        case Where(set=str(name)):
-            raise _unknown_set(mesh, name)
+        case Where(box=None, sphere=None):
+            vertices, cells = _listed(mesh, where)
+            return _cells_within(mesh, vertices) if cells is None else cells
     return _ids(inside_of(mesh, mesh.centroids, where))
+
+
+def _listed(mesh: Mesh, where: Where) -> tuple[NDArray[np.int32] | None, NDArray[np.int32] | None]:
+    """Return the vertices and the cells that a selection by ids or by a set lists; None where it lists none."""
+    match where:
+        case Where(vertices=tuple(ids)):
+            return _checked(ids, mesh.n_vertices, "vertex"), None
+        case Where(cells=tuple(ids)):
+            return None, _checked(ids, mesh.n_cells, "cell")
+    found = mesh.vertex_sets.get(where.set), mesh.cell_sets.get(where.set)
+    if found[0] is None and found[1] is None:
+        known = sorted({*mesh.cell_sets, *mesh.vertex_sets})
+        text = f"there are: {', '.join(known)}" if known else "the mesh has no sets; use face, box or ids"
+        raise MeshError("the selection does not fit the mesh", [f"set {where.set!r} does not exist; {text}"])
+    return found
 
 
 def select_faces(mesh: Mesh, where: Where) -> NDArray[np.int32]:
@@ -260,20 +261,10 @@ def _checked(ids: tuple[int, ...], count: int, noun: str) -> NDArray[np.int32]:
     return np.unique(np.asarray(ids, dtype=np.int32))
 
 
-def _vertices_of(mesh: Mesh, cells: NDArray[np.int32]) -> NDArray[np.int32]:
-    return np.unique(mesh.cells[cells])
-
-
 def _cells_within(mesh: Mesh, vertices: NDArray[np.int32]) -> NDArray[np.int32]:
     chosen = np.zeros(mesh.n_vertices, dtype=bool)
     chosen[vertices] = True
     return _ids(chosen[mesh.cells].all(axis=1))
-
-
-def _unknown_set(mesh: Mesh, name: str) -> MeshError:
-    known = sorted({*mesh.cell_sets, *mesh.vertex_sets})
-    text = f"there are: {', '.join(known)}" if known else "the mesh has no sets; use face, box or ids"
-    return MeshError("the selection does not fit the mesh", [f"set {name!r} does not exist; {text}"])
 
 
 def select_skin(mesh: Mesh, where: Where) -> NDArray[np.int32]:

@@ -53,15 +53,13 @@ from gdfe_ros.scene.report import NO_VALUE, Defects, Unfit, require_known
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.scene.schema import Draft
 
-#: Widest allowed range (low, high) of the commands of each mode, in the mode's unit.
-LIMITS: Mapping[Mode, tuple[float, float]] = {
+LIMITS = {
     Mode.TENSION: (0.0, math.inf),
     Mode.LENGTH: (0.0, math.inf),
-    Mode.SHORTENING: (-math.inf, math.inf),
-    Mode.PRESSURE: (-math.inf, math.inf),
     Mode.VOLUME: (0.0, math.inf),
     Mode.GROWTH: (0.0, 1.0),
 }
+"""Dict from mode to the widest allowed range (low, high) of its commands, in its unit; others may have any sign."""
 
 
 def build_actuators(
@@ -76,7 +74,7 @@ def build_actuators(
             if kind == "grip":
                 built.append(_grip(name, value, mesh, handles))
                 continue
-            low, high = value.range or LIMITS[model.mode]
+            low, high = value.range or LIMITS.get(model.mode, (-math.inf, math.inf))
             common = {"name": name, "mode": model.mode, "low": low, "high": high, "rate": value.rate or math.inf}
             built.append(make[kind](value, mesh, common))
             _require_within(model.mode, low, high)
@@ -145,9 +143,8 @@ def neutral_commands(scene: Scene) -> dict[str, float]:
     It is the undeformed length [m] of a cable with a commanded length, the undeformed volume [m^3] of a chamber with a
     commanded volume, and 0 for all others.
     """
-    commands = {load.name: 0.0 for load in scene.loads}
+    commands = {item.name: 0.0 for item in (*scene.loads, *scene.actuators)}
     for actuator in scene.actuators:
-        commands[actuator.name] = 0.0
         if actuator.mode is Mode.LENGTH:
             points = actuator.points.at(scene.mesh.vertices)
             commands[actuator.name] = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
@@ -158,7 +155,7 @@ def neutral_commands(scene: Scene) -> dict[str, float]:
 
 def _require_within(mode: Mode, low: float, high: float) -> None:
     """Raise `Unfit` if a range of commands is wider than its mode allows."""
-    least, most = LIMITS[mode]
+    least, most = LIMITS.get(mode, (-math.inf, math.inf))
     if low < least or high > most:
         unit = f" [{mode.unit}]" if mode.unit else ""
         raise Unfit("range", f"allowed for {mode.value}{unit}: {least:g} to {most:g}")

@@ -12,9 +12,7 @@ from gdfe_ros.scene.entry import Entry, one_of
 from gdfe_ros.scene.paths import FilePath
 
 _AT = Quantity("position of the origin of the root link [x, y, z]", "m", least=-1e3, most=1e3, count=3)
-_ROTATION = RotationQuantity(
-    "rotation vector of the root link [x, y, z], or several in turn about fixed axes",
-)
+_ROTATION = RotationQuantity("rotation vector of the root link [x, y, z], or several in turn about fixed axes")
 _FAST = Quantity("largest velocity, in rad/s or m/s", above=0.0, most=1e6)
 _HARD = Quantity("largest acceleration, in rad/s^2 or m/s^2", above=0.0, most=1e9)
 

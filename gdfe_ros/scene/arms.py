@@ -25,6 +25,7 @@ from gdfe_ros.mesh import HexMesh
 from gdfe_ros.mesh.packing import pack_robot, unpack_robot
 from gdfe_ros.regular_file import read_text
 from gdfe_ros.scene.arm_schema import ArmModel
+from gdfe_ros.scene.builder import KINDS
 from gdfe_ros.scene.document import Carried, KeyPath, without
 from gdfe_ros.scene.report import Defects, require_known, suggest
 from gdfe_ros.scene.schema import Draft
@@ -96,7 +97,7 @@ class _Builder:
             shapes = visuals(robot, self._surfaces)
         except (ArmError, MeshError) as error:
             for defect in error.defects:
-                self._report.refuse((*self._path, key), defect)
+                self._refuse(defect, key)
             return None
         arm = Arm(
             name=self._name,
@@ -111,8 +112,12 @@ class _Builder:
             remarks=(*robot.remarks, *remarks, *debris),
         )
         for text in begins_inside(arm, handles, mesh):
-            self._report.refuse((*self._path, "start"), text)
+            self._refuse(text, "start")
         return arm
+
+    def _refuse(self, text: str, *keys: str) -> None:
+        """Report a defect at a key of the arm."""
+        self._report.refuse((*self._path, *keys), text)
 
     def embedded(self) -> Carried:
         """Return a dict from the arm's key path to its entry with the contents of its files; empty without files."""
@@ -204,7 +209,7 @@ class _Builder:
             elif not limits.lower <= value <= limits.upper:
                 sound = False
                 allowed = f"allowed by its limits: {limits.lower:g} to {limits.upper:g} {joint.unit}"
-                self._report.refuse((*self._path, "start", joint.name), f"{value!r}; {allowed}")
+                self._refuse(f"{value!r}; {allowed}", "start", joint.name)
         return np.array([float(starts[name]) for name in joints]) if sound else None
 
     def _springs(self, robot: Description) -> JointSprings | None:
@@ -229,7 +234,7 @@ class _Builder:
             text = f"there is no such joint{suggest(name, joints)}"
             if name in followers:
                 text = f"this joint follows {followers[name]!r} (mimic) and has no motor; remedy: {followers[name]}"
-            self._report.refuse((*self._path, key, name), text)
+            self._refuse(text, key, name)
         return not unknown
 
     def _touching(self, robot: Description) -> list[str]:
@@ -240,17 +245,16 @@ class _Builder:
             return [name for name, link in robot.links.items() if link.collisions and name not in mounted]
         for name in given:
             if name not in robot.links:
-                self._report.refuse((*self._path, "links"), f"there is no link {name!r}{suggest(name, robot.links)}")
+                self._refuse(f"there is no link {name!r}{suggest(name, robot.links)}", "links")
             elif not robot.links[name].collisions:
                 text = f"link {name!r} has no <collision>; remedy: leave it out, or give it one"
-                self._report.refuse((*self._path, "links"), text)
+                self._refuse(text, "links")
         return [name for name in given if name in robot.links]
 
 
 def _require_distinct(arms: Sequence[Arm], draft: Draft, report: Defects) -> None:
     """Report arms that have the same handle, or a joint or link with the name of another item of the scene."""
-    sections = ("handles", "obstacles", "bodies", "actuators", "loads")
-    taken = {name: section[:-1].replace("bodie", "body") for section in sections for name in getattr(draft, section)}
+    taken = {name: kind for section, kind in KINDS.items() for name in getattr(draft, section)}
     owners: dict[str, str] = {}
     handles: dict[str, str] = {}
     paths = {name: path for name, (path, _) in arm_models(draft).items()}
@@ -262,8 +266,7 @@ def _require_distinct(arms: Sequence[Arm], draft: Draft, report: Defects) -> Non
         names = [joint.name for joint in arm.joints] + list(arm.dynamics.description.links)
         names += [piece.name for piece in arm.links]
         for name in names:
-            owner = f"arm {owners[name]!r}" if name in owners else f"a {taken[name]}" if name in taken else ""
-            if owner:
+            if owner := f"arm {owners[name]!r}" if name in owners else taken.get(name):
                 remedy = f"remedy: `prefix: {arm.name}_`"
                 report.refuse(paths[arm.name], f"{owner} has the name {name!r}, too; {remedy}")
                 break

@@ -20,7 +20,7 @@ from gdfe_ros.mesh.selection import Where
 from gdfe_ros.scene.document import Carried, KeyPath, without
 from gdfe_ros.scene.meshes import require_part
 from gdfe_ros.scene.report import WHOLE, Defects, Unfit, require_known
-from gdfe_ros.scene.schema import Draft, HandleModel
+from gdfe_ros.scene.schema import Draft, HandleModel, RegionModel
 
 _TESTED = {
     "cell": "cell centroids",
@@ -46,15 +46,14 @@ def build_materials(draft: Draft, carried: Carried, report: Defects) -> dict[str
 
 def assign_materials(draft: Draft, mesh: HexMesh | None, report: Defects) -> NDArray[np.int32]:
     """Return the index of each cell's material (m,), int32; -1 for a cell without a material."""
-    regions = [(each, ("regions", i)) for i, each in enumerate(draft.regions) if each is not None]
-    given = [(each.material, each.where, path, (*path, "material")) for each, path in regions]
+    given = [(each, ("regions", i)) for i, each in enumerate(draft.regions) if each is not None]
     complete = len(draft.regions) > 0 and None not in draft.regions
     return fill_regions(mesh, given, ("regions",), report, complete=complete)
 
 
 def fill_regions(
     mesh: Mesh | None,
-    regions: Sequence[tuple[str, Where | None, KeyPath, KeyPath]],
+    regions: Sequence[tuple[RegionModel, KeyPath]],
     path: KeyPath,
     report: Defects,
     *,
@@ -64,7 +63,7 @@ def fill_regions(
 
     Args:
         mesh: mesh of the cells; None if it has defects.
-        regions: material, place, key path of the region, and key path of its material, of each region.
+        regions: regions with their key paths; later ones win.
         path: key path of the list of regions.
         report: collects the defects.
         complete: whether no region has been left out because of a defect; if so, all cells must have a material.
@@ -72,13 +71,13 @@ def fill_regions(
     names = report.names("materials")
     assigned = np.full(mesh.n_cells if mesh is not None else 0, -1, dtype=np.int32)
     filled = 0
-    for material, where, place, key in regions:
-        with report.entry(*key):
-            require_known("", "material", material, names)
+    for region, place in regions:
         with report.entry(*place):
-            cells = [] if mesh is None else select(select_cells, mesh, where, "cell")
-            if material in names:
-                assigned[cells] = names.index(material)
+            require_known("material", "material", region.material, names)
+        with report.entry(*place):
+            cells = [] if mesh is None else select(select_cells, mesh, region.where, "cell")
+            if region.material in names:
+                assigned[cells] = names.index(region.material)
                 filled += 1
     bare = np.flatnonzero(assigned < 0)
     if complete and filled == len(regions) and len(bare):
@@ -165,7 +164,7 @@ def _piece(mesh: HexMesh, vertices: NDArray[np.intp]) -> str:
     return f"the piece with the vertices {list_ids(vertices)}"
 
 
-_KINDS = {
+KINDS = {
     "handles": "a handle",
     "obstacles": "an obstacle",
     "bodies": "a body",
@@ -175,8 +174,8 @@ _KINDS = {
 _OTHERS = {
     "obstacles": ("handles", "actuators", "loads"),
     "bodies": ("handles", "obstacles", "actuators", "loads"),
-    "fibres": tuple(_KINDS),
-    "soft_bodies": tuple(_KINDS),
+    "fibres": tuple(KINDS),
+    "soft_bodies": tuple(KINDS),
     "loads": ("actuators",),
 }
 """Dict from section to the other sections whose items have other names; actuators, loads, contacts and fibres are terms
@@ -187,7 +186,7 @@ def require_own_names(draft: Draft, report: Defects) -> None:
     """Report items with the name of an item of another section."""
     for section, others in _OTHERS.items():
         for name in getattr(draft, section):
-            taken = next((_KINDS[other] for other in others if name in getattr(draft, other)), None)
+            taken = next((KINDS[other] for other in others if name in getattr(draft, other)), None)
             if taken is not None:
                 report.refuse((section, name), f"{taken} has this name; remedy: another one")
 

@@ -229,13 +229,9 @@ def without_bodies(scene: Scene, names: Collection[str]) -> Scene:
         soft = document.get("soft_bodies", {}).get(name)
         gone |= {f"{'bodies' if soft is None else 'soft_bodies'}.{name}": None}
         used = [] if soft is None else [soft.get("material"), *(each["material"] for each in soft.get("regions", ()))]
-        gone |= {f"materials.{each}": None for each in used if each is not None and _own(each, name)}
+        own = [each for each in used if each is not None and (each == name or each.startswith(f"{name}_"))]
+        gone |= {f"materials.{each}": None for each in own}  # they came with the body
     return scene_from_text(scene.source, origin=scene.name, overrides=gone)
-
-
-def _own(material: str, body: str) -> bool:
-    """Return whether a material came with the body of this name."""
-    return material == body or material.startswith(f"{body}_")
 
 
 def _from_urdf(text: str, where: str) -> Entity:

@@ -47,7 +47,8 @@ def _layer(name: str, model: FibreLayerModel, mesh: Mesh) -> FibreLayer:
     if model.where is not None:
         faces = faces[np.isin(_keys(faces), _keys(select(select_faces, mesh, model.where, "boundary face")))]
     if not len(faces):
-        text = f"no face of the {model.wall.value} wall is there; remedy: wall: {_other(model.wall).value}, or `where`"
+        other = Wall.INNER if model.wall is Wall.OUTER else Wall.OUTER
+        text = f"no face of the {model.wall.value} wall is there; remedy: wall: {other.value}, or `where`"
         raise Unfit("", text, value=NO_VALUE)
     along = np.array(model.along) / np.abs(model.along).max()
     steep = perpendicular_faces(mesh.vertices, faces, along)
@@ -74,7 +75,3 @@ def _keys(faces: NDArray[np.int32]) -> NDArray[np.void]:
     """Return one comparable value for each face."""
     rows = np.ascontiguousarray(np.sort(faces, axis=1))
     return rows.view([("", rows.dtype)] * rows.shape[1]).ravel()
-
-
-def _other(wall: Wall) -> Wall:
-    return Wall.INNER if wall is Wall.OUTER else Wall.OUTER

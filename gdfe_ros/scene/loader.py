@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from copy import copy
+from copy import deepcopy
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, get_origin
@@ -25,9 +25,10 @@ from gdfe_ros.scene.fibres import build_fibres
 from gdfe_ros.scene.meshes import build_mesh, require_body
 from gdfe_ros.scene.override import apply_override
 from gdfe_ros.scene.paths import missing_packages
+from gdfe_ros.scene.program import Program
 from gdfe_ros.scene.report import Defects, bare
 from gdfe_ros.scene.scene import Scene
-from gdfe_ros.scene.schema import Draft, ProgramModel, SceneModel
+from gdfe_ros.scene.schema import Draft, SceneModel
 from gdfe_ros.scene.soft_bodies import assign_soft_materials, build_soft_bodies, with_soft_bodies
 from gdfe_ros.scene.solvable import unsolvable
 from gdfe_ros.scene.touchable import build_bodies, build_obstacles, build_self_contact, build_sensors
@@ -154,7 +155,9 @@ def _scene(text: str, heading: str, path: Path | None, overrides: Mapping[str, A
     sound = not (cell_material < 0).any() and len(materials) == len(report.names("materials"))
     _report_conflicts(scene if sound else replace(scene, cell_material=cell_material[:0]), report)
     report.raise_if_any()
-    return replace(scene, source=_source(text, document.data, carried, changed=bool(overrides)))
+    for (*parents, last), entry in carried.items():
+        report.value_at(tuple(parents), plain=False)[last] = entry
+    return replace(scene, source=write_document(document.data) if overrides or carried else text)
 
 
 def _report_conflicts(scene: Scene, report: Defects) -> None:
@@ -186,44 +189,25 @@ def _prune(data: dict[str, Any], broken: list[KeyPath]) -> dict[str, Any]:
 
     The remaining entries can then be checked against each other.
     """
-    sound = {key: value for key, value in data.items() if key in Draft.model_fields}
+    sound = deepcopy({key: value for key, value in data.items() if key in Draft.model_fields})
     for path in broken:
-        _drop(sound, path[: _depth(path)])
+        *parents, last = path[: _depth(path)]
+        within = sound
+        for part in parents:
+            within = within.get(part, {})
+        if isinstance(within, list):
+            within[last] = None
+        else:
+            within.pop(last, None)
     return sound
 
 
 def _depth(path: KeyPath) -> int:
     """Return the number of keys that lead to the smallest entry of a section, or of the program, around a key path."""
-    kind, above = (ProgramModel, 1) if path[0] == "program" and len(path) > 1 else (SceneModel, 0)
+    kind, above = (Program, 1) if path[0] == "program" and len(path) > 1 else (SceneModel, 0)
     field = kind.model_fields.get(path[above])
     section = field is not None and get_origin(bare(field.annotation)) in (dict, tuple)
     return above + 2 if section else 1
-
-
-def _drop(container: Any, path: KeyPath) -> None:
-    *parents, last = path
-    for part in parents:
-        if isinstance(container, dict) and part not in container:
-            return
-        container[part] = copy(container[part])
-        container = container[part]
-    if isinstance(container, list):
-        container[last] = None
-    else:
-        container.pop(last, None)
-
-
-def _source(text: str, data: dict[str, Any], carried: Carried, *, changed: bool) -> str:
-    """Return scene text that refers to no other file.
-
-    It is the given text, or YAML of the data if this was ``changed`` or if the contents of files are embedded in it.
-    """
-    for (*parents, last), entry in carried.items():
-        within = data
-        for key in parents:
-            within = within[key]
-        within[last] = entry
-    return write_document(data) if changed or carried else text
 
 
 def _scenes_dir() -> Path:

@@ -74,11 +74,6 @@ class _Common(Entry):
     density: Density | None = None
     omega: Omega | None = None
 
-    @property
-    def common(self) -> dict[str, float | None]:
-        """Parameters that all laws have, as a dict from name to value."""
-        return {"poisson": self.poisson, "density": self.density, "omega": self.omega}
-
 
 class _Law(_Common):
     """A law whose parameters have the names of the arguments of its class, ``kind``."""
@@ -99,8 +94,8 @@ def _keys_of(law: type[Material]) -> type[_Law]:
         if item.name in law.parameters()
     }
     law_key = (Literal[name], Field(description="name of the material law"))
-    made = create_model(f"{law.__name__}Model", __base__=_Law, __doc__=law.__doc__, law=law_key, **own)
-    made.kind = law
+    made = create_model(f"{law.__name__}Model", __base__=_Law, law=law_key, **own)
+    made.kind, made.__doc__ = law, law.__doc__
     return made
 
 
@@ -144,11 +139,10 @@ class CurveModel(_Common):
         caveat = "; ".join([*(self.csv.remarks if self.csv is not None else ()), TENSION_ONLY])
         if self.coefficients is not None:
             data = CurveData.polynomial(self.coefficients, strain_max=self.strain_max)
-        elif self.csv is not None:
-            data = CurveData.table(self.csv.strain, self.csv.stress)
         else:
-            data = CurveData.table(self.strain, self.stress)
-        return Curve(data=data, caveat=caveat, **self.common)
+            source = self.csv or self
+            data = CurveData.table(source.strain, source.stress)
+        return Curve(data=data, caveat=caveat, poisson=self.poisson, density=self.density, omega=self.omega)
 
 
 class PresetModel(_Common):
@@ -172,7 +166,8 @@ class PresetModel(_Common):
         Raises:
             ValueError: the preset is a filament, and Poisson's ratio is missing.
         """
-        return preset(self.preset, law=Law[self.law.upper()], scale=self.scale, **self.common)
+        given = dict(self) | {"law": Law[self.law.upper()]}
+        return preset(given.pop("preset"), **given)
 
 
 class PublishedModel(Entry):
@@ -186,8 +181,8 @@ class PublishedModel(Entry):
 
     def build(self) -> Material:
         """Return the material."""
-        given = {"poisson": self.poisson, "density": self.density, "omega": self.omega}
-        return published(self.published, scale=self.scale, **given)
+        given = dict(self)
+        return published(given.pop("published"), **given)
 
 
 def _tag(value: Any) -> str | None:

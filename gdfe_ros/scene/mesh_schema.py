@@ -82,9 +82,7 @@ class SkinModel(SurfaceModel):
 SIZE = Quantity("largest edge of the tetrahedra", "m", above=0.0, most=1.0)
 LEAST_SIZE = Quantity("smallest edge of the tetrahedra, at thin walls", "m", above=0.0, most=1.0)
 _AT = Quantity("position of the origin of its own frame [x, y, z]", "m", least=-1e3, most=1e3, count=3)
-_ROTATION = RotationQuantity(
-    "rotation vector of its own frame [x, y, z], or several in turn about fixed axes",
-)
+_ROTATION = RotationQuantity("rotation vector of its own frame [x, y, z], or several in turn about fixed axes")
 _OF_A_FILE = ("scale", "merge", "first_order")
 _ANYWHERE = (*_OF_A_FILE, "mirror")
 

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh import Mesh, TetMesh, require_sound
@@ -20,7 +19,7 @@ from gdfe_ros.mesh.mesh import MeshPart
 from gdfe_ros.mesh.mesh_input import LARGEST
 from gdfe_ros.mesh.outside import Outside
 from gdfe_ros.mesh.overlap import find_overlap
-from gdfe_ros.mesh.packing import mesh_arrays, mesh_of, pack_mesh
+from gdfe_ros.mesh.packing import mesh_arrays, mesh_of, pack_mesh, under
 from gdfe_ros.mesh.store import keep, key_of, recall
 from gdfe_ros.mesh.tetmesh import divided
 from gdfe_ros.mesh.touching import Touching
@@ -59,10 +58,10 @@ class BodyStore:
         arrays = recall(self._key) if self._key is not None else None
         if arrays is None:
             return None
-        drawn, touching = _under(arrays, _SKIN), _under(arrays, _TOUCHING)
+        drawn, touching = under(arrays, _SKIN), under(arrays, _TOUCHING)
         skin = Outside(**drawn) if drawn else None
         contact = Touching(**touching, surface=skin) if touching else None
-        mesh = replace(mesh_of(_under(arrays, _MESH)), skin=skin, touching=contact)
+        mesh = replace(mesh_of(under(arrays, _MESH)), skin=skin, touching=contact)
         return mesh, tuple(json.loads(str(arrays[_TEXTS])))
 
     def keep(self, mesh: Mesh, texts: Texts) -> None:
@@ -75,10 +74,6 @@ class BodyStore:
         if mesh.touching is not None:
             arrays |= {_TOUCHING + name: getattr(mesh.touching, name) for name in _CONTACT}
         keep(self._key, {**arrays, _TEXTS: np.array(json.dumps(texts))})
-
-
-def _under(arrays: dict[str, NDArray], head: str) -> dict[str, NDArray]:
-    return {name.removeprefix(head): array for name, array in arrays.items() if name.startswith(head)}
 
 
 def _content(model: MeshModel | SkinModel) -> bytes | None:
@@ -116,12 +111,10 @@ def build_mesh(draft: Draft, carried: Carried, report: Defects) -> Mesh | None:
     """Return the mesh of a scene with its skin; None if it has defects."""
     names = report.names("meshes")
     if not names:
-        return _body(draft.mesh, draft.skin, (("mesh",), ("skin",)), carried, report)
-    parts = {}
-    for name, model in draft.meshes.items():
-        part = build_part(model, ("meshes", name), carried, report)
-        if part is not None:
-            parts[name] = part
+        paths = ("mesh",), ("skin",)
+        return None if draft.mesh is None else _body(draft.mesh, draft.skin, paths, carried, report)
+    made = {name: build_part(model, ("meshes", name), carried, report) for name, model in draft.meshes.items()}
+    parts = {name: part for name, part in made.items() if part is not None}
     if any(isinstance(part.mesh, TetMesh) for part in parts.values()):
         parts = {name: of_tetrahedra(("meshes", name), part, report) for name, part in parts.items()}
     require_apart(parts, "meshes", report)
@@ -150,27 +143,18 @@ def of_tetrahedra(path: KeyPath, part: MeshPart, report: Defects) -> MeshPart:
 
 
 def _body(
-    model: MeshModel | None, skin: SkinModel | None, paths: tuple[KeyPath, KeyPath], carried: Carried, report: Defects
+    model: MeshModel, skin: SkinModel | None, paths: tuple[KeyPath, KeyPath], carried: Carried, report: Defects
 ) -> Mesh | None:
     """Return a mesh with its skin, in its own frame; None if it has defects.
 
     ``paths`` are the key paths of the mesh and of its skin. Entries with embedded files are added to ``carried``.
     """
-    mesh = None if model is None else _made(model, skin, paths, carried, report)
-    return None if mesh is None else model.reflect(mesh)
-
-
-def _made(
-    model: MeshModel, skin: SkinModel | None, paths: tuple[KeyPath, KeyPath], carried: Carried, report: Defects
-) -> Mesh | None:
-    """Return a mesh with its skin, as in their files, before a reflection; the arguments are those of `_body`."""
     store = BodyStore(model, skin)
-    if (found := store.recall()) is None:
-        found = _computed(model, skin, store, paths, report)
-    for path, text in zip(paths, found[1], strict=True):
+    mesh, texts = store.recall() or _computed(model, skin, store, paths, report)
+    for path, text in zip(paths, texts, strict=True):
         if text is not None:
             carried[path] = without(report.value_at(path, plain=False), *_OF_FILES) | {"embedded": text}
-    return found[0]
+    return None if mesh is None else model.reflect(mesh)
 
 
 def _computed(

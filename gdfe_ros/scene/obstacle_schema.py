@@ -30,9 +30,7 @@ _AT = Quantity(
     "m",
     count=3,
 )
-_ROTATION = RotationQuantity(
-    "initial rotation vector [x, y, z], or several in turn about fixed axes",
-)
+_ROTATION = RotationQuantity("initial rotation vector [x, y, z], or several in turn about fixed axes")
 _CELL = Quantity(
     "spacing of the grid that stores the distances to the surface; default: 1/64 of its longest edge",
     "m",
@@ -117,6 +115,16 @@ class _Rigid(Choice):
         kind, chosen = self.chosen
         return Plane() if kind == "plane" else chosen.build() if kind == "mesh" else chosen
 
+    @property
+    def turn(self) -> Rotation:
+        """Initial rotation."""
+        return Rotation.from_rotvec(np.radians(self.rotation_deg))
+
+    @property
+    def contact(self) -> dict[str, Any]:
+        """What contact with the thing needs, under the names of an obstacle."""
+        return {"friction": self.friction, "restitution": self.restitution, "points": self.gaps}
+
 
 class ObstacleModel(_Rigid):
     """A rigid object that the body cannot penetrate; a commanded pose moves it like a handle."""
@@ -132,19 +140,11 @@ class ObstacleModel(_Rigid):
         Raises:
             MeshError: its surface cannot be read, or is no valid solid.
         """
-        turn = Rotation.from_rotvec(np.radians(self.rotation_deg))
+        turn = self.turn
         if self.plane is not None:
             turn = turn * Rotation.align_vectors([self.plane], [[0.0, 0.0, 1.0]])[0]
-        return Obstacle(
-            name=name,
-            fixed=self.fixed,
-            form=self.form,
-            origin=self.at,
-            turn=tuple(turn.as_rotvec().tolist()),
-            friction=self.friction,
-            restitution=self.restitution,
-            points=self.gaps,
-        )
+        place = {"origin": self.at, "turn": tuple(turn.as_rotvec().tolist())}
+        return Obstacle(name=name, fixed=self.fixed, form=self.form, **place, **self.contact)
 
 
 class BodyModel(_Rigid):
@@ -168,24 +168,15 @@ class BodyModel(_Rigid):
         Raises:
             MeshError: its surface cannot be read, or is no valid solid.
         """
-        turn, origin = Rotation.from_rotvec(np.radians(self.rotation_deg)), self.at
-        vector = tuple(np.radians(self.rotation_deg).tolist())
+        place = {"origin": self.at, "turn": tuple(np.radians(self.rotation_deg).tolist())}
         if self.mesh is None:
             form = self.form
         else:
             form, centre, axes = self.mesh.build_free()
-            origin = tuple((np.array(self.at) + turn.apply(centre)).tolist())
-            vector = tuple((turn * Rotation.from_matrix(axes)).as_rotvec().tolist())
-        return RigidBody(
-            name=name,
-            form=form,
-            mass=self.density * form.volume if self.mass is None else self.mass,
-            origin=origin,
-            turn=vector,
-            friction=self.friction,
-            restitution=self.restitution,
-            points=self.gaps,
-        )
+            turn = (self.turn * Rotation.from_matrix(axes)).as_rotvec()
+            place = {"origin": tuple((self.at + self.turn.apply(centre)).tolist()), "turn": tuple(turn.tolist())}
+        mass = self.density * form.volume if self.mass is None else self.mass
+        return RigidBody(name=name, form=form, mass=mass, **place, **self.contact)
 
 
 class SensorModel(Entry):

@@ -5,11 +5,11 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Annotated, TypeVar
 
 import numpy as np
+from pydantic import Field, PrivateAttr
 
 from gdfe_ros.arms.spline import spline
 from gdfe_ros.constraints import Pose
@@ -54,30 +54,35 @@ class JointPoint(Entry):
 Frame = TypeVar("Frame", Keyframe, Point)
 
 
-@dataclass(frozen=True)
-class Program:
-    """Keyframes of handles, obstacles, actuators, loads and joints.
+class Program(Entry):
+    """Commands over time, which `gdfe solve` plays.
 
     At time 0 a handle is in its rest pose, unless it has a keyframe at time 0. Between two keyframes its pose changes
     linearly. After its last keyframe it keeps the pose of that keyframe. The same holds for the commands of actuators
-    and loads, which have the values in `start` at time 0. Between two points of a joint its position is a cubic
-    polynomial.
-
-    Attributes:
-        duration: length of the program [s].
-        keyframes: dict from the name of a handle or obstacle to its keyframes, times ascending and within the duration.
-        actuators: dict from the name of an actuator to its commands, times likewise.
-        loads: dict from the name of a load to its factors, times likewise.
-        start: dict from the name of an actuator, load or joint to its command at time 0, if its first point is later.
-        joints: dict from the name of an arm's joint to its positions and velocities, times likewise.
+    and loads, which have the commands of `starting_from` at time 0. Between two points of a joint its position is a
+    cubic polynomial.
     """
 
-    duration: float
-    keyframes: Mapping[str, tuple[Keyframe, ...]]
-    actuators: Mapping[str, tuple[Point, ...]] = field(default_factory=dict)
-    loads: Mapping[str, tuple[Point, ...]] = field(default_factory=dict)
-    start: Mapping[str, float] = field(default_factory=dict)
-    joints: Mapping[str, tuple[JointPoint, ...]] = field(default_factory=dict)
+    duration: Annotated[float, Quantity("duration", "s", above=0.0, most=1e6)]
+    handles: dict[str, tuple[Keyframe, ...]] = Field({}, description="keyframes of each moving handle")
+    obstacles: dict[str, tuple[Keyframe, ...]] = Field({}, description="keyframes of each moving obstacle")
+    actuators: dict[str, tuple[Point, ...]] = Field({}, description="commands {time, value} of each actuator")
+    loads: dict[str, tuple[Point, ...]] = Field({}, description="factors {time, value} of each load")
+    joints: dict[str, tuple[JointPoint, ...]] = Field(
+        {}, description="positions {time, value, velocity} of each joint of an arm"
+    )
+    _start: dict[str, float] = PrivateAttr(default_factory=dict)
+
+    def starting_from(self, commands: Mapping[str, float]) -> Program:
+        """Return the program with the commands of actuators, loads and joints at time 0, before their first points."""
+        program = self.model_copy()
+        program._start = {name: commands.get(name, 0.0) for name in (*self.actuators, *self.loads, *self.joints)}
+        return program
+
+    @property
+    def keyframes(self) -> dict[str, tuple[Keyframe, ...]]:
+        """Dict from the name of each handle and obstacle to its keyframes."""
+        return {**self.handles, **self.obstacles}
 
     @property
     def times(self) -> tuple[float, ...]:
@@ -109,11 +114,11 @@ class Program:
     def joint_positions(self, time: float) -> dict[str, float]:
         """Return a dict from each joint of the program to its position [rad] or [m] at a time [s], as above."""
         moment = self._within(time)
-        return {name: _joint_at(points, moment, self.start[name]) for name, points in self.joints.items()}
+        return {name: _joint_at(points, moment, self._start[name]) for name, points in self.joints.items()}
 
     def _values(self, tracks: Mapping[str, tuple[Point, ...]], time: float) -> dict[str, float]:
         moment = self._within(time)
-        return {name: _value_at(points, moment, self.start[name]) for name, points in tracks.items()}
+        return {name: _value_at(points, moment, self._start[name]) for name, points in tracks.items()}
 
     def _within(self, time: float) -> float:
         """Return a time [s] limited to 0 .. duration."""

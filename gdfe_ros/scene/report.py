@@ -228,9 +228,6 @@ class Defects:
             found = sorted(enumerate(self._found), key=lambda entry: (entry[1][0], entry[0]))
             raise SceneError(self.heading, [text for _, (_, text) in found])
 
-    def __bool__(self) -> bool:
-        return bool(self._found)
-
     def _add_item(self, kind: str, location: KeyPath, path: KeyPath, context: dict[str, Any], message: str) -> None:
         if kind == "missing":
             self.refuse(path, f"is missing; {describe_key(location)}")

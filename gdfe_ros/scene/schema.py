@@ -11,7 +11,6 @@ from pydantic import Field, StringConstraints, WrapValidator, model_validator
 
 from gdfe_ros.constraints import Axis
 from gdfe_ros.mesh.selection import Where
-from gdfe_ros.quantity import Quantity
 from gdfe_ros.regular_file import NAME_PATTERN
 from gdfe_ros.scene.actuator_schema import ActuatorModel, LoadModel, MassModel, Place
 from gdfe_ros.scene.arm_schema import ArmModel
@@ -19,7 +18,7 @@ from gdfe_ros.scene.entry import Entry, one_of
 from gdfe_ros.scene.material_schema import FibreLayerModel, MaterialModel
 from gdfe_ros.scene.mesh_schema import MeshModel, PlacedMeshModel, SkinModel
 from gdfe_ros.scene.obstacle_schema import BodyModel, ObstacleModel, SelfContactModel, SensorModel
-from gdfe_ros.scene.program import JointPoint, Keyframe, Point
+from gdfe_ros.scene.program import Program
 from gdfe_ros.solver.motion.dynamics import Dynamics
 from gdfe_ros.solver.settings import SolverSettings
 
@@ -85,19 +84,6 @@ class HandleModel(Entry):
     def turning(self) -> tuple[Axis, ...]:
         """Axes about which the handle rotates freely, in ascending order."""
         return tuple(axis for axis in Axis if f"r{axis.name.lower()}" in self.free)
-
-
-class ProgramModel(Entry):
-    """Commands over time, which `gdfe solve` plays."""
-
-    duration: Annotated[float, Quantity("duration", "s", above=0.0, most=1e6)]
-    handles: dict[str, tuple[Keyframe, ...]] = Field({}, description="keyframes of each moving handle")
-    obstacles: dict[str, tuple[Keyframe, ...]] = Field({}, description="keyframes of each moving obstacle")
-    actuators: dict[str, tuple[Point, ...]] = Field({}, description="commands {time, value} of each actuator")
-    loads: dict[str, tuple[Point, ...]] = Field({}, description="factors {time, value} of each load")
-    joints: dict[str, tuple[JointPoint, ...]] = Field(
-        {}, description="positions {time, value, velocity} of each joint of an arm"
-    )
 
 
 def _with_effect(given: Any, read: Callable[[Any], Dynamics]) -> Dynamics:
@@ -172,7 +158,7 @@ class SceneModel(Entry):
     )
     self_contact: SelfContactModel | None = None
     dynamics: Annotated[Dynamics, WrapValidator(_with_effect)] | None = None
-    program: ProgramModel | None = None
+    program: Program | None = None
     solver: SolverSettings = SolverSettings()
 
 

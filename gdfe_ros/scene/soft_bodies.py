@@ -18,7 +18,7 @@ from gdfe_ros.scene.builder import fill_regions
 from gdfe_ros.scene.document import Carried
 from gdfe_ros.scene.meshes import build_part, of_tetrahedra, require_apart
 from gdfe_ros.scene.report import Defects
-from gdfe_ros.scene.schema import Draft
+from gdfe_ros.scene.schema import Draft, RegionModel
 
 MAIN = "mesh"
 """Name of the body of a scene with the key `mesh`, among the parts of the whole mesh."""
@@ -73,10 +73,8 @@ def assign_soft_materials(draft: Draft, bodies: Mapping[str, MeshPart], report: 
     assigned = [np.zeros(0, dtype=np.int32)]
     for name, part in bodies.items():
         model, path = draft.soft_bodies[name], ("soft_bodies", name)
-        given = [(each.material, each.where, (*path, "regions", i)) for i, each in enumerate(model.regions)]
-        regions = [(material, where, place, (*place, "material")) for material, where, place in given]
+        given = [(each, (*path, "regions", i)) for i, each in enumerate(model.regions)]
         if model.material is not None:
-            place = (*path, "material")
-            regions = [(model.material, None, place, place)]
-        assigned.append(fill_regions(part.mesh, regions, (*path, "regions"), report))
+            given = [(RegionModel(material=model.material), path)]
+        assigned.append(fill_regions(part.mesh, given, (*path, "regions"), report))
     return np.concatenate(assigned)

@@ -33,35 +33,40 @@ def build_program(draft: Draft, scene: Scene, report: Defects) -> Program:
         scene: the scene without its program.
         report: collects the defects.
     """
-    model, carriers = draft.program, {arm.handle: arm.name for arm in scene.arms}
-    joints = {joint.name: joint.limits for arm in scene.arms for joint in arm.joints}
-    count = len(report.names("arms")) + (report.value_at((ONE,), plain=False) is not NO_VALUE)
-    for section, (noun, example) in _TRACKS.items():
-        names = joints if section == "joints" else report.names(section)
-        complete = section != "joints" or len(scene.arms) == count
-        for name, frames in getattr(model, section).items():
-            path = ("program", section, name)
-            if complete and name not in names:
-                report.refuse(path, f"there is no such {section[:-1]}{suggest(name, names)}")
-            if section in ("handles", "obstacles") and name in (known := getattr(draft, section)):
-                _require_movable(known[name], frames, path, report)
-            if section == "handles" and name in carriers:
-                text = f"arm {carriers[name]!r} carries this handle; remedy: program.joints, positions of its joints"
-                report.refuse(path, text)
-            if not frames:
-                report.add(path, f"there is no {noun}; give e.g. {example}")
-            _require_times(frames, model.duration, path, report)
+    model = draft.program
+    for section in _TRACKS:
+        _require_tracks(section, draft, scene, report)
     for actuator in scene.actuators:
         path, text = ("program", "actuators", actuator.name), "the actuator's range"
         _require_between(model.actuators, "value", (actuator.low, actuator.high), path, text, report)
-    for name, limits in joints.items():
-        path, fast = ("program", "joints", name), limits.velocity
+    for joint in (joint for arm in scene.arms for joint in arm.joints):
+        path, limits, fast = ("program", "joints", joint.name), joint.limits, joint.limits.velocity
         _require_between(model.joints, "value", (limits.lower, limits.upper), path, "the joint's limits", report)
         _require_between(model.joints, "velocity", (-fast, fast), path, "the joint's limit", report)
-    start = neutral_commands(scene) | joint_starts(scene.arms)
-    own = {name: start.get(name, 0.0) for name in (*model.actuators, *model.loads, *model.joints)}
-    keyframes = {**model.handles, **model.obstacles}
-    return Program(model.duration, keyframes, dict(model.actuators), dict(model.loads), own, dict(model.joints))
+    return model.starting_from(neutral_commands(scene) | joint_starts(scene.arms))
+
+
+def _require_tracks(section: str, draft: Draft, scene: Scene, report: Defects) -> None:
+    """Report the tracks of a section that are empty, out of order, or of unknown or immovable items."""
+    noun, example = _TRACKS[section]
+    names, complete = report.names(section), True
+    if section == "joints":
+        count = len(report.names("arms")) + (report.value_at((ONE,), plain=False) is not NO_VALUE)
+        names, complete = [joint.name for arm in scene.arms for joint in arm.joints], len(scene.arms) == count
+    known = getattr(draft, section) if section in ("handles", "obstacles") else {}
+    carriers = {arm.handle: arm.name for arm in scene.arms} if section == "handles" else {}
+    for name, frames in getattr(draft.program, section).items():
+        path = ("program", section, name)
+        if complete and name not in names:
+            report.refuse(path, f"there is no such {section[:-1]}{suggest(name, names)}")
+        if name in known:
+            _require_movable(known[name], frames, path, report)
+        if name in carriers:
+            text = f"arm {carriers[name]!r} carries this handle; remedy: program.joints, positions of its joints"
+            report.refuse(path, text)
+        if not frames:
+            report.add(path, f"there is no {noun}; give e.g. {example}")
+        _require_times(frames, draft.program.duration, path, report)
 
 
 def _require_times(frames: Sequence[Frame], duration: float, path: KeyPath, report: Defects) -> None:
