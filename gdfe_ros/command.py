@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from gdfe_ros.actuators import Actuator, Mode
 from gdfe_ros.actuators.embedding import Embedding
 from gdfe_ros.constraints import Handle, Pose
-from gdfe_ros.errors import CommandError, SceneError
+from gdfe_ros.errors import CommandError, SceneError, require_named
 from gdfe_ros.mesh.cavities import inside_volume
 from gdfe_ros.mesh.quality import list_ids
 from gdfe_ros.real_number import is_finite, is_number, require_command
@@ -66,7 +66,7 @@ class Orders:
     """
 
     def __init__(self, scene: Scene, settings: SolverSettings) -> None:
-        self._scene = scene
+        self._scene, self._own = scene, f" in scene {scene.name!r}"
         self.text = f"{scene.source}\npolicy {settings.policy.value}, torsion {settings.torsion.value}"
         self._handles = {handle.name: handle for handle in scene.handles}
         self._actuators = {actuator.name: actuator for actuator in scene.actuators}
@@ -83,8 +83,7 @@ class Orders:
         Raises:
             CommandError: no such handle.
         """
-        if name not in self._handles:
-            raise CommandError(f"no handle {name!r} in scene {self._scene.name!r}; handles: {_list(self._handles)}")
+        require_named("handle", name, self._handles, self._own)
         return self._handles[name]
 
     def actuator(self, name: str) -> Actuator:
@@ -93,9 +92,7 @@ class Orders:
         Raises:
             CommandError: no such actuator.
         """
-        if name not in self._actuators:
-            known = _list(self._actuators)
-            raise CommandError(f"no actuator {name!r} in scene {self._scene.name!r}; actuators: {known}")
+        require_named("actuator", name, self._actuators, self._own)
         return self._actuators[name]
 
     def probes(self, names: Sequence[str] | None) -> list[Embedding]:
@@ -106,8 +103,7 @@ class Orders:
         """
         known = self._scene.probes
         for name in names or ():
-            if name not in known:
-                raise CommandError(f"no probe {name!r}; probes: {_list(known)}")
+            require_named("probe", name, known)
         return [known[name] for name in (known if names is None else names)]
 
     def targets(self, command: Command | None, last: Mapping[str, Pose]) -> dict[str, Pose]:
@@ -148,8 +144,7 @@ class Orders:
         known = [*(body.name for body in self._scene.rigid_bodies), *self._scene.soft_bodies]
         for name, pose in places.items():
             if name not in known:
-                scene = f"scene {self._scene.name!r}"
-                raise CommandError(f"no free body {name!r} in {scene}; bodies: {_list(known)}")
+                raise CommandError(f"no free body {name!r}{self._own}; bodies: {_list(known)}")
             _require_pose(f"body {name!r}: the pose", pose)
             self._require_near(f"body {name!r} is put", pose)
         return places
@@ -195,8 +190,7 @@ class Orders:
             self._require_room(actuator, float(value))
             values[name] = float(value >= 0.5) if actuator.mode is Mode.GRIP else float(value)
         for name, value in (command.loads if command else {}).items():
-            if name not in self._loads:
-                raise CommandError(f"no load {name!r} in scene {self._scene.name!r}; loads: {_list(self._loads)}")
+            require_named("load", name, self._loads, self._own)
             values[name] = require_command(f"load {name!r}: factor", value)
         return values
 

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 
 class GdfeError(Exception):
@@ -54,6 +54,16 @@ class ArmError(DefectsError):
 
 class CommandError(GdfeError):
     """A command that cannot be carried out; the state is unchanged."""
+
+
+def require_named(noun: str, name: str, known: Collection[str], of: str = "") -> None:
+    """Check the name of an item; ``of``, e.g. `` in scene 'bend5'``, says of what the ``known`` items are.
+
+    Raises:
+        CommandError: the name is not among the known ones; the error lists them.
+    """
+    if name not in known:
+        raise CommandError(f"no {noun} {name!r}{of}; {noun}s: {', '.join(known) or 'none'}")
 
 
 class RangeError(CommandError):

@@ -12,7 +12,7 @@ from gdfe_ros import Command, Pose, Simulation
 from gdfe_ros.actuators import Gravity
 from gdfe_ros.errors import CommandError
 from gdfe_ros.scene import scene_from_text
-from gdfe_ros.solver.motion.dynamics import Dynamics
+from gdfe_ros.solver.motion.dynamics import Damping, Dynamics
 from gdfe_ros.solver.settings import SolverSettings
 
 SCENE = """\
@@ -134,10 +134,15 @@ def test_a_command_out_of_all_proportion_ends(value: float) -> None:
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
 def test_numbers_of_a_scene_made_in_python_are_finite(value: float) -> None:
     """Dynamics, gravity and settings made in Python refuse a number that is not finite, by name."""
-    for name, given in (("velocity", (0.0, value, 0.0)), ("spin", (value, 0.0, 0.0)), ("viscosity", value)):
-        with pytest.raises(ValueError, match=f"{name} must be"):
-            Dynamics(**{name: given})
+    numbers = (
+        (Dynamics, "velocity", (0.0, value, 0.0)),
+        (Dynamics, "spin", (value, 0.0, 0.0)),
+        (Damping, "viscosity", value),
+    )
+    for kind, name, given in numbers:
+        with pytest.raises(ValueError, match=f"{name} = .*{value}.*: allowed is"):
+            kind(**{name: given})
     with pytest.raises(ValueError, match="'weight': acceleration must be three finite numbers"):
         Gravity(name="weight", acceleration=np.array([0.0, 0.0, value]), density=np.ones(1))
-    with pytest.raises(ValueError, match="tolerance must lie in"):
+    with pytest.raises(ValueError, match=f"tolerance = {value}: allowed is"):
         SolverSettings(tolerance=value)

@@ -35,7 +35,7 @@ def published_table() -> str:
     rows = []
     for name, item in PUBLISHED.items():
         law = item.law
-        keys = [*law.scalars] or [key for key in ("young", "mu", "alpha") if hasattr(law, key)]
+        keys = [*type(law).parameters()]
         numbers = [f"{key} {_text(getattr(law, key))}" for key in keys]
         kind = f"`{law.law.name.lower()}`: {', '.join(numbers)}"
         rows.append([f"`{name}`", kind, f"{1e-3 * law.shear0:.4g}", item.strain, item.kind, item.reference])

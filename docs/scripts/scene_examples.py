@@ -3,20 +3,22 @@
 
 from __future__ import annotations
 
-from pydantic import BaseModel
-
+from gdfe_ros.constraints.form import Box, Capsule, Cylinder, Sphere
+from gdfe_ros.materials import ArrudaBoyce, Gent, Linear, MooneyRivlin, NeoHookean, Ogden, StableNeoHookean, Yeoh
+from gdfe_ros.mesh.selection import BoxSelection, SphereSelection, Where
 from gdfe_ros.scene import (
     actuator_schema,
     arm_schema,
     generator_schema,
     material_schema,
     mesh_schema,
-    motion_schema,
     obstacle_schema,
     program,
     schema,
-    where_schema,
 )
+from gdfe_ros.scene.material_schema import LAW_MODELS
+from gdfe_ros.solver.motion.dynamics import Branch, Damping, Dynamics
+from gdfe_ros.solver.settings import SolverSettings
 
 SCENE = """\
 name: soft_arm
@@ -122,15 +124,15 @@ KINDS = (
     "embedded: QUJD   # as bags carry a mesh that came from a file",
 )
 
-EXAMPLES: dict[type[BaseModel], tuple[str, ...]] = {
-    motion_schema.DynamicsModel: (
+EXAMPLES: dict[type, tuple[str, ...]] = {
+    Dynamics: (
         "{scheme: generalised_alpha, rho_inf: 0.8, step: 0.005, damping: {viscosity: 50.0}, velocity: [0, 0, 0.1], "
         "spin: [0, 0, 1]}",
         "{scheme: bdf2, step: 0.002, prony: [{share: 0.1, time: 0.02}, {share: 0.1, time: 0.2}]}",
     ),
-    motion_schema.DampingModel: ("{mass: 0.5, viscosity: 100.0}",),
-    motion_schema.BranchModel: ("{share: 0.2, time: 0.05}",),
-    motion_schema.MassModel: ("{mass: 0.052, where: {face: x+}}", "{mass: 0.1, probe: tip}"),
+    Damping: ("{mass: 0.5, viscosity: 100.0}",),
+    Branch: ("{share: 0.2, time: 0.05}",),
+    actuator_schema.MassModel: ("{mass: 0.052, where: {face: x+}}", "{mass: 0.1, probe: tip}"),
     schema.SceneModel: (SCENE, ARMED, TWO_ARMED, SKINNED, SEVERAL),
     mesh_schema.MeshModel: (*KINDS, "{file: right_hand.msh, mirror: y}   # a left hand"),
     mesh_schema.PlacedMeshModel: (
@@ -164,7 +166,7 @@ EXAMPLES: dict[type[BaseModel], tuple[str, ...]] = {
         "{surface: hand.stl, size: 0.004, scale: 0.001}",
     ),
     mesh_schema.VoxelsModel: ("{surface: hand.stl, cell: 0.002, scale: 0.001, cells: cut}",),
-    where_schema.WhereModel: (
+    Where: (
         "face: x-                                   # the smallest x of the body",
         "box: {x: [0.0, 0.1], z: [0.0, .inf]}",
         "sphere: {center: [0.0, 0.0, 0.0], radius: 0.01}",
@@ -175,27 +177,25 @@ EXAMPLES: dict[type[BaseModel], tuple[str, ...]] = {
         "mesh: left                                 # all of it",
         "any: [{mesh: left, face: x-}, {mesh: right, face: x-}]   # the union of the two",
     ),
-    where_schema.BoxModel: ("{x: [0.0, 0.1], y: [-0.01, 0.01], z: [0.0, .inf]}",),
-    where_schema.SphereModel: ("{center: [0.0, 0.0, 0.0], radius: 0.01}",),
-    material_schema.LinearModel: ("{law: linear, young: 1.0e5, poisson: 0.45, density: 1100, omega: 0.5}",),
-    material_schema.NeoHookeanModel: ("{law: neo_hookean, young: 1.0e5, poisson: 0.49, density: 1100, omega: 0.5}",),
-    material_schema.StableNeoHookeanModel: (
+    BoxSelection: ("{x: [0.0, 0.1], y: [-0.01, 0.01], z: [0.0, .inf]}",),
+    SphereSelection: ("{center: [0.0, 0.0, 0.0], radius: 0.01}",),
+    LAW_MODELS[Linear]: ("{law: linear, young: 1.0e5, poisson: 0.45, density: 1100, omega: 0.5}",),
+    LAW_MODELS[NeoHookean]: ("{law: neo_hookean, young: 1.0e5, poisson: 0.49, density: 1100, omega: 0.5}",),
+    LAW_MODELS[StableNeoHookean]: (
         "{law: stable_neo_hookean, young: 1.0e5, poisson: 0.49, density: 1100, omega: 0.5}",
     ),
     material_schema.PublishedModel: (
         "{published: ecoflex_00_30_gent_membrane, poisson: 0.495, density: 1070, omega: 0.5, scale: 0.8}",
     ),
-    material_schema.YeohModel: (
-        "{law: yeoh, c10: 0.11e6, c20: 0.02e6, c30: 0.0, poisson: 0.499, density: 1070, omega: 0.5}",
-    ),
-    material_schema.MooneyRivlinModel: (
+    LAW_MODELS[Yeoh]: ("{law: yeoh, c10: 0.11e6, c20: 0.02e6, c30: 0.0, poisson: 0.499, density: 1070, omega: 0.5}",),
+    LAW_MODELS[MooneyRivlin]: (
         "{law: mooney_rivlin, c10: 0.14e6, c01: 0.06e6, poisson: 0.499, density: 1070, omega: 0.5}",
     ),
-    material_schema.ArrudaBoyceModel: (
+    LAW_MODELS[ArrudaBoyce]: (
         "{law: arruda_boyce, mu: 0.2e6, lambda_m: 3.0, poisson: 0.499, density: 1070, omega: 0.5}",
     ),
-    material_schema.GentModel: ("{law: gent, mu: 31.7e3, jm: 39.6, poisson: 0.499, density: 1070, omega: 0.5}",),
-    material_schema.OgdenModel: (
+    LAW_MODELS[Gent]: ("{law: gent, mu: 31.7e3, jm: 39.6, poisson: 0.499, density: 1070, omega: 0.5}",),
+    LAW_MODELS[Ogden]: (
         "{law: ogden, mu: [0.187e6, 0.092e6, 3.397e6], alpha: [1.94, 4.01, -1.51], poisson: 0.495, density: 1200, "
         "omega: 0.5}",
     ),
@@ -237,10 +237,10 @@ EXAMPLES: dict[type[BaseModel], tuple[str, ...]] = {
     ),
     obstacle_schema.SelfContactModel: ("{friction: 0.5, restitution: 0.1, where: {box: {x: [0.0, 0.1]}}}",),
     obstacle_schema.SensorModel: ("{where: {face: z-}}",),
-    obstacle_schema.SphereObstacleModel: ("{radius: 0.04}",),
-    obstacle_schema.BoxObstacleModel: ("{size: [0.1, 0.2, 0.02]}",),
-    obstacle_schema.CapsuleModel: ("{radius: 0.01, length: 0.1}",),
-    obstacle_schema.CylinderModel: ("{radius: 0.01, length: 0.1}",),
+    Sphere: ("{radius: 0.04}",),
+    Box: ("{size: [0.1, 0.2, 0.02]}",),
+    Capsule: ("{radius: 0.01, length: 0.1}",),
+    Cylinder: ("{radius: 0.01, length: 0.1}",),
     actuator_schema.ActuatorModel: (
         "cable: {points: [[0.0, 0.0, 0.02], [0.2, 0.0, 0.02]]}",
         "chamber: {near: [0.1, 0.0, 0.0]}",
@@ -300,15 +300,15 @@ EXAMPLES: dict[type[BaseModel], tuple[str, ...]] = {
     arm_schema.JointLimitsModel: ("{lower: -1.57, upper: 1.57, velocity: 2.0, acceleration: 10.0, effort: 50.0}",),
     arm_schema.SpringModel: ("{stiffness: 8000, damping: 20}", "{stiffness: 3000}"),
     program.JointPoint: ("{time: 1.0, value: 0.5, velocity: 0.2}",),
-    schema.ProgramModel: (
+    program.Program: (
         "{duration: 1.0, joints: {elbow_joint: [{time: 0.0, value: 1.57}, {time: 1.0, value: 1.2}]}}",
         "{duration: 1.0, handles: {tip: [{time: 0.0}, {time: 1.0, translation: [0, 0, 0.1]}]}, obstacles: {table: "
         "[{time: 1.0, translation: [0, 0, 0.02]}]}, actuators: {tendon: "
         "[{time: 1.0, value: 5.0}]}, loads: {weight: [{time: 0.0, value: 0.0}, {time: 0.5, value: 1.0}]}}",
     ),
-    schema.KeyframeModel: ("{time: 1.0, translation: [0, 0, 0.1], rotation_deg: [0, 90, 0]}",),
+    program.Keyframe: ("{time: 1.0, translation: [0, 0, 0.1], rotation_deg: [0, 90, 0]}",),
     program.Point: ("{time: 1.0, value: 5.0}",),
-    schema.SolverModel: (
+    SolverSettings: (
         "{policy: energy, tolerance: 1.0e-5, steps: 20, max_iterations: 500, threads: 2, "
         "skip: [solve, pressure updates], torsion: section}",
     ),

@@ -13,15 +13,25 @@ from types import UnionType
 from typing import Any, Literal, Union, get_args, get_origin
 
 import yaml
-from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from docs.scripts.scene_examples import EXAMPLES
-from gdfe_ros.scene.entry import Choice
-from gdfe_ros.scene.quantity import ANY, Quantity
-from gdfe_ros.scene.report import bare, find_quantity
+from gdfe_ros.constraints.form import Box, Sphere
+from gdfe_ros.keys import Alternatives
+from gdfe_ros.mesh.selection import BoxSelection, SphereSelection
+from gdfe_ros.quantity import ANY, Quantity, find_quantity
+from gdfe_ros.scene.report import bare, description_of, fields_of, quantity_of
 from gdfe_ros.scene.schema import SceneModel
+from gdfe_ros.solver.settings import SolverSettings
 
+_TITLES = {
+    Sphere: "Sphere obstacle",
+    Box: "Box obstacle",
+    SphereSelection: "Sphere",
+    BoxSelection: "Box",
+    SolverSettings: "Solver",
+}
+"""Titles of entries other than the names of their classes."""
 _WORDS = {float: "number", int: "whole number", bool: "true or false", str: "text"}
 
 
@@ -30,28 +40,28 @@ def markdown() -> str:
     return "\n".join(_section(model) for model in models())
 
 
-def models() -> list[type[BaseModel]]:
+def models() -> list[type]:
     """Return the kinds of entries, starting with the whole file; each kind comes before the kinds that it contains."""
-    found: list[type[BaseModel]] = [SceneModel]
+    found: list[type] = [SceneModel]
     for model in found:
-        for field in model.model_fields.values():
+        for field in fields_of(model).values():
             found += [inner for inner in _inside(field.annotation) if inner not in found]
     return found
 
 
 def meaning_of(field: FieldInfo) -> str:
     """Return the meaning of a key: the description of its field, or the meaning of its number or of its entry."""
-    quantity = find_quantity(field)
+    quantity = quantity_of(field)
     inner = next(iter(_inside(field.annotation)), None)
-    if field.description:
-        return field.description
+    if text := description_of(field):
+        return text
     return quantity.meaning if quantity else _summary(inner) if inner else ""
 
 
-def _section(model: type[BaseModel]) -> str:
+def _section(model: type) -> str:
     head = ("key", "what it is", "form", "unit", "range", "default")
-    only = issubclass(model, Choice)
-    rows = (_row(name, field, optional=only) for name, field in model.model_fields.items())
+    only = issubclass(model, Alternatives)
+    rows = (_row(name, field, optional=only) for name, field in fields_of(model).items())
     lines = [f"### {_title(model)}", "", _summary(model)]
     if only and model.options:
         lines[-1] += f" Further keys: {', '.join(f'`{name}`' for name in model.options)}."
@@ -63,7 +73,7 @@ def _section(model: type[BaseModel]) -> str:
 
 
 def _row(name: str, field: FieldInfo, *, optional: bool) -> tuple[str, ...]:
-    quantity = find_quantity(field)
+    quantity = quantity_of(field)
     unit, bounds = (quantity.unit, _range(quantity)) if quantity else ("", "")
     default = "required" if field.is_required() else "" if optional and field.default is None else _value(field.default)
     return f"`{name}`", meaning_of(field), _form(field.annotation, quantity), unit, bounds, default
@@ -80,7 +90,7 @@ def _form(annotation: Any, quantity: Quantity | None) -> str:
         return " or ".join(f"`{word}`" for word in arguments)
     if isinstance(annotation, type) and issubclass(annotation, Enum):
         return " or ".join(f"`{item.value}`" for item in annotation)
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+    if fields_of(annotation):
         return f"[{_title(annotation)}](#{_anchor(annotation)})"
     if origin in (Union, UnionType):
         return " or ".join(_form(choice, find_quantity(choice)) for choice in arguments)
@@ -106,7 +116,7 @@ def _value(value: Any) -> str:
     """Return a default as YAML."""
     if value is None or value == "" or value == () or value == {}:
         return "none"
-    if isinstance(value, BaseModel):
+    if fields_of(type(value)):
         return "as below"
     if isinstance(value, tuple) and all(isinstance(item, Enum) for item in value):
         return "all of them"
@@ -114,9 +124,9 @@ def _value(value: Any) -> str:
     return f"`{yaml.safe_dump(plain, default_flow_style=True).splitlines()[0]}`"
 
 
-def _inside(annotation: Any) -> Iterator[type[BaseModel]]:
+def _inside(annotation: Any) -> Iterator[type]:
     """Yield the kinds of entries that an annotation contains."""
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+    if fields_of(annotation):
         yield annotation
         return
     arguments: Iterable[Any] = get_args(annotation)
@@ -124,16 +134,16 @@ def _inside(annotation: Any) -> Iterator[type[BaseModel]]:
         yield from _inside(argument)
 
 
-def _summary(model: type[BaseModel]) -> str:
+def _summary(model: type) -> str:
     return " ".join((model.__doc__ or "").split("\n\n")[0].split())
 
 
-def _title(model: type[BaseModel]) -> str:
+def _title(model: type) -> str:
     words = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", model.__name__.removesuffix("Model"))
-    return words.capitalize()
+    return _TITLES.get(model, words.capitalize())
 
 
-def _anchor(model: type[BaseModel]) -> str:
+def _anchor(model: type) -> str:
     return _title(model).lower().replace(" ", "-")
 
 

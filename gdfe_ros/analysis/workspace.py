@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 from scipy.stats import qmc
 
-from gdfe_ros.errors import GdfeError
+from gdfe_ros.errors import GdfeError, require_named
 from gdfe_ros.scene import Scene, scene_from_text
 from gdfe_ros.simulation import Command, Simulation
 from gdfe_ros.solver.result import StepResult
@@ -89,8 +89,7 @@ def ranges(scene: Scene, names: Sequence[str], given: dict[str, tuple[float, flo
     """
     known = {actuator.name: actuator for actuator in scene.actuators}
     for name in (*names, *given):
-        if name not in known:
-            raise GdfeError(f"no actuator {name!r} in scene {scene.name!r}; actuators: {', '.join(known) or 'none'}")
+        require_named("actuator", name, known, f" in scene {scene.name!r}")
     if unused := [name for name in given if name not in names]:
         raise GdfeError(f"--range {unused[0]}: this actuator keeps its neutral command; add it to --actuators")
     found = [given.get(name, (known[name].low, known[name].high)) for name in names]
@@ -156,8 +155,7 @@ def find_workspace(
     Raises:
         GdfeError: there is no such probe, or the workers die.
     """
-    if probe not in scene.probes:
-        raise GdfeError(f"no probe {probe!r} in scene {scene.name!r}; probes: {', '.join(scene.probes) or 'none'}")
+    require_named("probe", probe, scene.probes, f" in scene {scene.name!r}")
     parts = [commands[start : start + PART] for start in range(0, len(commands), PART)]
     results = map_tasks(client, partial(_reach, scene.source, probe, tuple(actuators)), parts)
     points = np.concatenate([places for places, _ in results])

@@ -10,16 +10,8 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
+from gdfe_ros.constraints.form import Box, Cylinder, Sphere
 from gdfe_ros.real_number import require_command
-
-
-class GeometryKind(str, Enum):
-    """Kind of a link's shape."""
-
-    BOX = "box"
-    CYLINDER = "cylinder"
-    SPHERE = "sphere"
-    MESH = "mesh"
 
 
 class JointKind(str, Enum):
@@ -36,18 +28,17 @@ class Geometry:
     """A shape of a link.
 
     Attributes:
-        kind: box, cylinder, sphere or mesh.
-        numbers: edge lengths of a box [m]; radius and length of a cylinder about z [m]; radius of a sphere [m]; for a
-            mesh, the scale from the file's unit to metres along x, y, z.
+        form: the shape; None for a mesh.
         file: URI of a mesh, as in the description.
+        scale: metres per unit of a mesh file along x, y, z.
         origin: origin of the shape's frame (3,) [m], in the link's frame.
         axes: rotation of the shape's frame (3, 3) relative to the link's frame.
         colour: red, green, blue, from 0 to 1; None if the description states none.
     """
 
-    kind: GeometryKind
-    numbers: tuple[float, ...]
+    form: Box | Cylinder | Sphere | None = None
     file: str = ""
+    scale: tuple[float, float, float] = (1.0, 1.0, 1.0)
     origin: NDArray[np.float64]
     axes: NDArray[np.float64]
     colour: tuple[float, float, float] | None = None
@@ -186,9 +177,9 @@ class Description:
     def mesh_files(self) -> Iterator[str]:
         """Yield the URI of each mesh file once."""
         shapes = (shape for link in self.links.values() for shape in (*link.collisions, *link.visuals))
-        yield from dict.fromkeys(shape.file for shape in shapes if shape.kind is GeometryKind.MESH)
+        yield from dict.fromkeys(shape.file for shape in shapes if shape.file)
 
     def collision_files(self, links: Iterable[str]) -> set[str]:
         """Return the URIs of the mesh files among the collision shapes of ``links``."""
         shapes = (shape for name in links for shape in self.links[name].collisions)
-        return {shape.file for shape in shapes if shape.kind is GeometryKind.MESH}
+        return {shape.file for shape in shapes if shape.file}

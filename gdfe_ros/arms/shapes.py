@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from gdfe_ros.arms.arm import Arm, Visual
-from gdfe_ros.arms.description import Description, Geometry, GeometryKind
+from gdfe_ros.arms.description import Description, Geometry
 from gdfe_ros.arms.dynamics import LinkFrame
 from gdfe_ros.arms.meshes import Surface, convex_pieces
 from gdfe_ros.constraints import Handle, Pose
@@ -67,25 +67,18 @@ def touching_links(
 def _forms(
     link: str, shape: Geometry, surfaces: Mapping[str, Surface], remarks: list[str]
 ) -> Iterator[tuple[Form, Geometry]]:
-    match shape.kind:
-        case GeometryKind.BOX:
-            yield Box(shape.numbers), shape
-        case GeometryKind.CYLINDER:
-            yield Cylinder(*shape.numbers), shape
-        case GeometryKind.SPHERE:
-            yield Sphere(*shape.numbers), shape
-        case GeometryKind.MESH:
-            vertices, triangles = surfaces[shape.file]
-            try:
-                pieces, debris = convex_pieces((vertices * np.array(shape.numbers), triangles))
-                if debris:
-                    remarks.append(f"link {link!r}: {debris} flat pieces of {shape.file} are left out of contact")
-                for points, faces in pieces:
-                    yield TriangleMesh(_solid(points.tobytes(), faces.tobytes())), shape
-            except MeshError as error:
-                raise MeshError(
-                    error.heading, [f"link {link!r}, {shape.file}: {text}" for text in error.defects]
-                ) from error
+    if shape.form is not None:
+        yield shape.form, shape
+        return
+    vertices, triangles = surfaces[shape.file]
+    try:
+        pieces, debris = convex_pieces((vertices * np.array(shape.scale), triangles))
+        if debris:
+            remarks.append(f"link {link!r}: {debris} flat pieces of {shape.file} are left out of contact")
+        for points, faces in pieces:
+            yield TriangleMesh(_solid(points.tobytes(), faces.tobytes())), shape
+    except MeshError as error:
+        raise MeshError(error.heading, [f"link {link!r}, {shape.file}: {text}" for text in error.defects]) from error
 
 
 @lru_cache(maxsize=64)
@@ -113,16 +106,10 @@ def visuals(robot: Description, surfaces: Mapping[str, Surface]) -> tuple[Visual
 
 
 def _faces(shape: Geometry, surfaces: Mapping[str, Surface]) -> np.ndarray:
-    match shape.kind:
-        case GeometryKind.BOX:
-            return form_faces(Box(shape.numbers))
-        case GeometryKind.CYLINDER:
-            return form_faces(Cylinder(*shape.numbers))
-        case GeometryKind.SPHERE:
-            return form_faces(Sphere(*shape.numbers))
-        case GeometryKind.MESH:
-            vertices, triangles = surfaces[shape.file]
-            return (vertices * np.array(shape.numbers))[triangles]
+    if shape.form is not None:
+        return form_faces(shape.form)
+    vertices, triangles = surfaces[shape.file]
+    return (vertices * np.array(shape.scale))[triangles]
 
 
 TOUCHING = 1e-3

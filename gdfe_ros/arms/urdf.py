@@ -6,6 +6,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Mapping
+from dataclasses import fields
 from typing import Any
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
@@ -13,9 +14,10 @@ from xml.etree.ElementTree import Element
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gdfe_ros.arms.description import Description, Geometry, GeometryKind, Joint, JointKind, Link, Mimic, UrdfLimits
+from gdfe_ros.arms.description import Description, Geometry, Joint, JointKind, Link, Mimic, UrdfLimits
 from gdfe_ros.arms.tree import mimic_defects, root_of
 from gdfe_ros.bounded_text import parse_xml
+from gdfe_ros.constraints.form import Box, Cylinder, Sphere
 from gdfe_ros.errors import ArmError
 from gdfe_ros.spelling import did_you_mean
 
@@ -28,8 +30,8 @@ element of it.
 _PREFIXED = re.compile(r"[\s<]([A-Za-z_][\w.-]*):[A-Za-z_][\w.-]*[\s=/>]")
 """Prefix of an element or attribute, e.g. of ``drake:acceleration``."""
 _MACROS = "it has xacro macros; remedy: `xacro arm.urdf.xacro > arm.urdf`, and give that file"
-_NUMBERS = {GeometryKind.BOX: ("size",), GeometryKind.CYLINDER: ("radius", "length"), GeometryKind.SPHERE: ("radius",)}
-"""Dict from kind of a shape to its XML attributes; meshes are not included."""
+_FORMS = {"box": Box, "cylinder": Cylinder, "sphere": Sphere, "mesh": None}
+"""Dict from XML element to the shape that it describes, whose fields are its attributes; a mesh is in a file."""
 
 
 def parse_urdf(
@@ -174,30 +176,29 @@ class _Reader:
     def _geometry(self, part: Element, where: str, colours: Mapping[str | None, Any]) -> Geometry | None:
         shape = part.find("geometry")
         found = None if shape is None else next(iter(shape), None)
-        kinds = {kind.value: kind for kind in GeometryKind}
-        if found is None or found.tag not in kinds:
+        if found is None or found.tag not in _FORMS:
             given = "no shape" if found is None else f"<{found.tag}>"
-            self._add(f"{where}: its <geometry> has {given}; allowed: {', '.join(f'<{kind}>' for kind in kinds)}")
+            self._add(f"{where}: its <geometry> has {given}; allowed: {', '.join(f'<{kind}>' for kind in _FORMS)}")
             return None
-        kind, origin = kinds[found.tag], part.find("origin")
+        form, origin = _FORMS[found.tag], part.find("origin")
         place, axes = self._place(origin, where)
         material = part.find("material")
         colour = None if material is None else _colour(material) or colours.get(material.get("name"))
         given = {"origin": place, "axes": axes, "colour": colour}
-        if kind is GeometryKind.MESH:
+        if form is None:
             if not found.get("filename"):
                 self._add(f'{where}: its <mesh> has no filename; remedy: filename="package://.../arm.stl"')
                 return None
             scale = self._vector(found, "scale", where, (1.0, 1.0, 1.0))
-            return Geometry(kind=kind, numbers=scale, file=found.get("filename"), **given)
-        if kind is GeometryKind.BOX:
+            return Geometry(file=found.get("filename"), scale=scale, **given)
+        if form is Box:
             numbers = self._vector(found, "size", where, None)
         else:
-            numbers = tuple(self._number(found, name, where) for name in _NUMBERS[kind])
+            numbers = tuple(self._number(found, item.name, where) for item in fields(form))
         if not all(number > 0.0 for number in numbers):
-            self._add(f"{where}: <{kind.value}> has the sizes {numbers}; allowed: lengths above 0 m")
+            self._add(f"{where}: <{found.tag}> has the sizes {numbers}; allowed: lengths above 0 m")
             return None
-        return Geometry(kind=kind, numbers=numbers, **given)
+        return Geometry(form=form(numbers) if form is Box else form(*numbers), **given)
 
     def _joint(self, item: Element) -> Joint | None:
         name, kind = item.get("name", ""), item.get("type", "")

@@ -19,7 +19,7 @@ from gdfe_ros.mesh.importer import read_mesh
 from gdfe_ros.mesh.mesh import Mesh
 from gdfe_ros.mesh.mesh_input import require_file
 from gdfe_ros.mesh.tetrahedralise import STEP_SUFFIXES, from_step, from_surface, step_bounds
-from gdfe_ros.mesh.voxels import SUFFIXES, examine_surface
+from gdfe_ros.mesh.voxels import SUFFIXES, examine_surface, read_surface
 from gdfe_ros.mesh.walls import default_size
 from gdfe_ros.scene.document import write_document
 from gdfe_ros.scene.mesh_schema import LEAST_SIZE, SCALE, SIZE
@@ -105,9 +105,7 @@ def _body(arguments: argparse.Namespace) -> tuple[dict, Mesh]:
     if arguments.cavity:
         source = _joined(arguments)
         scale = {}
-    vertices, _, defects = examine_surface(source, scale=scale.get("scale"), closed=False)
-    if defects:
-        raise MeshError(f"surface {source}", defects)
+    vertices, _ = read_surface(source, scale=scale.get("scale"), closed=False)
     sizes = _sizes(arguments, vertices)
     entry = {"surface": _relative(source, folder), **sizes, **scale}
     return {"tets": entry}, from_surface(source, **sizes, scale=scale.get("scale"))

@@ -11,10 +11,8 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pydantic_core import PydanticCustomError
-
 from gdfe_ros.errors import GdfeError
-from gdfe_ros.scene.quantity import Quantity
+from gdfe_ros.quantity import Quantity
 from gdfe_ros.workers import connect
 
 if TYPE_CHECKING:
@@ -31,9 +29,9 @@ def require_number(option: str, value: float | None, quantity: Quantity) -> None
         return
     try:
         quantity.check(value)
-    except PydanticCustomError as error:
+    except ValueError as error:
         hint = f"; {value:g} mm are {1e-3 * value:g}" if quantity.unit == "m" and 1.0 <= value < math.inf else ""
-        raise GdfeError(f"{option} = {value:g}; {error.message()}{hint}") from error
+        raise GdfeError(f"{option} = {value:g}; {error}{hint}") from error
 
 
 def read_overrides(pairs: Iterable[str]) -> dict[str, str]:

@@ -7,16 +7,19 @@ import math
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gdfe_ros.keys import Keys
 from gdfe_ros.mesh.shells import SolidIntegrals, inertia_of
 from gdfe_ros.mesh.solid import Solid
 from gdfe_ros.mesh.surface_edges import refine
+from gdfe_ros.quantity import Quantity, Vector
 
-NO_SAMPLES = np.zeros(0)
+Radius = Annotated[float, Quantity("radius", "m", least=1e-9, most=1e6)]
+Length = Annotated[float, Quantity("length along z", "m", least=1e-9, most=1e6)]
 
 RIM = 48
 """Number of contact points on each rim of a freely moving cylinder."""
@@ -32,12 +35,25 @@ body.
 """
 
 
+class Shape(Keys):
+    """Base class of shapes.
+
+    Attributes:
+        kind: number of the shape in the kernels.
+        samples: further numbers for the kernels.
+        rounding: distance [m] of the surface from the `corners`, or from the lines between them.
+    """
+
+    kind: ClassVar[int]
+    samples: NDArray[np.float64] = np.zeros(0)
+    rounding: float = 0.0
+
+
 @dataclass(frozen=True)
-class Plane:
+class Plane(Shape):
     """The half space z < 0 in the obstacle's frame."""
 
     kind: ClassVar[int] = 0
-    samples: ClassVar[NDArray[np.float64]] = NO_SAMPLES
 
     @property
     def numbers(self) -> tuple[float, float, float]:
@@ -45,28 +61,60 @@ class Plane:
         return 0.0, 0.0, 0.0
 
 
-@dataclass(frozen=True)
-class Sphere:
-    """A ball with the ``radius`` [m], centred at the origin of the obstacle's frame."""
+class _Round(Shape):
+    """The points within ``radius`` [m] of a segment of the z axis with the ``length`` [m], centred at the origin."""
 
     radius: float
-    kind: ClassVar[int] = 1
-    samples: ClassVar[NDArray[np.float64]] = NO_SAMPLES
+    length: float
 
     @property
     def numbers(self) -> tuple[float, float, float]:
-        """Parameters of the shape for the kernels: radius [m], 0, 0."""
-        return self.radius, 0.0, 0.0
+        """Parameters of the shape for the kernels: radius [m], half the length [m], 0."""
+        return self.radius, 0.5 * self.length, 0.0
 
     @property
     def rounding(self) -> float:
-        """Distance [m] of the surface from the `corners`: the radius."""
+        """Distance [m] of the surface from the axis with the `corners`: the radius."""
         return self.radius
 
     @property
     def half(self) -> tuple[float, float, float]:
         """Half edges [m] of the bounding box."""
-        return self.radius, self.radius, self.radius
+        return self.radius, self.radius, self.radius + 0.5 * self.length
+
+    @property
+    def corners(self) -> NDArray[np.float64]:
+        """Points of the axis, (k, 3) [m]; the surface is one radius away from the axis.
+
+        They are at most a radius apart, except in a long capsule, which has 2 `MOST_ALONG` intervals.
+        """
+        heights = np.linspace(-0.5, 0.5, 1 + min(2 * MOST_ALONG, math.ceil(self.length / self.radius))) * self.length
+        return heights[:, None] * [0.0, 0.0, 1.0]
+
+    @property
+    def skin(self) -> NDArray[np.float64]:
+        """Points of the surface, (k, 3) [m]: on circles around both ends, and the poles."""
+        turn = np.linspace(0.0, 2.0 * np.pi, AROUND, endpoint=False)
+        rise = np.linspace(0.0, 0.5 * np.pi, AROUND // 4, endpoint=False)
+        radii, heights = self.radius * np.cos(rise), self.radius * np.sin(rise) + 0.5 * self.length
+        radii, heights = np.concatenate([radii, radii]), np.concatenate([heights, -heights])
+        rings = np.stack(
+            [np.outer(radii, np.cos(turn)), np.outer(radii, np.sin(turn)), np.tile(heights[:, None], AROUND)], axis=-1
+        )
+        pole = np.array([0.0, 0.0, self.radius + 0.5 * self.length])
+        return np.concatenate([rings.reshape(-1, 3), [pole, -pole]])
+
+
+@dataclass(frozen=True)
+class Sphere(_Round):
+    """A ball.
+
+    Its centre is the origin of the obstacle's frame.
+    """
+
+    radius: Radius
+    length: ClassVar[float] = 0.0
+    kind: ClassVar[int] = 1
 
     @property
     def volume(self) -> float:
@@ -78,25 +126,16 @@ class Sphere:
         """Means of x^2, y^2 and z^2 over the volume, (3,) [m^2]."""
         return np.full(3, self.radius**2 / 5.0)
 
-    @property
-    def corners(self) -> NDArray[np.float64]:
-        """Centre of the ball, (1, 3) [m]; the surface is one radius away from it."""
-        return np.zeros((1, 3))
-
-    @property
-    def skin(self) -> NDArray[np.float64]:
-        """Points of the surface, (k, 3) [m]."""
-        return Capsule(self.radius, 0.0).skin
-
 
 @dataclass(frozen=True)
-class Box:
-    """A box with the edges ``size`` (x, y, z) [m], centred at the origin of the obstacle's frame."""
+class Box(Shape):
+    """A box.
 
-    size: tuple[float, float, float]
+    Its centre is the origin of the obstacle's frame.
+    """
+
+    size: Annotated[Vector, Quantity("edges [x, y, z]", "m", least=1e-9, most=1e6, count=3)]
     kind: ClassVar[int] = 2
-    samples: ClassVar[NDArray[np.float64]] = NO_SAMPLES
-    rounding: ClassVar[float] = 0.0
 
     @property
     def numbers(self) -> tuple[float, float, float]:
@@ -142,28 +181,15 @@ class Box:
 
 
 @dataclass(frozen=True)
-class Capsule:
-    """The points within ``radius`` [m] of a segment of the z axis with the ``length`` [m], centred at the origin."""
+class Capsule(_Round):
+    """A cylinder along z with half balls at its ends; its length is the distance between the centres of the balls.
 
-    radius: float
-    length: float
+    Its centre is the origin of the obstacle's frame.
+    """
+
+    radius: Radius
+    length: Length
     kind: ClassVar[int] = 3
-    samples: ClassVar[NDArray[np.float64]] = NO_SAMPLES
-
-    @property
-    def numbers(self) -> tuple[float, float, float]:
-        """Parameters of the shape for the kernels: radius [m], half the length [m], 0."""
-        return self.radius, 0.5 * self.length, 0.0
-
-    @property
-    def rounding(self) -> float:
-        """Distance [m] of the surface from the axis with the `corners`: the radius."""
-        return self.radius
-
-    @property
-    def half(self) -> tuple[float, float, float]:
-        """Half edges [m] of the bounding box."""
-        return self.radius, self.radius, self.radius + 0.5 * self.length
 
     @property
     def volume(self) -> float:
@@ -178,38 +204,17 @@ class Capsule:
         along = math.pi * r**2 * (length**3 / 12.0 + r * length**2 / 3.0 + r**2 * length / 2.0 + 4.0 / 15.0 * r**3)
         return np.array([across, across, along]) / self.volume
 
-    @property
-    def corners(self) -> NDArray[np.float64]:
-        """Points of the axis, (k, 3) [m]; the surface is one radius away from the axis.
-
-        They are at most a radius apart, except in a long capsule, which has 2 `MOST_ALONG` intervals.
-        """
-        heights = np.linspace(-0.5, 0.5, 1 + min(2 * MOST_ALONG, math.ceil(self.length / self.radius))) * self.length
-        return heights[:, None] * [0.0, 0.0, 1.0]
-
-    @property
-    def skin(self) -> NDArray[np.float64]:
-        """Points of the surface, (k, 3) [m]: on circles around both ends, and the poles."""
-        turn = np.linspace(0.0, 2.0 * np.pi, AROUND, endpoint=False)
-        rise = np.linspace(0.0, 0.5 * np.pi, AROUND // 4, endpoint=False)
-        radii, heights = self.radius * np.cos(rise), self.radius * np.sin(rise) + 0.5 * self.length
-        radii, heights = np.concatenate([radii, radii]), np.concatenate([heights, -heights])
-        rings = np.stack(
-            [np.outer(radii, np.cos(turn)), np.outer(radii, np.sin(turn)), np.tile(heights[:, None], AROUND)], axis=-1
-        )
-        pole = np.array([0.0, 0.0, self.radius + 0.5 * self.length])
-        return np.concatenate([rings.reshape(-1, 3), [pole, -pole]])
-
 
 @dataclass(frozen=True)
-class Cylinder:
-    """A cylinder with the ``radius`` [m] and the ``length`` [m] along the z axis, centred at the origin."""
+class Cylinder(Shape):
+    """A cylinder along z.
 
-    radius: float
-    length: float
+    Its centre is the origin of the obstacle's frame.
+    """
+
+    radius: Radius
+    length: Length
     kind: ClassVar[int] = 4
-    samples: ClassVar[NDArray[np.float64]] = NO_SAMPLES
-    rounding: ClassVar[float] = 0.0
 
     @property
     def half(self) -> tuple[float, float, float]:
@@ -251,7 +256,7 @@ class Cylinder:
 
 
 @dataclass(frozen=True, eq=False)
-class TriangleMesh:
+class TriangleMesh(Shape):
     """The solid inside a closed surface, in the obstacle's frame.
 
     Attributes:
@@ -262,7 +267,6 @@ class TriangleMesh:
     solid: Solid
     original: tuple[NDArray[np.float64], NDArray[np.int64]] | None = None
     kind: ClassVar[int] = 5
-    rounding: ClassVar[float] = 0.0
 
     @property
     def numbers(self) -> tuple[float, float, float]:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.actuators import Actuator, Cable, Mode
-from gdfe_ros.errors import CommandError, DependencyError
+from gdfe_ros.errors import CommandError, DependencyError, require_named
 from gdfe_ros.scene.scene import Scene
 
 Array = NDArray[np.float64]
@@ -50,8 +50,7 @@ class CommandLimits:
         """
         known = {actuator.name: actuator for actuator in scene.actuators}
         for name in names:
-            if name not in known:
-                raise CommandError(f"no actuator {name!r} in scene {scene.name!r}; actuators: {', '.join(known)}")
+            require_named("actuator", name, known, f" in scene {scene.name!r}")
         if len(set(names)) < len(names):
             raise CommandError(f"actuators named twice: {', '.join(names)}; give each name once")
         if not names:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from gdfe_ros.errors import CommandError
+from gdfe_ros.errors import CommandError, require_named
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.simulation import Simulation
 
@@ -102,8 +102,7 @@ class ProbeTarget(Aim):
 
     def require_in(self, scene: Scene) -> None:
         """Raise CommandError for a scene without the probe."""
-        if self.probe not in scene.probes:
-            raise CommandError(f"no probe {self.probe!r}; probes: {', '.join(scene.probes) or 'none'}")
+        require_named("probe", self.probe, scene.probes)
 
 
 @dataclass(frozen=True, kw_only=True)

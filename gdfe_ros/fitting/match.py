@@ -17,12 +17,12 @@ from gdfe_ros.bounded_text import LARGEST_TEXT
 from gdfe_ros.errors import DefectsError, GdfeError, MeshError
 from gdfe_ros.fitting.observable import CLOUDS, POSITIONS, Observable, QuantityKind, require_known
 from gdfe_ros.mesh import select_vertices
+from gdfe_ros.mesh.selection import Where
+from gdfe_ros.quantity import Quantity, Vector
 from gdfe_ros.regular_file import read_text
 from gdfe_ros.scene.document import parse_document
-from gdfe_ros.scene.entry import TAG, Choice, Entry
-from gdfe_ros.scene.quantity import Quantity
+from gdfe_ros.scene.entry import TAG, VALUE_ERROR, Choice, Entry
 from gdfe_ros.scene.scene import Scene
-from gdfe_ros.scene.where_schema import WhereModel
 
 FACTORS = {
     "m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": 0.0254,
@@ -33,18 +33,11 @@ FACTORS = {
     "1": 1.0,
 }  # fmt: skip
 """Dict from unit to its value in SI units."""
-Unit = Literal[
-    "m", "cm", "mm", "um", "in", "N", "mN", "gf", "kgf", "Pa", "kPa", "MPa", "mbar", "bar", "psi", "m^3", "l", "ml",
-    "s", "ms", "us", "ns", "1",
-]  # fmt: skip
-
-
+Unit = Literal[tuple(FACTORS)]
 AXES = ("x", "y", "z")
-_SIGMA = Quantity("standard deviation of a value, in the unit given", above=0.0)
 _SHIFT = Quantity("time by which the recording's clock is ahead of the simulation's", "s", least=-1e6, most=1e6)
 _BETWEEN = Quantity("bounds of the time shift", "s", least=-1e6, most=1e6, count=2, ascending=True)
 _ALONG = Quantity("direction [x, y, z] that a single column is measured along", count=3)
-_EVERY = Quantity("use only every n-th sample", least=1, most=1_000_000, whole=True)
 _RANGE = Quantity("least and largest value of a column", count=2, ascending=True, infinite=True)
 _NUMBER = Quantity("command in SI units", least=-1e15, most=1e15)
 
@@ -72,13 +65,10 @@ class _Found(Entry):
 class CompareModel(_Found, Choice):
     """A measured quantity, and the simulated quantity with which it is compared."""
 
-    options: ClassVar[tuple[str, ...]] = (
-        "column", "columns", "topic", "frame_id", "marker", "joint", "field", "path", "unit", "along", "displacement",
-        "sigma",
-    )  # fmt: skip
+    options: ClassVar[tuple[str, ...]] = (*_Found.model_fields, "along", "displacement", "sigma")
 
     probe: str | None = Field(None, description="position of a probe [m]")
-    mean: WhereModel | None = Field(None, description="mean position of these vertices [m], e.g. {face: x+}")
+    mean: Where | None = Field(None, description="mean position of these vertices [m], e.g. {face: x+}")
     handle: str | None = Field(None, description="position of a handle, obstacle or rigid body from rest [m]")
     force: str | None = Field(None, description="force [N] that a handle or obstacle exerts on the body")
     effort: str | None = Field(None, description="tension [N] or pressure [Pa] of an actuator")
@@ -86,9 +76,9 @@ class CompareModel(_Found, Choice):
     cloud: Literal["vertices", "surface"] | None = Field(
         None, description="bag: a PointCloud2 of all vertices in order, or of points anywhere on the surface"
     )
-    along: Annotated[tuple[float, float, float], _ALONG] | None = None
+    along: Annotated[Vector, _ALONG] | None = None
     displacement: bool = Field(False, description="true: positions are relative to rest, not to the world's origin")
-    sigma: Annotated[float, _SIGMA] | None = None
+    sigma: Annotated[float, Quantity("standard deviation of a value, in the unit given", above=0.0)] | None = None
 
     @model_validator(mode="after")
     def _one_place(self) -> CompareModel:
@@ -123,7 +113,7 @@ class RecordingModel(Entry):
     where: dict[str, Annotated[tuple[float, float], _RANGE]] = Field(
         {}, description="CSV: rows that are used, by ranges of their columns, e.g. pressure_mbar: [50, 200]"
     )
-    every: Annotated[int, _EVERY] = 1
+    every: Annotated[int, Quantity("use only every n-th sample", least=1, most=1_000_000, whole=True)] = 1
     compare: dict[str, CompareModel] = Field({}, description="measured quantities, by names of your choice")
     commands: dict[
         str,
@@ -160,7 +150,7 @@ def matched_observable(model: CompareModel, scene: Scene, where: str) -> Observa
     key, value = model.chosen
     if key == "mean":
         try:
-            vertices = select_vertices(scene.mesh, value.build())
+            vertices = select_vertices(scene.mesh, value)
         except MeshError as error:
             raise GdfeError(f"{where}: {error}") from error
         if not vertices.size:
@@ -299,4 +289,4 @@ def _line(place: str, item: dict) -> str:
         return f"{path}: unknown key; keys: {', '.join(RecordingModel.model_fields)}"
     if item["type"] == "literal_error":
         return f"{path}: {item['input']!r} is not allowed; allowed: {item['ctx']['expected']}"
-    return f"{path}: {item['msg'].removeprefix('Value error, ')}"
+    return f"{path}: {item['msg'].removeprefix(VALUE_ERROR)}"

@@ -13,15 +13,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.materials.material import Law, Material, require_within
+from gdfe_ros.materials.material import Coefficient, Law, Material, require_within
 from gdfe_ros.materials.stability import drucker_remarks, invariant_hessian
+from gdfe_ros.quantity import Quantity
 
 Vector = NDArray[np.float64]
+Shear = Annotated[float, Quantity("shear modulus mu", "Pa", above=0.0, below=1e13, remedy="in Pa: 1 MPa is 1.0e6")]
 MOST_COEFFICIENTS = 5
 """Largest number of coefficients c_i; the law of Arruda and Boyce has five."""
 GENT_END = 0.99
@@ -37,7 +39,6 @@ class InvariantLaw(Material):
 
     law = Law.YEOH
     kernel = Law.OGDEN
-    scalars: ClassVar[dict[str, str]] = {}
 
     @property
     def coefficients(self) -> tuple[float, ...]:
@@ -95,23 +96,20 @@ class InvariantLaw(Material):
 
 @dataclass(frozen=True, kw_only=True)
 class Yeoh(InvariantLaw):
-    """Yeoh's law, W = C10 (I1 - 3) + C20 (I1 - 3)^2 + C30 (I1 - 3)^3, as in Abaqus.
+    """Yeoh's law, W = C10 (I1 - 3) + C20 (I1 - 3)^2 + C30 (I1 - 3)^3, with the coefficients of Abaqus.
 
     Attributes:
         c10, c20, c30: coefficients [Pa]; mu0 = 2 C10.
     """
 
-    c10: float
-    c20: float = 0.0
-    c30: float = 0.0
+    c10: Coefficient
+    c20: Annotated[float, Quantity("coefficient of (I1 - 3)^2", "Pa", least=-1e13, most=1e13)] = 0.0
+    c30: Annotated[float, Quantity("coefficient of (I1 - 3)^3", "Pa", least=-1e13, most=1e13)] = 0.0
     law = Law.YEOH
-    scalars: ClassVar[dict[str, str]] = {"c10": "Pa", "c20": "Pa", "c30": "Pa"}
 
     def __post_init__(self) -> None:
         super().__post_init__()
         require_within("c10", self.c10, 0.0, 1e13, "in Pa: 1 MPa is 1.0e6; 2 c10 is the initial shear modulus")
-        if not np.isfinite([self.c20, self.c30]).all():
-            raise ValueError(f"c20 and c30 must be finite, got {self.c20!r} and {self.c30!r}")
 
     @property
     def coefficients(self) -> tuple[float, ...]:
@@ -121,7 +119,7 @@ class Yeoh(InvariantLaw):
 
 @dataclass(frozen=True, kw_only=True)
 class ArrudaBoyce(InvariantLaw):
-    """Law of Arruda and Boyce with five terms, as in Abaqus.
+    """Law of Arruda and Boyce: chains of rubber with a locking stretch, with the five terms of Abaqus.
 
     W = mu sum_i C_i / lambda_m^(2i-2) (I1^i - 3^i) with C = 1/2, 1/20, 11/1050, 19/7000, 519/673750.
 
@@ -130,15 +128,9 @@ class ArrudaBoyce(InvariantLaw):
         lambda_m: locking stretch of the chains, above 1.
     """
 
-    mu: float
-    lambda_m: float
+    mu: Shear
+    lambda_m: Annotated[float, Quantity("locking stretch of the chains; rubber has 2 to 7", above=1.0, below=1e3)]
     law = Law.ARRUDA_BOYCE
-    scalars: ClassVar[dict[str, str]] = {"mu": "Pa", "lambda_m": ""}
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        require_within("mu", self.mu, 0.0, 1e13, "in Pa: 1 MPa is 1.0e6")
-        require_within("lambda_m", self.lambda_m, 1.0, 1e3, "rubber has 2 to 7")
 
     @property
     def coefficients(self) -> tuple[float, ...]:
@@ -159,15 +151,9 @@ class Gent(InvariantLaw):
         jm: limit of I1 - 3, above 0.
     """
 
-    mu: float
-    jm: float
+    mu: Shear
+    jm: Annotated[float, Quantity("limit of I1 - 3; rubber has 10 to 100", above=0.0, below=1e6)]
     law = Law.GENT
-    scalars: ClassVar[dict[str, str]] = {"mu": "Pa", "jm": ""}
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        require_within("mu", self.mu, 0.0, 1e13, "in Pa: 1 MPa is 1.0e6")
-        require_within("jm", self.jm, 0.0, 1e6, "rubber has 10 to 100")
 
     @property
     def limited(self) -> tuple[float, float]:

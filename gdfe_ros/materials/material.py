@@ -7,13 +7,25 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import ClassVar
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gdfe_ros.keys import CheckedKeys
 from gdfe_ros.materials.curve_data import CurveData
 from gdfe_ros.materials.stability import drucker_remarks, separable_hessian
+from gdfe_ros.quantity import ANY, Quantity, quantities_of
+
+Modulus = Annotated[float, Quantity("Young's modulus", "Pa", above=0.0, below=1e13, remedy="in Pa: 1 MPa is 1.0e6")]
+Density = Annotated[float, Quantity("density", "kg/m^3", least=1e-9, below=1e6)]
+Omega = Annotated[
+    float, Quantity("shape factor for the policy relative, instead of the law's own", above=0.0, most=1.0)
+]
+Coefficient = Annotated[
+    float,
+    Quantity("coefficient of I1 - 3, half of the initial shear modulus of Yeoh's law", "Pa", least=-1e13, most=1e13),
+]
 
 
 class Law(IntEnum):
@@ -31,14 +43,13 @@ class Law(IntEnum):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Material:
+class Material(CheckedKeys):
     """Base class of all laws.
 
     Attributes:
         poisson: initial Poisson's ratio, -1 < nu <= 0.5; 0.5 is incompressible.
         density: mass density [kg/m^3]; None if unknown. Only gravity and dynamics need it.
-        omega: shape factor for the ``relative`` policy, 0 < omega <= 1; None stands for the factor that follows from
-            the law.
+        omega: shape factor for the ``relative`` policy; None stands for the factor that follows from the law.
         caveat: limitation of the measurement that gave the parameters; empty if there is none.
 
     Raises:
@@ -46,21 +57,22 @@ class Material:
     """
 
     poisson: float
-    density: float | None = None
-    omega: float | None = None
+    density: Density | None = None
+    omega: Omega | None = None
     caveat: str = ""
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if not -1.0 < self.poisson <= 0.5:
             raise ValueError(f"poisson must lie in -1 < poisson <= 0.5, got {self.poisson!r}; 0.5 is incompressible")
-        if self.density is not None:
-            require_within("density", self.density, 0.0, 1e6, "in kg/m^3")
-        if self.omega is not None and not 0.0 < self.omega <= 1.0:
-            raise ValueError(f"omega must lie in 0 < omega <= 1, got {self.omega!r}")
 
     law = Law.LINEAR
-    scalars: ClassVar[dict[str, str]] = {}
-    """Dict from the name of each further parameter that is one number to its unit."""
+
+    @classmethod
+    def parameters(cls) -> dict[str, Quantity]:
+        """Return a dict from the name of each parameter of this law alone, with numbers, to its quantity."""
+        common = quantities_of(Material)
+        return {name: quantity for name, quantity in quantities_of(cls).items() if name not in common}
 
     @property
     def kernel(self) -> Law:
@@ -109,18 +121,16 @@ class Material:
 
 @dataclass(frozen=True, kw_only=True)
 class Linear(Material):
-    """Corotated linear law, P = E/(1+nu) (F - lam R) + K (J-1) cof F, where lam = tr(R^T F)/3.
+    """Corotated linear law: stress is proportional to strain, also under large rotations.
+
+    P = E/(1+nu) (F - lam R) + K (J-1) cof F, where lam = tr(R^T F)/3.
 
     Attributes:
         young: Young's modulus [Pa].
     """
 
-    young: float
+    young: Modulus
     law = Law.LINEAR
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        require_within("young", self.young, 0.0, 1e13, "in Pa: 1 MPa is 1.0e6")
 
     @property
     def young0(self) -> float:
@@ -138,7 +148,7 @@ class Linear(Material):
 
 @dataclass(frozen=True, kw_only=True)
 class NeoHookean(Linear):
-    """Compressible neo-Hookean law, W = mu/2 (I1 - 3) - mu ln J + lambda/2 (ln J)^2.
+    """Neo-Hookean law, W = mu/2 (I1 - 3) - mu ln J + lambda/2 (ln J)^2.
 
     Attributes:
         young: initial Young's modulus [Pa].
@@ -158,7 +168,7 @@ class NeoHookean(Linear):
 
 @dataclass(frozen=True, kw_only=True)
 class StableNeoHookean(Linear):
-    """Stable neo-Hookean law of Smith, de Goes and Kim (2018), finite and smooth also for inverted elements.
+    """Stable neo-Hookean law of Smith, de Goes and Kim (2018), smooth also for inverted elements.
 
     W = m/2 (I1 - 3) - m/2 ln((I1 + 1)/4) - 3 m/4 (J - 1) + l/2 (J - 1)^2 with m = 4/3 mu and l = lambda + 5/6 mu,
     where mu and lambda are Lame's constants. Without a constant, it is m/2 (I1 - 3) + l/2 (J - a)^2 - m/2 ln(I1 + 1),
@@ -243,19 +253,17 @@ class Ogden(PrincipalLaw):
         alpha: exponents alpha_i, nonzero, as many as ``mu``.
     """
 
-    mu: tuple[float, ...]
-    alpha: tuple[float, ...]
+    mu: Annotated[tuple[float, ...], Quantity("moduli mu_i", "Pa", count=ANY)]
+    alpha: Annotated[tuple[float, ...], Quantity("exponents alpha_i", least=-20.0, most=20.0, count=ANY)]
 
     def __post_init__(self) -> None:
-        super().__post_init__()
         if not 1 <= len(self.mu) <= 6 or len(self.mu) != len(self.alpha):
             raise ValueError(
                 f"mu and alpha must have equal length of 1 to 6 terms, got {len(self.mu)} and {len(self.alpha)}"
             )
-        if not np.isfinite([*self.mu, *self.alpha]).all() or 0.0 in self.alpha:
+        super().__post_init__()
+        if 0.0 in self.alpha:
             raise ValueError("mu and alpha must be finite and no alpha zero")
-        if max(abs(alpha) for alpha in self.alpha) > 20.0:
-            raise ValueError(f"alpha must lie in -20 .. 20, got {self.alpha!r}")
         require_within("sum of mu (the initial shear modulus)", sum(self.mu), 0.0, 1e13, "check units and signs of mu")
 
     @property
@@ -266,7 +274,7 @@ class Ogden(PrincipalLaw):
 
 @dataclass(frozen=True, kw_only=True)
 class MooneyRivlin(PrincipalLaw):
-    """Law of Mooney and Rivlin, W = C10 (I1 - 3) + C01 (I2 - 3), as in Abaqus.
+    """Law of Mooney and Rivlin, W = C10 (I1 - 3) + C01 (I2 - 3), with the coefficients of Abaqus.
 
     It is Ogden's law with the exponents 2 and -2 and the moduli 2 C10 and 2 C01.
 
@@ -274,15 +282,12 @@ class MooneyRivlin(PrincipalLaw):
         c10, c01: coefficients [Pa]; mu0 = 2 (C10 + C01).
     """
 
-    c10: float
-    c01: float
+    c10: Coefficient
+    c01: Annotated[float, Quantity("coefficient of I2 - 3", "Pa", least=-1e13, most=1e13)]
     law = Law.MOONEY_RIVLIN
-    scalars: ClassVar[dict[str, str]] = {"c10": "Pa", "c01": "Pa"}
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not np.isfinite([self.c10, self.c01]).all():
-            raise ValueError(f"c10 and c01 must be finite, got {self.c10!r} and {self.c01!r}")
         require_within("c10 + c01 (half of the initial shear modulus)", self.c10 + self.c01, 0.0, 1e13, "in Pa")
 
     @property

@@ -223,8 +223,7 @@ def published(
         "density": density or law.density,
         "omega": omega,
     }
-    stresses = [key for key in ("young", "c10", "c20", "c30", "c01", "mu") if hasattr(law, key)]
-    for key in stresses:
+    for key in (key for key, quantity in type(law).parameters().items() if quantity.unit == "Pa"):
         value = getattr(law, key)
         changes[key] = tuple(scale * each for each in value) if isinstance(value, tuple) else scale * value
     return replace(law, **changes, caveat=caveat_of(name) if scale == 1.0 else "")

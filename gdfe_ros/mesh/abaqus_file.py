@@ -32,18 +32,17 @@ class _Part:
     Attributes:
         nodes: dict from the number of a node to its position.
         elements: dict from the number of an element to its type and its nodes.
-        node_sets, element_sets: dicts from name to numbers.
+        sets: dicts from name to numbers, of nodes under NSET and of elements under ELSET.
     """
 
     nodes: dict[int, tuple[float, ...]] = field(default_factory=dict)
     elements: dict[int, tuple[str, list[int]]] = field(default_factory=dict)
-    node_sets: dict[str, list[int]] = field(default_factory=dict)
-    element_sets: dict[str, list[int]] = field(default_factory=dict)
+    sets: dict[str, dict[str, list[int]]] = field(default_factory=lambda: {"NSET": {}, "ELSET": {}})
 
     def copy(self) -> _Part:
         """Return a part with the same content, to which an instance adds its own."""
-        sets = ({name: list(ids) for name, ids in each.items()} for each in (self.node_sets, self.element_sets))
-        return _Part(dict(self.nodes), dict(self.elements), *sets)
+        sets = {key: {name: list(ids) for name, ids in each.items()} for key, each in self.sets.items()}
+        return _Part(dict(self.nodes), dict(self.elements), sets)
 
 
 @dataclass(eq=False)
@@ -111,10 +110,8 @@ class _Reader:
                 self._add_nodes(block, part)
             case "ELEMENT":
                 self._add_elements(block, part)
-            case "NSET":
-                self._add_set(block, "NSET", part)
-            case "ELSET":
-                self._add_set(block, "ELSET", part)
+            case "NSET" | "ELSET" as key:
+                self._add_set(block, key, part)
             case keyword if keyword in _MAKERS:
                 remedy = "remedy: a file in which all nodes and elements are listed, as Abaqus/CAE writes it"
                 raise self._defect(f"line {block.line}: *{keyword.title()} is not read; {remedy}")
@@ -150,7 +147,7 @@ class _Reader:
         for row in block.rows:
             part.nodes[int(row[0])] = tuple((*(_real(value or "0") for value in row[1:4]), 0.0, 0.0))[:3]
         if name := block.name("NSET"):
-            part.node_sets.setdefault(name, []).extend(int(row[0]) for row in block.rows)
+            part.sets["NSET"].setdefault(name, []).extend(int(row[0]) for row in block.rows)
 
     def _add_elements(self, block: Block, part: _Part) -> None:
         kind = block.name("TYPE").upper()
@@ -168,18 +165,18 @@ class _Reader:
                 text = f"line {block.line}: element {row[0]} of type {kind} has {len(row) - 1} nodes"
                 raise self._defect(f"{text}; allowed: {size - 1}; the file seems cut off; remedy: export it again")
             if name := block.name("ELSET"):
-                part.element_sets.setdefault(name, []).append(row[0])
+                part.sets["ELSET"].setdefault(name, []).append(row[0])
 
     def _add_set(self, block: Block, key: str, part: _Part) -> None:
         owner = block.name("INSTANCE")
-        sets = self._sets_of(owner, key, block) if owner else part.node_sets if key == "NSET" else part.element_sets
         if owner:
             part = self._instance(owner, block).part
+        sets = part.sets[key]
         ids = sets.setdefault(block.name(key), [])
         if key == "NSET" and (source := block.name("ELSET")):
             ids += [
                 node
-                for element in self._members(part.element_sets, source, block)
+                for element in self._members(part.sets["ELSET"], source, block)
                 for node in part.elements[element][1]
             ]
         rows = [[value for value in row if value] for row in block.rows]
@@ -197,9 +194,10 @@ class _Reader:
         A set without the name of an instance is looked for in all of them if ``everywhere``.
         """
         owner, _, item = name.rpartition(".")
-        places = [self._sets_of(owner, key, block)] if owner else [sets]
+        places = [self._instance(owner, block).part.sets[key]] if owner else [sets]
         if everywhere and not owner and not item.isdigit():
-            places = [each for each in self._all_sets(key) if _named(each, item)] or [sets]
+            parts = [self._assembly, *(instance.part for instance in self._instances.values())]
+            places = [part.sets[key] for part in parts if _named(part.sets[key], item)] or [sets]
         for there in places:
             found = [int(item)] if item.isdigit() else self._members(there, item, block)
             there.setdefault(block.name(key), []).extend(found)
@@ -210,16 +208,6 @@ class _Reader:
             text = f"line {block.line}: a set of the instance {owner!r}, which is not there"
             raise self._defect(f"{text}; remedy: define the instance before this line")
         return known[owner.upper()]
-
-    def _sets_of(self, owner: str, key: str, block: Block) -> dict[str, list[int]]:
-        """Return the sets of nodes (``key`` NSET) or of elements (ELSET) of the instance ``owner``."""
-        part = self._instance(owner, block).part
-        return part.node_sets if key == "NSET" else part.element_sets
-
-    def _all_sets(self, key: str) -> list[dict[str, list[int]]]:
-        """Return the sets of nodes or elements of the assembly and of each instance."""
-        parts = [self._assembly, *(item.part for item in self._instances.values())]
-        return [part.node_sets if key == "NSET" else part.element_sets for part in parts]
 
     def _members(self, sets: dict[str, list[int]], name: str, block: Block) -> list[int]:
         ids = _named(sets, name)
@@ -318,10 +306,10 @@ class _MeshBuilder:
         self._points.append(item.points())
         places = _add_elements(part, row, self._cells, self._left_out)
         own = {name: list(part.elements)} if name else {}
-        for key, numbers in (*part.element_sets.items(), *own.items()):
+        for key, numbers in (*part.sets["ELSET"].items(), *own.items()):
             for kind, place in (places[number] for number in numbers if number in places):
                 self._cell_sets.setdefault(key, {}).setdefault(kind, []).append(place)
-        for key, numbers in part.node_sets.items():
+        for key, numbers in part.sets["NSET"].items():
             self._point_sets.setdefault(key, []).extend(row[number] for number in numbers if number in row)
 
     def mesh(self, remarks: list[str]) -> RawMesh:

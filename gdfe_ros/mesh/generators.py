@@ -79,7 +79,7 @@ def cut(mesh: HexMesh, holes: Sequence[Where]) -> HexMesh:
         cells = select_cells(mesh, hole)
         keep[cells] = False
         if len(cells) == 0:
-            defects.append(f"cut {i} ({hole}) removes no cell: no cell has its centroid there")
+            defects.append(f"cut {i} ({hole.chosen[1]}) removes no cell: no cell has its centroid there")
     if not keep.any():
         defects.append("the cuts leave no cell")
     if defects:

@@ -133,16 +133,21 @@ def _remedy(kind: str) -> str | None:
 
 
 def _hexahedra(raw: RawMesh, heading: str) -> HexMesh:
-    cells: list[NDArray[Any]] = []
-    starts: dict[int, int] = {}
-    for i, block in _hex_blocks(raw):
-        starts[i] = sum(map(len, cells))
-        cells.append(np.asarray(block.data)[:, :8])
-    stacked = np.concatenate(cells)
+    stacked, starts = _stacked(_hex_blocks(raw), slice(8))
     if stacked.min() < 0 or stacked.max() >= len(raw.points):
         require_sound(HexMesh(raw.points, stacked), heading)
     cell_sets, vertex_sets = named_sets(raw, starts)
     return HexMesh(raw.points, stacked, cell_sets, vertex_sets)
+
+
+def _stacked(blocks: Iterator[tuple[int, CellBlock]], columns: slice) -> tuple[NDArray[Any], dict[int, int]]:
+    """Return the cells of numbered blocks, and a dict from the number of each block to the index of its first cell."""
+    cells, starts, count = [], {}, 0
+    for number, block in blocks:
+        starts[number] = count
+        cells.append(np.asarray(block.data)[:, columns])
+        count += len(block.data)
+    return np.concatenate(cells), starts
 
 
 def _hex_blocks(raw: RawMesh) -> Iterator[tuple[int, CellBlock]]:
@@ -153,12 +158,7 @@ def _hex_blocks(raw: RawMesh) -> Iterator[tuple[int, CellBlock]]:
 
 def _tetrahedra(raw: RawMesh, heading: str) -> TetMesh:
     """Return the mesh of second-order tetrahedra; first-order tetrahedra are raised to second order."""
-    starts: dict[int, int] = {}
-    blocks: list[NDArray[Any]] = []
-    for i, block in _tet_blocks(raw):
-        starts[i] = sum(map(len, blocks))
-        blocks.append(np.asarray(block.data))
-    cells = np.concatenate(blocks)
+    cells, starts = _stacked(_tet_blocks(raw), slice(None))
     if cells.min() < 0 or cells.max() >= len(raw.points):
         wrong = np.flatnonzero(((cells < 0) | (cells >= len(raw.points))).any(axis=1))
         text = f"{len(wrong)} cells name vertices outside 0 to {len(raw.points) - 1}: {list_ids(wrong)}"

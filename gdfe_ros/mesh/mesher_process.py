@@ -74,9 +74,7 @@ def facets(request: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     gmsh.option.setNumber("Mesh.MeshSizeMin", FACETS_FINEST * size)
     gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", FACETS_AROUND)
     gmsh.model.mesh.generate(2)
-    tags, coordinates, _ = gmsh.model.mesh.getNodes()
-    number = np.zeros(int(tags.max()) + 1, dtype=np.int64)
-    number[tags.astype(np.int64)] = np.arange(len(tags))
+    vertices, number = _nodes(gmsh)
     triangles, solid = [], []
     for k, (_, entity) in enumerate(solids):
         gmsh.model.mesh.setOutwardOrientation(entity)
@@ -85,7 +83,15 @@ def facets(request: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
             triangles.append(number[nodes.astype(np.int64)])
             solid.append(np.full(len(nodes), k))
     found = {"triangles": np.concatenate(triangles), "solid": np.concatenate(solid)} if solids else {}
-    return {"vertices": coordinates.reshape(-1, 3), **found}
+    return {"vertices": vertices, **found}
+
+
+def _nodes(gmsh) -> tuple[np.ndarray, np.ndarray]:
+    """Return the places (n, 3) [m] of the nodes, and the index of each of gmsh's numbers of nodes among them."""
+    tags, coordinates, _ = gmsh.model.mesh.getNodes()
+    number = np.zeros(int(tags.max()) + 1, dtype=np.int64)
+    number[tags.astype(np.int64)] = np.arange(len(tags))
+    return coordinates.reshape(-1, 3), number
 
 
 def _united(gmsh, solids: list[tuple[int, int]]) -> list[tuple[int, int]]:
@@ -155,10 +161,8 @@ def _set_background(gmsh, request: dict[str, np.ndarray]) -> None:
 
 def _gmsh_cells(gmsh) -> dict[str, np.ndarray]:
     """Return the mesh of gmsh's model, with a cell set for each solid and a vertex set for each surface."""
-    tags, coordinates, _ = gmsh.model.mesh.getNodes()
-    number = np.zeros(int(tags.max()) + 1, dtype=np.int64)
-    number[tags.astype(np.int64)] = np.arange(len(tags))
-    found, cells, start = {"vertices": coordinates.reshape(-1, 3)}, [], 0
+    vertices, number = _nodes(gmsh)
+    found, cells, start = {"vertices": vertices}, [], 0
     for _, entity in gmsh.model.getEntities(3):
         kinds, _, nodes = gmsh.model.mesh.getElements(3, entity)
         own = [part.reshape(-1, 10) for kind, part in zip(kinds, nodes, strict=True) if kind == _GMSH_TET10]

@@ -21,7 +21,6 @@ _CELL_SET, _VERTEX_SET, _FILLING = "cell_set:", "vertex_set:", "filling:"
 _VERTICES, _TRIANGLES, _SLASH = "vertices:", "triangles:", "\\"
 _LARGEST = 1 << 30
 """Largest size of the arrays of a packed mesh [bytes]; a small archive can expand to any size."""
-_FILLED = tuple(item.name for item in fields(Filling))
 
 
 def pack_mesh(mesh: Mesh) -> str:
@@ -82,17 +81,15 @@ def unpack_mesh(text: str) -> Mesh:
 
 def mesh_of(arrays: dict[str, NDArray]) -> Mesh:
     """Return the mesh whose arrays `mesh_arrays` returned."""
-    arrays = dict(arrays)
-    vertices, cells = arrays.pop("vertices"), arrays.pop("cells")
-    filled = {name: arrays.pop(_FILLING + name) for name in _FILLED if _FILLING + name in arrays}
+    cells, filled = arrays["cells"], under(arrays, _FILLING)
     kind = TetMesh if np.ndim(cells) == 2 and np.shape(cells)[1] == TetMesh.nodes else HexMesh
-    return kind(
-        vertices,
-        cells,
-        {name.removeprefix(_CELL_SET): ids for name, ids in arrays.items() if name.startswith(_CELL_SET)},
-        {name.removeprefix(_VERTEX_SET): ids for name, ids in arrays.items() if name.startswith(_VERTEX_SET)},
-        Filling(**filled) if filled else None,
-    )
+    sets = under(arrays, _CELL_SET), under(arrays, _VERTEX_SET)
+    return kind(arrays["vertices"], cells, *sets, Filling(**filled) if filled else None)
+
+
+def under(named: Mapping[str, NDArray], head: str) -> dict[str, NDArray]:
+    """Return the arrays whose names begin with ``head``, under the rest of their names."""
+    return {name.removeprefix(head): array for name, array in named.items() if name.startswith(head)}
 
 
 def unpack_surface(text: str) -> tuple[NDArray[np.float64], NDArray[np.int64]]:

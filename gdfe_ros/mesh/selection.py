@@ -3,17 +3,21 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import Enum
+from typing import Annotated, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.errors import MeshError
+from gdfe_ros.keys import Alternatives, FieldError, Keys, Meaning
 from gdfe_ros.mesh.cavities import corners_of
 from gdfe_ros.mesh.mesh import Mesh, MeshPart
 from gdfe_ros.mesh.touching import Touching
+from gdfe_ros.quantity import ANY, Quantity, Vector
 
 #: Points this close to a box or sphere still count as inside, as a fraction of the mesh size: coordinates such
 #: as 0.1 * 3 are not exact.
@@ -33,67 +37,81 @@ class Side(Enum):
     Z_HIGH = "z+"
 
 
-@dataclass(frozen=True)
-class Face:
-    """Vertices on one side of the bounding box. In a selection of cells: the cells with at least one such vertex."""
-
-    side: Side
-
-
-@dataclass(frozen=True)
-class BoxSelection:
-    """Points within closed intervals [low, high] [m]; None does not limit an axis."""
-
-    x: tuple[float, float] | None = None
-    y: tuple[float, float] | None = None
-    z: tuple[float, float] | None = None
+Interval = Annotated[
+    tuple[float, float],
+    Quantity("interval [low, high] of the coordinate", "m", count=2, ascending=True, infinite=True),
+]
+Ids = Annotated[tuple[int, ...], Quantity("ids, from 0", least=0, most=2**31 - 1, count=ANY, whole=True)]
+_UNION = Meaning(
+    "the union of several selections, e.g. the roots of two fingers on one flange: "
+    "[{mesh: left, face: x-}, {mesh: right, face: x-}]"
+)
+_MESH = Meaning("name of one of the `meshes`; coordinates and ids are then its own; without another key: all of it")
 
 
 @dataclass(frozen=True)
-class SphereSelection:
-    """Points within `radius` [m] of `center` [m]."""
+class BoxSelection(Keys):
+    """A box of closed intervals; an axis that is left out is not limited."""
 
-    center: tuple[float, float, float]
-    radius: float
+    x: Interval | None = None
+    y: Interval | None = None
+    z: Interval | None = None
 
-
-@dataclass(frozen=True)
-class Vertices:
-    """Vertices by id. In a selection of cells: the cells all of whose vertices are among the ids."""
-
-    ids: tuple[int, ...]
+    def __post_init__(self) -> None:
+        if self.x is self.y is self.z is None:
+            raise ValueError("give at least one axis, e.g. box: {x: [0.0, 0.1]}")
 
 
 @dataclass(frozen=True)
-class CellSelection:
-    """Cells by id. In a selection of vertices: the vertices of these cells."""
+class SphereSelection(Keys):
+    """A ball."""
 
-    ids: tuple[int, ...]
-
-
-@dataclass(frozen=True)
-class NamedSet:
-    """A vertex set or cell set of the mesh by name; it is converted like `Vertices` or `CellSelection`."""
-
-    name: str
+    center: Annotated[Vector, Quantity("center [x, y, z]", "m", count=3)]
+    radius: Annotated[float, Quantity("radius", "m", above=0.0)]
 
 
-@dataclass(frozen=True)
-class Within:
-    """A selection in one mesh of an assembly, in the frame and the ids of this mesh; without ``where``, all of it."""
+@dataclass(frozen=True, kw_only=True)
+class Where(Alternatives, Keys):
+    """A selection by exactly one of these keys, in the whole body or in one of the `meshes`; `any` unites several.
 
-    part: str
-    where: Where | None = None
+    In a selection of cells, a face selects the cells with at least one of its vertices, vertices select the cells all
+    of whose vertices are among them, and boxes and spheres select cells by their centroids. In a selection of vertices,
+    cells select their vertices. A set is converted like vertices or cells.
+    """
 
+    options: ClassVar[tuple[str, ...]] = ("mesh",)
+    alone: ClassVar[tuple[str, ...]] = ("mesh",)
 
-@dataclass(frozen=True)
-class AnyOf:
-    """Union of several selections."""
+    face: Annotated[Side | None, Meaning("vertices at the smallest (-) or largest (+) coordinate of the body")] = None
+    box: BoxSelection | None = None
+    sphere: SphereSelection | None = None
+    vertices: Ids | None = None
+    cells: Ids | None = None
+    set: Annotated[str | None, Meaning("name of a set in the mesh file")] = None
+    any: Annotated[tuple[Where, ...] | None, _UNION] = None
+    mesh: Annotated[str | None, _MESH] = None
 
-    places: tuple[Where, ...]
+    def __post_init__(self) -> None:
+        if self.any == ():
+            raise FieldError("any", (), f"must not be empty; needed: {_UNION.text}")
+        self.require_one()
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the meshes to which the selection refers."""
+        own = () if self.mesh is None else (self.mesh,)
+        return own + tuple(name for place in self.any or () for name in place.names)
 
-Where = Face | BoxSelection | SphereSelection | Vertices | CellSelection | NamedSet | Within | AnyOf
+    @property
+    def places(self) -> tuple[Where, ...]:
+        """The selections in the whole body that it unites; itself alone if it is no union."""
+        return (self,) if self.any is None or self.mesh is not None else self.any
+
+    @property
+    def inner(self) -> Where:
+        """The selection in the mesh that it names; without another key, all of this mesh."""
+        own = {name: value for name, value in vars(self).items() if value is not None and name != "mesh"}
+        return Where(**own or {"box": BoxSelection(x=(-math.inf, math.inf))})
 
 
 def select_vertices(mesh: Mesh, where: Where) -> NDArray[np.int32]:
@@ -110,32 +128,21 @@ def select_vertices(mesh: Mesh, where: Where) -> NDArray[np.int32]:
         MeshError: an id is out of range, or a set or a mesh is unknown.
     """
     match where:
-        case Face(side):
-            return _ids(_on_side(mesh, side))
-        case BoxSelection() | SphereSelection():
-            return _ids(inside_of(mesh, mesh.vertices, where))
-        case Vertices(ids):
-            return _checked(ids, mesh.n_vertices, "vertex")
-        case CellSelection(ids):
-            return _vertices_of(mesh, _checked(ids, mesh.n_cells, "cell"))
-        case Within(name, inner):
+        case Where(mesh=str(name)):
             part = part_of(mesh, name)
-            own = np.arange(part.mesh.n_vertices) if inner is None else select_vertices(part.mesh, inner)
-            return (own + part.first_vertex).astype(np.int32)
-        case AnyOf(places):
+            return select_vertices(part.mesh, where.inner) + np.int32(part.first_vertex)
+        case Where(any=tuple(places)):
             return united(select_vertices(mesh, place) for place in places)
-        case NamedSet(name) if name in mesh.vertex_sets:
-            return mesh.vertex_sets[name]
-        case NamedSet(name) if name in mesh.cell_sets:
-            return _vertices_of(mesh, mesh.cell_sets[name])
-        case NamedSet(name):
-            raise _unknown_set(mesh, name)
+        case Where(face=Side() as side):
+            return _ids(_on_side(mesh, side))
+        case Where(box=None, sphere=None):
+            vertices, cells = _listed(mesh, where)
+            return np.unique(mesh.cells[cells]) if vertices is None else vertices
+    return _ids(inside_of(mesh, mesh.vertices, where))
 
 
 def select_cells(mesh: Mesh, where: Where) -> NDArray[np.int32]:
     """Return the sorted cell ids of a selection; it may be empty.
-
-    Boxes and spheres select cells by their centroids. The selection classes describe the other rules.
 
     Args:
         mesh: the mesh.
@@ -148,32 +155,38 @@ def select_cells(mesh: Mesh, where: Where) -> NDArray[np.int32]:
         MeshError: an id is out of range, or a set or a mesh is unknown.
     """
     match where:
-        case Face(side):
-            return _ids(_on_side(mesh, side)[mesh.cells].any(axis=1))
-        case BoxSelection() | SphereSelection():
-            return _ids(inside_of(mesh, mesh.centroids, where))
-        case Vertices(ids):
-            return _cells_within(mesh, _checked(ids, mesh.n_vertices, "vertex"))
-        case CellSelection(ids):
-            return _checked(ids, mesh.n_cells, "cell")
-        case Within(name, inner):
+        case Where(mesh=str(name)):
             part = part_of(mesh, name)
-            own = np.arange(part.mesh.n_cells) if inner is None else select_cells(part.mesh, inner)
-            return (own + part.first_cell).astype(np.int32)
-        case AnyOf(places):
+            return select_cells(part.mesh, where.inner) + np.int32(part.first_cell)
+        case Where(any=tuple(places)):
             return united(select_cells(mesh, place) for place in places)
-        case NamedSet(name) if name in mesh.cell_sets:
-            return mesh.cell_sets[name]
-        case NamedSet(name) if name in mesh.vertex_sets:
-            return _cells_within(mesh, mesh.vertex_sets[name])
-        case NamedSet(name):
-            raise _unknown_set(mesh, name)
+        case Where(face=Side() as side):
+            return _ids(_on_side(mesh, side)[mesh.cells].any(axis=1))
+        case Where(box=None, sphere=None):
+            vertices, cells = _listed(mesh, where)
+            return _cells_within(mesh, vertices) if cells is None else cells
+    return _ids(inside_of(mesh, mesh.centroids, where))
+
+
+def _listed(mesh: Mesh, where: Where) -> tuple[NDArray[np.int32] | None, NDArray[np.int32] | None]:
+    """Return the vertices and the cells that a selection by ids or by a set lists; None where it lists none."""
+    match where:
+        case Where(vertices=tuple(ids)):
+            return _checked(ids, mesh.n_vertices, "vertex"), None
+        case Where(cells=tuple(ids)):
+            return None, _checked(ids, mesh.n_cells, "cell")
+    found = mesh.vertex_sets.get(where.set), mesh.cell_sets.get(where.set)
+    if found[0] is None and found[1] is None:
+        known = sorted({*mesh.cell_sets, *mesh.vertex_sets})
+        text = f"there are: {', '.join(known)}" if known else "the mesh has no sets; use face, box or ids"
+        raise MeshError("the selection does not fit the mesh", [f"set {where.set!r} does not exist; {text}"])
+    return found
 
 
 def select_faces(mesh: Mesh, where: Where) -> NDArray[np.int32]:
     """Return the boundary faces whose corners are all selected; there may be none.
 
-    In an `AnyOf`, a single one of its selections must contain all corners of a face.
+    In a union, a single one of its selections must contain all corners of a face.
 
     Args:
         mesh: the mesh.
@@ -186,7 +199,7 @@ def select_faces(mesh: Mesh, where: Where) -> NDArray[np.int32]:
         MeshError: an id is out of range, or a set or a mesh is unknown.
     """
     faces, all_selected = mesh.surface(), False
-    for place in where.places if isinstance(where, AnyOf) else (where,):
+    for place in where.places:
         chosen = np.zeros(mesh.n_vertices, dtype=bool)
         chosen[select_vertices(mesh, place)] = True
         all_selected = all_selected | chosen[corners_of(faces)].all(axis=1)
@@ -222,13 +235,13 @@ def at_end(points: NDArray[np.float64], side: Side, slack: float) -> NDArray[np.
     return coordinate >= coordinate.max() - slack
 
 
-def inside_of(mesh: Mesh, points: NDArray[np.float64], where: BoxSelection | SphereSelection) -> NDArray[np.bool_]:
+def inside_of(mesh: Mesh, points: NDArray[np.float64], where: Where) -> NDArray[np.bool_]:
     """Return whether each point lies in a box or sphere, extended by 1e-9 of the mesh size."""
-    slack = INSIDE_SLACK * mesh.size
-    if isinstance(where, SphereSelection):
-        return np.linalg.norm(points - where.center, axis=1) <= where.radius + slack
+    slack, box = INSIDE_SLACK * mesh.size, where.box
+    if box is None:
+        return np.linalg.norm(points - where.sphere.center, axis=1) <= where.sphere.radius + slack
     inside = np.ones(len(points), dtype=bool)
-    for axis, interval in enumerate((where.x, where.y, where.z)):
+    for axis, interval in enumerate((box.x, box.y, box.z)):
         if interval is not None:
             inside &= (points[:, axis] >= interval[0] - slack) & (points[:, axis] <= interval[1] + slack)
     return inside
@@ -248,20 +261,10 @@ def _checked(ids: tuple[int, ...], count: int, noun: str) -> NDArray[np.int32]:
     return np.unique(np.asarray(ids, dtype=np.int32))
 
 
-def _vertices_of(mesh: Mesh, cells: NDArray[np.int32]) -> NDArray[np.int32]:
-    return np.unique(mesh.cells[cells])
-
-
 def _cells_within(mesh: Mesh, vertices: NDArray[np.int32]) -> NDArray[np.int32]:
     chosen = np.zeros(mesh.n_vertices, dtype=bool)
     chosen[vertices] = True
     return _ids(chosen[mesh.cells].all(axis=1))
-
-
-def _unknown_set(mesh: Mesh, name: str) -> MeshError:
-    known = sorted({*mesh.cell_sets, *mesh.vertex_sets})
-    text = f"there are: {', '.join(known)}" if known else "the mesh has no sets; use face, box or ids"
-    return MeshError("the selection does not fit the mesh", [f"set {name!r} does not exist; {text}"])
 
 
 def select_skin(mesh: Mesh, where: Where) -> NDArray[np.int32]:
@@ -272,10 +275,10 @@ def select_skin(mesh: Mesh, where: Where) -> NDArray[np.int32]:
     Raises:
         MeshError: the selection is by ids, sets or the name of a mesh; these refer to cells and not to a skin.
     """
-    if isinstance(where, AnyOf):
-        return np.unique(np.concatenate([select_skin(mesh, place) for place in where.places]), axis=0)
-    chosen = _chosen(mesh, mesh.skin.at(mesh.vertices), where)
-    return mesh.skin.faces[chosen[mesh.skin.faces].all(axis=1)]
+    points, faces, selected = mesh.skin.at(mesh.vertices), mesh.skin.faces, False
+    for place in where.places:
+        selected = selected | _chosen(mesh, points, place)[faces].all(axis=1)
+    return faces[selected]
 
 
 def select_touching(mesh: Mesh, where: Where) -> NDArray[np.int32]:
@@ -286,15 +289,11 @@ def select_touching(mesh: Mesh, where: Where) -> NDArray[np.int32]:
     Raises:
         MeshError: the selection is by ids or sets, which refer to cells and not to a skin, or a mesh is unknown.
     """
-    if isinstance(where, AnyOf):
-        return united(select_touching(mesh, place) for place in where.places)
-    if isinstance(where, Within):
-        first, touching = sum(len(each.corners) for each in _before(mesh, where)), _part(mesh, where).touching
-        if touching is None:
-            return np.zeros(0, np.int32)
-        count = len(touching.corners)
-        own = np.arange(count) if where.where is None else select_touching(_part(mesh, where), where.where)
-        return (own + first).astype(np.int32)
+    if where.mesh is not None:
+        part, first = part_of(mesh, where.mesh).mesh, sum(len(each.corners) for each in _before(mesh, where.mesh))
+        return np.zeros(0, np.int32) if part.touching is None else select_touching(part, where.inner) + np.int32(first)
+    if where.any is not None:
+        return united(select_touching(mesh, place) for place in where.any)
     points, ends = mesh.touching.at(mesh.vertices), mesh.outside.at(mesh.vertices)
     return np.flatnonzero(_chosen(mesh, np.concatenate([points, ends]), where)[: len(points)]).astype(np.int32)
 
@@ -302,37 +301,31 @@ def select_touching(mesh: Mesh, where: Where) -> NDArray[np.int32]:
 def select_touching_faces(mesh: Mesh, where: Where) -> NDArray[np.int32]:
     """Return the triangles (t, 3) int32 of contact points whose three points are selected; there may be none.
 
-    In an `AnyOf`, a single one of its selections must contain all three.
+    In a union, a single one of its selections must contain all three.
 
     Raises:
         MeshError: as for `select_touching`.
     """
     faces, selected = mesh.touching.faces, False
-    for place in where.places if isinstance(where, AnyOf) else (where,):
+    for place in where.places:
         selected = selected | np.isin(faces, select_touching(mesh, place)).all(axis=1)
     return faces[selected]
 
 
-def _part(mesh: Mesh, where: Within) -> Mesh:
-    return part_of(mesh, where.part).mesh
-
-
-def _before(mesh: Mesh, where: Within) -> list[Touching]:
-    """Return the contact points of the meshes before the one in which a selection is."""
-    last = part_of(mesh, where.part).first_vertex
+def _before(mesh: Mesh, name: str) -> list[Touching]:
+    """Return the contact points of the meshes before the one of this name."""
+    last = part_of(mesh, name).first_vertex
     before = [each.mesh.touching for each in mesh.parts.values() if each.first_vertex < last]
     return [each for each in before if each is not None]
 
 
 def _chosen(mesh: Mesh, points: NDArray[np.float64], where: Where) -> NDArray[np.bool_]:
     """Return whether each of ``points`` (k, 3) [m] of a skin is selected."""
-    match where:
-        case Face(side):
-            return at_end(points, side, FACE_SLACK * mesh.size)
-        case BoxSelection() | SphereSelection():
-            return inside_of(mesh, points, where)
-        case _:
-            raise MeshError(
-                "the selection does not fit the skin",
-                ["ids, sets and names of meshes are those of cells, not of a skin; allowed: face, box, sphere"],
-            )
+    if where.mesh is None and where.face is not None:
+        return at_end(points, where.face, FACE_SLACK * mesh.size)
+    if where.mesh is None and (where.box is not None or where.sphere is not None):
+        return inside_of(mesh, points, where)
+    raise MeshError(
+        "the selection does not fit the skin",
+        ["ids, sets and names of meshes are those of cells, not of a skin; allowed: face, box, sphere"],
+    )

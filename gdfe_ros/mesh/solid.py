@@ -5,14 +5,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh.shells import points_inside, shells
-from gdfe_ros.mesh.voxels import examine_surface
 
 CELLS = 64
 """Default number of grid cells along the longest edge of a solid's bounding box."""
@@ -50,25 +48,6 @@ class Solid:
         return float(np.linalg.norm(np.ptp(self.vertices, axis=0)))
 
 
-def read_solid(surface: str | Path, *, scale: float | None = None, cell: float | None = None) -> Solid:
-    """Return the solid inside the closed surface of a file.
-
-    Args:
-        surface: an STL, OBJ, PLY or OFF file; nested shells are cavities.
-        scale: metres for each unit of the file, e.g. 0.001 for millimetres; None assumes metres and rejects implausible
-            sizes.
-        cell: spacing of the grid [m]; None for a 64th of the longest edge of the bounding box.
-
-    Raises:
-        MeshError: the surface has defects; the error names every defect and its remedy.
-    """
-    where = f"surface {surface}"
-    vertices, triangles, defects = examine_surface(surface, scale=scale)
-    if defects:
-        raise MeshError(where, defects)
-    return make_solid(vertices, triangles, cell=cell, where=where)
-
-
 def make_solid(
     vertices: NDArray[np.float64], triangles: NDArray[np.int64], *, cell: float | None = None, where: str = "surface"
 ) -> Solid:
@@ -77,7 +56,7 @@ def make_solid(
     Args:
         vertices: (n, 3) [m].
         triangles: (t, 3) vertex ids of a closed surface with outward orientation.
-        cell: as for `read_solid`.
+        cell: spacing of the grid [m]; None for a 64th of the longest edge of the bounding box.
         where: name of the surface in an error.
 
     Raises:

@@ -17,7 +17,7 @@ from gdfe_ros.mesh.faces import enclosed_volume
 from gdfe_ros.mesh.mesh_input import require_file
 from gdfe_ros.mesh.mesher import run_mesher
 from gdfe_ros.mesh.mesher_process import too_many
-from gdfe_ros.mesh.packing import mesh_arrays, mesh_of
+from gdfe_ros.mesh.packing import mesh_arrays, mesh_of, under
 from gdfe_ros.mesh.self_cuts import find_self_cuts
 from gdfe_ros.mesh.shells import shells
 from gdfe_ros.mesh.store import keep, key_of, recall
@@ -258,10 +258,7 @@ def _refined(
 
 def _curved(raw: dict[str, NDArray]) -> TetMesh:
     """Return the mesh from a mesher's arrays; the curved edges of cells below `STRAIGHTENED` are straightened."""
-    sets = [
-        {name.removeprefix(start): ids for name, ids in raw.items() if name.startswith(start)}
-        for start in ("cell:", "vertex:")
-    ]
+    sets = under(raw, "cell:"), under(raw, "vertex:")
     mesh = TetMesh(raw["vertices"], raw["cells"], *sets)
     vertices = mesh.vertices.copy()
     bad = mesh.cells[scaled_jacobians(mesh) < STRAIGHTENED]

@@ -66,10 +66,21 @@ def read_voxels(
     Raises:
         MeshError: the surface has defects; the error names every defect and its remedy.
     """
-    vertices, triangles, defects = examine_surface(surface, scale=scale)
+    return fill_surface(*read_surface(surface, scale=scale), cell=cell, cells=cells, where=f"surface {surface}")
+
+
+def read_surface(
+    surface: str | Path, *, scale: float | None = None, closed: bool = True
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Return vertices (n, 3) [m] and triangles (t, 3) of a surface file; the arguments are those of `examine_surface`.
+
+    Raises:
+        MeshError: the surface has defects; the error names every defect and its remedy.
+    """
+    vertices, triangles, defects = examine_surface(surface, scale=scale, closed=closed)
     if defects:
         raise MeshError(f"surface {surface}", defects)
-    return fill_surface(vertices, triangles, cell=cell, cells=cells, where=f"surface {surface}")
+    return vertices, triangles
 
 
 def examine_surface(

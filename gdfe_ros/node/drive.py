@@ -271,12 +271,12 @@ class CommandAssembler:
         for order in orders:
             match order:
                 case PoseOrder():
-                    self._twists.pop(order.handle, None)
-                    poses[order.handle] = order.after(self._target(order.handle, poses))
+                    self._twists.pop(order.name, None)
+                    poses[order.name] = order.after(self._target(order.name, poses))
                 case TwistOrder():
-                    self._twists[order.handle] = (order, self._run.parameters["velocity_timeout"])
+                    self._twists[order.name] = (order, self._run.parameters["velocity_timeout"])
                 case TeleportOrder():
-                    bodies[order.body] = order.pose
+                    bodies[order.name] = order.pose
                 case ActuatorOrder():
                     actuators.update(order.values)
                     for name in order.values:

@@ -26,24 +26,32 @@ FARTHEST = 10.0
 
 
 @dataclass(frozen=True)
-class PoseOrder:
-    """A target pose of a handle.
-
-    Many rotation vectors describe the same quaternion. The order uses the one closest to that of the last target.
+class PlaceOrder:
+    """A place of a handle or a body.
 
     Attributes:
-        handle: name of the handle.
+        name: name of the handle or body.
         translation: translation from rest [m].
         quaternion: x, y, z, w, of unit length.
     """
 
-    handle: str
+    name: str
     translation: tuple[float, float, float]
     quaternion: tuple[float, float, float, float]
 
-    def without(self, later: Order) -> PoseOrder | None:
-        """Return this order, or None if ``later`` sets another pose; a later velocity continues from this pose."""
-        return None if isinstance(later, PoseOrder) and later.handle == self.handle else self
+    def without(self, later: Order) -> PlaceOrder | None:
+        """Return this order, or None if ``later`` is one of the same kind for the same handle or body.
+
+        A later velocity continues from this place.
+        """
+        return None if type(later) is type(self) and later.name == self.name else self
+
+
+class PoseOrder(PlaceOrder):
+    """A target pose of a handle.
+
+    Many rotation vectors describe the same quaternion. The order uses the one closest to that of the last target.
+    """
 
     def after(self, last: Pose) -> Pose:
         """Return the target pose; its rotation vector is the equivalent one closest to that of the last target."""
@@ -55,12 +63,12 @@ class TwistOrder:
     """A velocity of a handle's target, valid until another command or its timeout.
 
     Attributes:
-        handle: name of the handle.
+        name: name of the handle.
         linear: velocity of the handle's centre [m/s].
         angular: angular velocity about the handle's centre, in world axes [rad/s].
     """
 
-    handle: str
+    name: str
     linear: tuple[float, float, float]
     angular: tuple[float, float, float]
 
@@ -71,7 +79,7 @@ class TwistOrder:
 
     def without(self, later: Order) -> TwistOrder | None:
         """Return this order, or None if ``later`` sets another pose or velocity of the handle."""
-        return None if isinstance(later, (PoseOrder, TwistOrder)) and later.handle == self.handle else self
+        return None if isinstance(later, (PoseOrder, TwistOrder)) and later.name == self.name else self
 
     def after(self, last: Pose, dt: float) -> Pose:
         """Return the last target after motion for ``dt`` [s]; rotations add up beyond 180 degrees."""
@@ -82,23 +90,8 @@ class TwistOrder:
         return Pose(tuple(translation), nearest_turn(rotation.as_quat(), expected))
 
 
-@dataclass(frozen=True)
-class TeleportOrder:
-    """A teleport of a rigid body.
-
-    Attributes:
-        body: name of the rigid body.
-        translation: translation from rest [m].
-        quaternion: x, y, z, w, of unit length.
-    """
-
-    body: str
-    translation: tuple[float, float, float]
-    quaternion: tuple[float, float, float, float]
-
-    def without(self, later: Order) -> TeleportOrder | None:
-        """Return this order, or None if ``later`` teleports the same body."""
-        return None if isinstance(later, TeleportOrder) and later.body == self.body else self
+class TeleportOrder(PlaceOrder):
+    """A teleport of a rigid body."""
 
     @property
     def pose(self) -> Pose:
@@ -225,7 +218,7 @@ def require_order(name: str, order: Order, size: float) -> None:
         Refusal: a number is not finite, or a target is too far from rest.
     """
     match order:
-        case PoseOrder() | TeleportOrder():
+        case PlaceOrder():
             require_finite(**{name: (*order.translation, *order.quaternion)})
             require_near(order.translation, size)
         case ActuatorOrder():
@@ -317,4 +310,4 @@ class Inbox:
 
 
 def _is_lost(order: Order, bodies: Collection[str]) -> bool:
-    return isinstance(order, TeleportOrder) and order.body not in bodies
+    return isinstance(order, TeleportOrder) and order.name not in bodies

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The keys `actuators`, `loads` and `probes` of a scene file."""
+"""The keys `actuators`, `loads`, `masses` and `probes` of a scene file."""
 
 from __future__ import annotations
 
@@ -8,24 +8,19 @@ from typing import Annotated, Any, Literal
 from pydantic import Discriminator, Field, Tag, model_validator
 
 from gdfe_ros.actuators import Mode
-from gdfe_ros.scene.entry import TAG, Choice, Entry
-from gdfe_ros.scene.quantity import Quantity
-from gdfe_ros.scene.where_schema import WhereModel
+from gdfe_ros.mesh.selection import Where
+from gdfe_ros.quantity import Quantity, Vector
+from gdfe_ros.scene.entry import TAG, Choice, Entry, one_of
 
-_POINT = Quantity("point [x, y, z]", "m", least=-1e3, most=1e3, count=3)
 _RANGE = Quantity("range [low, high] of the command", count=2, ascending=True, infinite=True)
 _RATE = Quantity("largest change of the command per second, in the command's unit", above=0.0, most=1e15)
-_STIFFNESS = Quantity("stiffness of the whole cable", "N/m", above=0.0, most=1e12)
 _CAVITY = Quantity("number of the cavity; 0 is the largest", least=0, most=100_000, whole=True)
-_STRETCH = Quantity("stretch along x, y, z at command 1", least=0.05, most=20.0, count=3)
-_ACCELERATION = Quantity("acceleration [x, y, z]", "m/s^2", least=-1e6, most=1e6, count=3)
 _FORCE = Quantity("force [x, y, z]", "N", least=-1e9, most=1e9, count=3)
 _TRACTION = Quantity("traction [x, y, z], force per undeformed area", "Pa", least=-1e12, most=1e12, count=3)
 
 _PRESSURE = Quantity("pressure at factor 1; positive pushes into the material", "Pa", least=-1e12, most=1e12)
-_REACH = Quantity("largest distance from which it takes hold", "m", above=0.0, most=1e3)
 
-Point3 = Annotated[tuple[float, float, float], _POINT]
+Point3 = Annotated[Vector, Quantity("point [x, y, z]", "m", least=-1e3, most=1e3, count=3)]
 _MESH = "name of one of the `meshes`; the coordinates are then in its own frame"
 
 
@@ -88,7 +83,7 @@ class CableModel(DriveModel):
     command: Literal["tension", "length", "shortening"] = Field(
         "tension", description="the commanded quantity: tension [N], length [m] or shortening [m]"
     )
-    stiffness: Annotated[float, _STIFFNESS] | None = None
+    stiffness: Annotated[float, Quantity("stiffness of the whole cable", "N/m", above=0.0, most=1e12)] | None = None
 
     @model_validator(mode="before")
     @classmethod
@@ -119,7 +114,7 @@ class ChamberModel(DriveModel):
 
     cavity: Annotated[int, _CAVITY] | None = None
     near: Point3 | None = Field(None, description="selects the cavity whose centre is nearest to this point [x, y, z]")
-    where: WhereModel | None = Field(
+    where: Where | None = Field(
         None, description="selects the chamber's faces: all faces with all four vertices in this place"
     )
     mesh: str | None = Field(None, description="name of one of the `meshes`, to which `cavity` and `near` refer")
@@ -139,8 +134,8 @@ class ChamberModel(DriveModel):
 class GrowthModel(DriveModel):
     """Cells that grow or shrink."""
 
-    stretch: Annotated[tuple[float, float, float], _STRETCH]
-    where: WhereModel | None = Field(
+    stretch: Annotated[Vector, Quantity("stretch along x, y, z at command 1", least=0.05, most=20.0, count=3)]
+    where: Where | None = Field(
         None, description="the cells that grow (default: all); if it names a mesh, x, y, z are that mesh's own axes"
     )
 
@@ -153,15 +148,17 @@ class GripModel(Entry):
 
     to: str = Field(description="name of the handle, obstacle or rigid body that holds")
     body: str | None = Field(None, description="name of the rigid body that is held")
-    where: WhereModel | None = Field(
+    where: Where | None = Field(
         None, description="the held vertices of the soft body, e.g. {face: x+}; with `to` a rigid body, a suction face"
     )
-    reach: Annotated[float, _REACH] = 0.005
+    reach: Annotated[float, Quantity("largest distance from which it takes hold", "m", above=0.0, most=1e3)] = 0.005
+
+    _one_thing = one_of(
+        "body", "where", "give exactly one of body (a rigid body) and where (vertices of the soft body)"
+    )
 
     @model_validator(mode="after")
-    def _one_thing(self) -> GripModel:
-        if (self.body is None) == (self.where is None):
-            raise ValueError("give exactly one of body (a rigid body) and where (vertices of the soft body)")
+    def _another(self) -> GripModel:
         if self.body == self.to:
             raise ValueError(f"{self.to!r} cannot hold itself; `to` is what holds, `body` is what is held")
         return self
@@ -187,29 +184,25 @@ class PointLoadModel(Entry):
 
     at: Point3 = Field(description="point of the body [x, y, z]")
     mesh: str | None = Field(None, description=_MESH)
-    force: Annotated[tuple[float, float, float], _FORCE]
+    force: Annotated[Vector, _FORCE]
 
 
 class SurfaceLoadModel(Entry):
     """A traction on faces, or a total force that is distributed evenly over their undeformed area."""
 
-    where: WhereModel = Field(
+    where: Where = Field(
         description="the loaded faces: all faces with all four vertices in this place, e.g. {face: x+}"
     )
-    traction: Annotated[tuple[float, float, float], _TRACTION] | None = None
-    force: Annotated[tuple[float, float, float], _FORCE] | None = None
+    traction: Annotated[Vector, _TRACTION] | None = None
+    force: Annotated[Vector, _FORCE] | None = None
 
-    @model_validator(mode="after")
-    def _one_size(self) -> SurfaceLoadModel:
-        if (self.traction is None) == (self.force is None):
-            raise ValueError("give either traction [Pa] or force [N]")
-        return self
+    _one_size = one_of("traction", "force", "give either traction [Pa] or force [N]")
 
 
 class PressureLoadModel(Entry):
     """A pressure that follows the faces on which it acts, with any edges: Abaqus' `*DSLOAD P`."""
 
-    where: WhereModel = Field(
+    where: Where = Field(
         description="the loaded faces: all faces with all four vertices in this place, e.g. {face: z+}"
     )
     pressure: Annotated[float, _PRESSURE]
@@ -218,7 +211,19 @@ class PressureLoadModel(Entry):
 class LoadModel(Choice):
     """A dead load (constant in size and direction) or a follower pressure, with exactly one of these keys."""
 
-    gravity: Annotated[tuple[float, float, float], _ACCELERATION] | None = None
+    gravity: Annotated[Vector, Quantity("acceleration [x, y, z]", "m/s^2", least=-1e6, most=1e6, count=3)] | None = None
     point: PointLoadModel | None = None
     surface: SurfaceLoadModel | None = None
     pressure: PressureLoadModel | None = None
+
+
+class MassModel(Entry):
+    """A mass that is attached to vertices or to a probe: it adds weight under gravity, and inertia in motion."""
+
+    mass: Annotated[float, Quantity("mass", "kg", above=0.0, most=1e6)]
+    where: Where | None = Field(
+        None, description="the vertices among which the mass is divided equally, e.g. {face: x+}"
+    )
+    probe: str | None = Field(None, description="name of the probe that the mass is attached to")
+
+    _one_place = one_of("where", "probe", "give either where or probe")

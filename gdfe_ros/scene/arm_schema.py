@@ -5,45 +5,33 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
-from gdfe_ros.scene.entry import Entry
+from gdfe_ros.quantity import Quantity, RotationQuantity, Vector
+from gdfe_ros.scene.entry import Entry, one_of
 from gdfe_ros.scene.paths import FilePath
-from gdfe_ros.scene.quantity import Quantity, RotationQuantity
 
 _AT = Quantity("position of the origin of the root link [x, y, z]", "m", least=-1e3, most=1e3, count=3)
-_ROTATION = RotationQuantity(
-    "rotation vector of the root link [x, y, z], or several in turn about fixed axes",
-    "degrees",
-    least=-36000,
-    most=36000,
-    count=3,
-)
-_FRICTION = Quantity("Coulomb's coefficient of friction of its links", least=0.0, most=100.0)
-_LOW = Quantity("smallest position, in rad or m", least=-1e6, most=1e6)
-_HIGH = Quantity("largest position, in rad or m", least=-1e6, most=1e6)
+_ROTATION = RotationQuantity("rotation vector of the root link [x, y, z], or several in turn about fixed axes")
 _FAST = Quantity("largest velocity, in rad/s or m/s", above=0.0, most=1e6)
 _HARD = Quantity("largest acceleration, in rad/s^2 or m/s^2", above=0.0, most=1e9)
-_STIFF = Quantity("stiffness, in N m/rad or N/m", above=0.0, most=1e12)
-_DAMPED = Quantity("viscous damping, in N m s/rad or N s/m", least=0.0, most=1e12)
-_STRONG = Quantity("largest effort, in N m or N", above=0.0, most=1e9)
 
 
 class JointLimitsModel(Entry):
     """Limits of a joint, which replace the limits in the URDF."""
 
-    lower: Annotated[float, _LOW] | None = None
-    upper: Annotated[float, _HIGH] | None = None
+    lower: Annotated[float, Quantity("smallest position, in rad or m", least=-1e6, most=1e6)] | None = None
+    upper: Annotated[float, Quantity("largest position, in rad or m", least=-1e6, most=1e6)] | None = None
     velocity: Annotated[float, _FAST] | None = None
     acceleration: Annotated[float, _HARD] | None = None
-    effort: Annotated[float, _STRONG] | None = None
+    effort: Annotated[float, Quantity("largest effort, in N m or N", above=0.0, most=1e9)] | None = None
 
 
 class SpringModel(Entry):
     """A spring and a damper between a joint's motor, which is at the commanded position, and the joint's link."""
 
-    stiffness: Annotated[float, _STIFF]
-    damping: Annotated[float, _DAMPED] = 0.0
+    stiffness: Annotated[float, Quantity("stiffness, in N m/rad or N/m", above=0.0, most=1e12)]
+    damping: Annotated[float, Quantity("viscous damping, in N m s/rad or N s/m", least=0.0, most=1e12)] = 0.0
 
 
 class ArmModel(Entry):
@@ -57,8 +45,8 @@ class ArmModel(Entry):
     embedded: str | None = Field(None, description="a packed URDF with its meshes, as recorded scenes contain it")
     flange: str = Field(description="name of the link that carries the handle, e.g. tool0")
     handle: str = Field(description="name of the handle; its pose relative to the flange stays the initial one")
-    at: Annotated[tuple[float, float, float], _AT] = (0.0, 0.0, 0.0)
-    rotation_deg: Annotated[tuple[float, float, float], _ROTATION] = (0.0, 0.0, 0.0)
+    at: Annotated[Vector, _AT] = (0.0, 0.0, 0.0)
+    rotation_deg: Annotated[Vector, _ROTATION] = (0.0, 0.0, 0.0)
     start: dict[str, float] = Field(
         {},
         description="initial positions of joints [rad] or [m], by name; the others are at 0, or at the limit that is "
@@ -84,10 +72,6 @@ class ArmModel(Entry):
         description="links whose collision shapes the soft body and rigid bodies touch; default: all that have one, "
         "except those that are fixed to the flange; []: none",
     )
-    friction: Annotated[float, _FRICTION] = 0.0
+    friction: Annotated[float, Quantity("Coulomb's coefficient of friction of its links", least=0.0, most=100.0)] = 0.0
 
-    @model_validator(mode="after")
-    def _one_source(self) -> ArmModel:
-        if (self.urdf is None) == (self.embedded is None):
-            raise ValueError("give urdf, the path of its URDF")
-        return self
+    _one_source = one_of("urdf", "embedded", "give urdf, the path of its URDF")

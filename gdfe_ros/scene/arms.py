@@ -25,8 +25,9 @@ from gdfe_ros.mesh import HexMesh
 from gdfe_ros.mesh.packing import pack_robot, unpack_robot
 from gdfe_ros.regular_file import read_text
 from gdfe_ros.scene.arm_schema import ArmModel
-from gdfe_ros.scene.document import KeyPath
-from gdfe_ros.scene.report import NO_VALUE, Defects, suggest
+from gdfe_ros.scene.builder import KINDS
+from gdfe_ros.scene.document import Carried, KeyPath, without
+from gdfe_ros.scene.report import Defects, require_known, suggest
 from gdfe_ros.scene.schema import Draft
 
 SPIN_UP = 0.1
@@ -39,7 +40,7 @@ def require_arms(data: Mapping[str, Any], report: Defects) -> None:
     """Report a defect if a scene has both `arm` and `arms`."""
     if "arm" in data and "arms" in data:
         text = "`arm` is there, too; remedy: keep one of the two; `arms` may contain a single arm"
-        report.add(("arms",), text, value=NO_VALUE)
+        report.refuse(("arms",), text)
 
 
 def arm_models(draft: Draft) -> dict[str, tuple[KeyPath, ArmModel]]:
@@ -49,11 +50,10 @@ def arm_models(draft: Draft) -> dict[str, tuple[KeyPath, ArmModel]]:
 
 
 def build_arms(
-    draft: Draft, mesh: HexMesh | None, handles: Sequence[Handle], report: Defects
-) -> tuple[tuple[Arm, ...], dict[KeyPath, dict[str, Any]]]:
-    """Return the valid arms, and a dict from the key path of each arm to the keys that embed its files."""
+    draft: Draft, mesh: HexMesh | None, handles: Sequence[Handle], carried: Carried, report: Defects
+) -> tuple[Arm, ...]:
+    """Return the valid arms."""
     arms: list[Arm] = []
-    carried: dict[KeyPath, dict[str, Any]] = {}
     for name, (path, model) in arm_models(draft).items() if mesh is not None else ():
         built = _Builder(name, path, model, report)
         arm = built.arm(mesh, handles, list(draft.handles))
@@ -61,7 +61,7 @@ def build_arms(
             arms.append(arm)
             carried |= built.embedded()
     _require_distinct(arms, draft, report)
-    return tuple(arms), carried
+    return tuple(arms)
 
 
 def joint_starts(arms: Sequence[Arm]) -> dict[str, float]:
@@ -97,7 +97,7 @@ class _Builder:
             shapes = visuals(robot, self._surfaces)
         except (ArmError, MeshError) as error:
             for defect in error.defects:
-                self._report.add((*self._path, key), defect, value=NO_VALUE)
+                self._refuse(defect, key)
             return None
         arm = Arm(
             name=self._name,
@@ -112,14 +112,19 @@ class _Builder:
             remarks=(*robot.remarks, *remarks, *debris),
         )
         for text in begins_inside(arm, handles, mesh):
-            self._report.add((*self._path, "start"), text, value=NO_VALUE)
+            self._refuse(text, "start")
         return arm
 
-    def embedded(self) -> dict[KeyPath, dict[str, Any]]:
-        """Return a dict from the arm's key path to the keys that embed its files; empty if it has no files."""
+    def _refuse(self, text: str, *keys: str) -> None:
+        """Report a defect at a key of the arm."""
+        self._report.refuse((*self._path, *keys), text)
+
+    def embedded(self) -> Carried:
+        """Return a dict from the arm's key path to its entry with the contents of its files; empty without files."""
         if self._model.urdf is None:
             return {}
-        return {self._path: {"embedded": pack_robot(self._text, self._surfaces)}}
+        entry = without(self._report.value_at(self._path, plain=False), "urdf", "packages")
+        return {self._path: entry | {"embedded": pack_robot(self._text, self._surfaces)}}
 
     def _read(self) -> Description:
         model = self._model
@@ -178,11 +183,11 @@ class _Builder:
     def _check_handle(self, handle: Handle | None, known: Sequence[str]) -> None:
         path = (*self._path, "handle")
         if handle is None:
-            if self._model.handle not in known:
-                self._report.add(path, f"there is no such handle{suggest(self._model.handle, known)}")
+            with self._report.entry(*path):
+                require_known("", "handle", self._model.handle, known)
         elif handle.fixed or handle.loose:
             text = "this handle is fixed or has free axes, but an arm prescribes its whole pose"
-            self._report.add(path, f"{text}; remedy: remove `fixed` and `free` from it", value=NO_VALUE)
+            self._report.refuse(path, f"{text}; remedy: remove `fixed` and `free` from it")
 
     def _require_flange(self, robot: Description) -> None:
         if self._model.flange not in robot.links:
@@ -204,7 +209,7 @@ class _Builder:
             elif not limits.lower <= value <= limits.upper:
                 sound = False
                 allowed = f"allowed by its limits: {limits.lower:g} to {limits.upper:g} {joint.unit}"
-                self._report.add((*self._path, "start", joint.name), f"{value!r}; {allowed}", value=NO_VALUE)
+                self._refuse(f"{value!r}; {allowed}", "start", joint.name)
         return np.array([float(starts[name]) for name in joints]) if sound else None
 
     def _springs(self, robot: Description) -> JointSprings | None:
@@ -229,7 +234,7 @@ class _Builder:
             text = f"there is no such joint{suggest(name, joints)}"
             if name in followers:
                 text = f"this joint follows {followers[name]!r} (mimic) and has no motor; remedy: {followers[name]}"
-            self._report.add((*self._path, key, name), text, value=NO_VALUE)
+            self._refuse(text, key, name)
         return not unknown
 
     def _touching(self, robot: Description) -> list[str]:
@@ -240,19 +245,16 @@ class _Builder:
             return [name for name, link in robot.links.items() if link.collisions and name not in mounted]
         for name in given:
             if name not in robot.links:
-                self._report.add(
-                    (*self._path, "links"), f"there is no link {name!r}{suggest(name, robot.links)}", value=NO_VALUE
-                )
+                self._refuse(f"there is no link {name!r}{suggest(name, robot.links)}", "links")
             elif not robot.links[name].collisions:
                 text = f"link {name!r} has no <collision>; remedy: leave it out, or give it one"
-                self._report.add((*self._path, "links"), text, value=NO_VALUE)
+                self._refuse(text, "links")
         return [name for name in given if name in robot.links]
 
 
 def _require_distinct(arms: Sequence[Arm], draft: Draft, report: Defects) -> None:
     """Report arms that have the same handle, or a joint or link with the name of another item of the scene."""
-    sections = ("handles", "obstacles", "bodies", "actuators", "loads")
-    taken = {name: section[:-1].replace("bodie", "body") for section in sections for name in getattr(draft, section)}
+    taken = {name: kind for section, kind in KINDS.items() for name in getattr(draft, section)}
     owners: dict[str, str] = {}
     handles: dict[str, str] = {}
     paths = {name: path for name, (path, _) in arm_models(draft).items()}
@@ -264,9 +266,8 @@ def _require_distinct(arms: Sequence[Arm], draft: Draft, report: Defects) -> Non
         names = [joint.name for joint in arm.joints] + list(arm.dynamics.description.links)
         names += [piece.name for piece in arm.links]
         for name in names:
-            owner = f"arm {owners[name]!r}" if name in owners else f"a {taken[name]}" if name in taken else ""
-            if owner:
+            if owner := f"arm {owners[name]!r}" if name in owners else taken.get(name):
                 remedy = f"remedy: `prefix: {arm.name}_`"
-                report.add(paths[arm.name], f"{owner} has the name {name!r}, too; {remedy}", value=NO_VALUE)
+                report.refuse(paths[arm.name], f"{owner} has the name {name!r}, too; {remedy}")
                 break
         owners |= dict.fromkeys(names, arm.name)

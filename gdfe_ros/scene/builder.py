@@ -3,15 +3,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.actuators import Actuator, Load
-from gdfe_ros.arms.arm import Arm
 from gdfe_ros.constraints import Axis, Handle
 from gdfe_ros.errors import MeshError
 from gdfe_ros.materials import Material
@@ -19,13 +17,10 @@ from gdfe_ros.mesh import HexMesh, Mesh, select_cells, select_vertices
 from gdfe_ros.mesh.faces import vertex_pieces
 from gdfe_ros.mesh.quality import list_ids
 from gdfe_ros.mesh.selection import Where
-from gdfe_ros.scene.document import KeyPath
-from gdfe_ros.scene.meshes import known_part
-from gdfe_ros.scene.obstacle_schema import ObstacleModel
-from gdfe_ros.scene.program import JointPoint, Point, Program
-from gdfe_ros.scene.report import NO_VALUE, Defects, suggest
-from gdfe_ros.scene.schema import Draft, HandleModel, KeyframeModel, ProgramModel
-from gdfe_ros.scene.where_schema import WhereModel
+from gdfe_ros.scene.document import Carried, KeyPath, without
+from gdfe_ros.scene.meshes import require_part
+from gdfe_ros.scene.report import WHOLE, Defects, Unfit, require_known
+from gdfe_ros.scene.schema import Draft, HandleModel, RegionModel
 
 _TESTED = {
     "cell": "cell centroids",
@@ -34,57 +29,60 @@ _TESTED = {
 """Dict from a kind of items to the points that a selection of such items tests; for other kinds, the vertices."""
 
 
-def build_materials(draft: Draft, report: Defects) -> dict[str, Material]:
+def build_materials(draft: Draft, carried: Carried, report: Defects) -> dict[str, Material]:
     """Return a dict from the name of each valid material to the material."""
     materials = {}
     for name, model in draft.materials.items():
+        path = ("materials", name)
         try:
             materials[name] = model.build()
         except ValueError as error:
-            report.add(("materials", name), str(error))
+            report.add(path, str(error))
+        if (table := getattr(model, "csv", None)) is not None:
+            points = {"strain": list(table.strain), "stress": list(table.stress)}
+            carried[path] = without(report.value_at(path, plain=False), "csv") | points
     return materials
 
 
-def assign_materials(draft: Draft, mesh: HexMesh | None, names: list[str], report: Defects) -> NDArray[np.int32]:
-    """Return the index into ``names`` of each cell's material (m,), int32; -1 for a cell without a material."""
-    regions = [(each, ("regions", i)) for i, each in enumerate(draft.regions) if each is not None]
-    given = [(each.material, each.where, path, (*path, "material")) for each, path in regions]
+def assign_materials(draft: Draft, mesh: HexMesh | None, report: Defects) -> NDArray[np.int32]:
+    """Return the index of each cell's material (m,), int32; -1 for a cell without a material."""
+    given = [(each, ("regions", i)) for i, each in enumerate(draft.regions) if each is not None]
     complete = len(draft.regions) > 0 and None not in draft.regions
-    return fill_regions(mesh, given, names, ("regions",), report, complete=complete)
+    return fill_regions(mesh, given, ("regions",), report, complete=complete)
 
 
 def fill_regions(
     mesh: Mesh | None,
-    regions: Iterable[tuple[str, WhereModel | None, KeyPath, KeyPath]],
-    names: Sequence[str],
+    regions: Sequence[tuple[RegionModel, KeyPath]],
     path: KeyPath,
     report: Defects,
     *,
     complete: bool = True,
 ) -> NDArray[np.int32]:
-    """Return the index into ``names`` of each cell's material (m,), int32; -1 for a cell without a material.
+    """Return the index of each cell's material (m,), int32; -1 for a cell without a material.
 
     Args:
         mesh: mesh of the cells; None if it has defects.
-        regions: material, place, key path of the region, and key path of its material, of each region.
-        names: names of all materials.
+        regions: regions with their key paths; later ones win.
         path: key path of the list of regions.
         report: collects the defects.
         complete: whether no region has been left out because of a defect; if so, all cells must have a material.
     """
+    names = report.names("materials")
     assigned = np.full(mesh.n_cells if mesh is not None else 0, -1, dtype=np.int32)
-    for material, where, place, key in regions:
-        if material not in names:
-            report.add(key, f"there is no such material{suggest(material, names)}")
-        cells = None if mesh is None else select(select_cells, mesh, where, (*place, "where"), "cell", report)
-        if material in names and cells is not None:
-            assigned[cells] = names.index(material)
-        else:
-            complete = False
+    filled = 0
+    for region, place in regions:
+        with report.entry(*place):
+            require_known("material", "material", region.material, names)
+        with report.entry(*place):
+            cells = [] if mesh is None else select(select_cells, mesh, region.where, "cell")
+            if region.material in names:
+                assigned[cells] = names.index(region.material)
+                filled += 1
     bare = np.flatnonzero(assigned < 0)
-    if complete and len(bare):
+    if complete and filled == len(regions) and len(bare):
         text = f"{len(bare)} cells have no material: {list_ids(bare)}; remedy: begin with a region without `where`"
-        report.add(path, text, value=NO_VALUE)
+        report.refuse(path, text)
     return assigned
 
 
@@ -92,14 +90,13 @@ def build_handles(draft: Draft, mesh: HexMesh | None, report: Defects) -> tuple[
     """Return the handles with valid vertices; report a vertex that belongs to two handles."""
     handles = []
     for name, model in draft.handles.items() if mesh is not None else ():
-        vertices = select(select_vertices, mesh, model.where, ("handles", name, "where"), "vertex", report)
-        if vertices is not None:
-            handles.append(_handle(name, vertices, model))
+        with report.entry("handles", name):
+            handles.append(_handle(name, select(select_vertices, mesh, model.where, "vertex"), model))
     handles = list(_apart(handles))
     for handle in handles:
         if not len(handle.vertices):
             text = "each of its vertices belongs to other handles; remedy: remove it"
-            report.add(("handles", handle.name, "where"), text, value=NO_VALUE)
+            report.refuse(("handles", handle.name, "where"), text)
     for first, second in combinations(handles, 2):
         shared = np.intersect1d(first.vertices, second.vertices)
         if len(shared):
@@ -152,7 +149,7 @@ def require_held(mesh: HexMesh, handles: tuple[Handle, ...], report: Defects) ->
             whole = _piece(mesh, np.flatnonzero(part == piece))
             remedy = f"add a handle there that is fixed or not free in {letter}, or `dynamics: {{}}` to let it move"
             text = f"no handle holds {whole} along {letter}; remedy: {remedy}"
-            report.add(("handles",), text, value=NO_VALUE)
+            report.refuse(("handles",), text)
 
 
 def _piece(mesh: HexMesh, vertices: NDArray[np.intp]) -> str:
@@ -167,179 +164,55 @@ def _piece(mesh: HexMesh, vertices: NDArray[np.intp]) -> str:
     return f"the piece with the vertices {list_ids(vertices)}"
 
 
-def build_program(
-    model: ProgramModel,
-    draft: Draft,
-    named: Mapping[str, list[str]],
-    report: Defects,
-    *,
-    actuators: Sequence[Actuator] = (),
-    loads: Sequence[Load] = (),
-    start: Mapping[str, float] | None = None,
-    arms: Sequence[Arm] | None = (),
-) -> Program:
-    """Return the program; report unknown or immovable items, and times that do not ascend or exceed the duration.
-
-    Args:
-        model: the program of the file.
-        draft: valid parts of the file.
-        named: dict from section (handles, obstacles, actuators and loads) to the names of all its items in the file,
-            also of those with defects.
-        report: collects the defects.
-        actuators: actuators of the scene.
-        loads: loads of the scene.
-        start: dict from the name of an item to its command at time 0, if its first command is at a later time.
-        arms: arms of the scene; None if an arm has defects.
-    """
-    carriers = {arm.handle: arm.name for arm in arms or ()}
-    for section in ("handles", "obstacles"):
-        names = named[section]
-        known: Mapping[str, HandleModel | ObstacleModel] = getattr(draft, section)
-        for name, frames in getattr(model, section).items():
-            path = ("program", section, name)
-            if name not in names:
-                report.add(path, f"there is no such {section[:-1]}{suggest(name, names)}", value=NO_VALUE)
-            elif name in known:
-                _check_movable(known[name], section[:-1], frames, path, report)
-            if section == "handles" and name in carriers:
-                text = f"arm {carriers[name]!r} carries this handle; remedy: program.joints, positions of its joints"
-                report.add(path, text, value=NO_VALUE)
-            if not frames:
-                report.add(path, "there is no keyframe; give e.g. [{time: 1.0, translation: [0, 0, 0.1]}]")
-            _check_times(frames, model.duration, path, report)
-    ranges = {actuator.name: (actuator.low, actuator.high) for actuator in actuators}
-    driven = _tracks(model.actuators, "actuators", named["actuators"], ranges, model.duration, report)
-    factors = _tracks(model.loads, "loads", named["loads"], {}, model.duration, report)
-    joints = _joint_tracks(model, arms, report)
-    moved = {**model.handles, **model.obstacles}
-    keyframes = {name: tuple(frame.build() for frame in frames) for name, frames in moved.items()}
-    own = {name: (start or {}).get(name, 0.0) for name in (*driven, *factors, *joints)}
-    return Program(model.duration, keyframes, driven, factors, own, joints)
+KINDS = {
+    "handles": "a handle",
+    "obstacles": "an obstacle",
+    "bodies": "a body",
+    "actuators": "an actuator",
+    "loads": "a load",
+}
+_OTHERS = {
+    "obstacles": ("handles", "actuators", "loads"),
+    "bodies": ("handles", "obstacles", "actuators", "loads"),
+    "fibres": tuple(KINDS),
+    "soft_bodies": tuple(KINDS),
+    "loads": ("actuators",),
+}
+"""Dict from section to the other sections whose items have other names; actuators, loads, contacts and fibres are terms
+of one potential."""
 
 
-def _joint_tracks(
-    model: ProgramModel, arms: Sequence[Arm] | None, report: Defects
-) -> dict[str, tuple[JointPoint, ...]]:
-    """Return the positions of joints over time; report unknown joints and positions or velocities beyond the limits."""
-    limits = {joint.name: joint.limits for arm in arms or () for joint in arm.joints}
-    for name, points in model.joints.items():
-        path = ("program", "joints", name)
-        if arms is not None and name not in limits:
-            report.add(path, f"there is no such joint{suggest(name, limits)}", value=NO_VALUE)
-        if not points:
-            report.add(path, "there is no point; give e.g. [{time: 1.0, value: 0.5}]")
-        _check_times(points, model.duration, path, report)
-        for i, point in enumerate(points if name in limits else ()):
-            low, high, fast = limits[name].lower, limits[name].upper, limits[name].velocity
-            if not low <= point.value <= high:
-                report.add((*path, i, "value"), f"allowed by the joint's limits: {low:g} to {high:g}")
-            if abs(point.velocity) > fast:
-                report.add((*path, i, "velocity"), f"allowed by the joint's limit: {-fast:g} to {fast:g}")
-    return dict(model.joints)
-
-
-def _check_times(
-    frames: Sequence[KeyframeModel | Point | JointPoint], duration: float, path: KeyPath, report: Defects
-) -> None:
-    for i, frame in enumerate(frames):
-        if frame.time > duration:
-            report.add((*path, i, "time"), f"allowed are times up to the duration, {duration:g} s")
-        if i and frame.time <= frames[i - 1].time:
-            report.add((*path, i, "time"), f"times must ascend; the one before is {frames[i - 1].time:g} s")
-
-
-def _tracks(
-    tracks: Mapping[str, tuple[Point, ...]],
-    section: str,
-    names: list[str],
-    ranges: Mapping[str, tuple[float, float]],
-    duration: float,
-    report: Defects,
-) -> dict[str, tuple[Point, ...]]:
-    """Return the commands of actuators or loads over time; report unknown items and commands out of range."""
-    for name, points in tracks.items():
-        path = ("program", section, name)
-        if name not in names:
-            report.add(path, f"there is no such {section[:-1]}{suggest(name, names)}", value=NO_VALUE)
-        if not points:
-            report.add(path, "there is no keyframe; give e.g. [{time: 1.0, value: 1.0}]")
-        _check_times(points, duration, path, report)
-        low, high = ranges.get(name, (-np.inf, np.inf))
-        for i, point in enumerate(points):
-            if not low <= point.value <= high:
-                report.add((*path, i, "value"), f"allowed by the actuator's range: {low:g} to {high:g}")
-    return dict(tracks)
-
-
-def _check_movable(
-    handle: HandleModel | ObstacleModel,
-    noun: str,
-    frames: tuple[KeyframeModel, ...],
-    path: KeyPath,
-    report: Defects,
-) -> None:
-    if handle.fixed:
-        report.add(path, f"this {noun} is fixed; remedy: remove `fixed: true` or this entry", value=NO_VALUE)
-    if isinstance(handle, ObstacleModel):
-        return
-    for i, frame in enumerate(frames):
-        for axis in handle.axes:
-            if frame.translation[axis]:
-                letter = axis.name.lower()
-                text = f"{letter} is free and cannot be commanded; use 0 for {letter}"
-                report.add((*path, i, "translation"), text)
-        for axis in handle.turning:
-            if frame.rotation_deg[axis]:
-                letter = f"r{axis.name.lower()}"
-                text = f"{letter} is free and cannot be commanded; use 0 for {letter}"
-                report.add((*path, i, "rotation_deg"), text)
-
-
-def holder_of(name: str, draft: Draft, *sections: str) -> str | None:
-    """Return the kind of item that has a name, e.g. ``a handle``; None if no item of the ``sections`` has it.
-
-    Actuators and loads count in any case, because they, contacts and fibres are terms of one potential.
-    """
-    kinds = {
-        "handles": "a handle",
-        "obstacles": "an obstacle",
-        "bodies": "a body",
-        "actuators": "an actuator",
-        "loads": "a load",
-    }
-    found = [kinds[section] for section in (*sections, "actuators", "loads") if name in getattr(draft, section)]
-    return found[0] if found else None
+def require_own_names(draft: Draft, report: Defects) -> None:
+    """Report items with the name of an item of another section."""
+    for section, others in _OTHERS.items():
+        for name in getattr(draft, section):
+            taken = next((KINDS[other] for other in others if name in getattr(draft, other)), None)
+            if taken is not None:
+                report.refuse((section, name), f"{taken} has this name; remedy: another one")
 
 
 def select(
-    selector: Callable[[HexMesh, Where], NDArray[np.int32]],
-    mesh: HexMesh,
-    where: WhereModel | None,
-    path: KeyPath,
-    noun: str,
-    report: Defects,
-) -> NDArray[np.int32] | None:
-    """Return the ids that a `where` selects; report an invalid or empty selection and return None.
+    selector: Callable[[HexMesh, Where], NDArray[np.int32]], mesh: HexMesh, where: Where | None, noun: str
+) -> NDArray[np.int32]:
+    """Return the ids that the key `where` of an entry selects. Without a `where`, they are the ids of all cells.
 
-    ``selector`` is a function of `mesh.selection`, e.g. `select_cells`. Without a `where`, the ids of all cells are
-    returned.
+    ``selector`` is a function of `mesh.selection`, e.g. `select_cells`.
+
+    Raises:
+        Unfit: the selection is invalid or empty.
     """
     if where is None:
         return np.arange(mesh.n_cells, dtype=np.int32)
-    if not all([known_part(mesh, name, path, report) for name in where.names]):
-        return None
+    for name in where.names:
+        require_part(mesh, name, "where.mesh")
     try:
-        ids = selector(mesh, where.build())
+        ids = selector(mesh, where)
     except MeshError as error:
-        for defect in error.defects:
-            report.add(path, defect)
-        return None
+        raise Unfit("where", *error.defects) from error
     if len(ids):
         return ids
     own = mesh.parts[where.mesh].mesh if where.mesh is not None else mesh
     name = f"mesh {where.mesh!r} in its own frame" if where.mesh is not None else "the mesh"
     extent = ", ".join(f"{axis} {a:g} to {b:g}" for axis, a, b in zip("xyz", *own.bounds, strict=True))
-    points = _TESTED.get(noun, "vertices")
-    given = where.model_dump(exclude_none=True)
-    report.add(path, f"no {noun} is there; {name} spans {extent} [m] and {points} are tested", value=given)
-    return None
+    text = f"no {noun} is there; {name} spans {extent} [m] and {_TESTED.get(noun, 'vertices')} are tested"
+    raise Unfit("where", text, value=WHOLE)

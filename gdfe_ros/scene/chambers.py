@@ -19,64 +19,45 @@ from gdfe_ros.mesh.outside import Outside
 from gdfe_ros.mesh.quality import list_ids
 from gdfe_ros.scene.actuator_schema import ChamberModel
 from gdfe_ros.scene.builder import select
-from gdfe_ros.scene.document import KeyPath
-from gdfe_ros.scene.meshes import known_part
-from gdfe_ros.scene.report import NO_VALUE, Defects
+from gdfe_ros.scene.meshes import require_part
+from gdfe_ros.scene.report import NO_VALUE, Unfit
 
 
-def chamber(
-    value: ChamberModel,
-    mesh: HexMesh,
-    common: dict,
-    path: KeyPath,
-    report: Defects,
-    *,
-    handles: Sequence[Handle] = (),
-) -> Chamber | None:
-    """Return the chamber of an entry; None if it has a defect, which is reported.
+def chamber(value: ChamberModel, mesh: HexMesh, common: dict, *, handles: Sequence[Handle] = ()) -> Chamber:
+    """Return the chamber of an entry.
 
     Args:
         value: the entry.
         mesh: the body.
         common: name, mode, range and rate of the actuator.
-        path: key path of the entry in the file.
-        report: collects the defects.
         handles: handles of the scene; open edges of named faces may lie on them.
+
+    Raises:
+        Unfit: there is no such chamber, or its faces are not those of a chamber.
     """
-    if not known_part(mesh, value.mesh, path, report):
-        return None
+    require_part(mesh, value.mesh)
     part = None if value.mesh is None else mesh.parts[value.mesh]
     within, first = (mesh, 0) if part is None else (part.mesh, part.first_vertex)
     if within.filling is not None:
-        return _lined_chamber(value, within, first, common, path, report)
+        return _lined_chamber(value, within, first, common)
     if value.where is not None:
-        faces = select(select_faces, mesh, value.where, (*path, "where"), "boundary face", report)
-        if faces is None:
-            return None
-        return _named_chamber(mesh, turned(faces), handles, common, (*path, "where"), report)
+        return _named_chamber(mesh, turned(select(select_faces, mesh, value.where, "boundary face")), handles, common)
     body = "the body" if part is None else f"mesh {value.mesh!r}"
     lack = f"{body} has no closed cavity; remedy: name its faces by `where`; `gdfe inspect` shows leaks"
-    cavity = _chosen(value, find_cavities(within), body, lack, path, report)
-    return None if cavity is None else Chamber(quads=cavity.quads + np.int32(first), **common)
+    cavity = _chosen(value, find_cavities(within), body, lack)
+    return Chamber(quads=cavity.quads + np.int32(first), **common)
 
 
-def _lined_chamber(
-    value: ChamberModel, mesh: HexMesh, first: int, common: dict, path: KeyPath, report: Defects
-) -> Chamber | None:
+def _lined_chamber(value: ChamberModel, mesh: HexMesh, first: int, common: dict) -> Chamber:
     """Return a chamber whose pressure acts on the skin, because the faces of cut cells are not on the surface."""
     if value.where is not None:
         text = "it would name faces of cut cells, which lie beside the surface; remedy: cavity, near, or cells: whole"
-        report.add((*path, "where"), text, value=NO_VALUE)
-        return None
+        raise Unfit("where", text, value=NO_VALUE)
     if mesh.skin is None:
         text = "with cut cells, its pressure acts on the skin; remedy: `skin: {file: ...}` with the mesh's surface, "
-        report.add(path, f"{text}or cells: whole", value=NO_VALUE)
-        return None
+        raise Unfit("", f"{text}or cells: whole", value=NO_VALUE)
     lack = "the skin has no closed shell within another one; remedy: a skin with the chamber's walls, closed"
-    cavity, skin = _chosen(value, skin_cavities(mesh), "the skin", lack, path, report), mesh.skin
-    if cavity is None:
-        return None
-    points, quads = on_skin(skin, cavity.quads)
+    points, quads = on_skin(mesh.skin, _chosen(value, skin_cavities(mesh), "the skin", lack).quads)
     return Chamber(quads=quads, points=replace(points, corners=points.corners + first), **common)
 
 
@@ -89,27 +70,22 @@ def on_skin(skin: Outside, quads: NDArray[np.int32]) -> tuple[Embedding, NDArray
     return Embedding(skin.corners[used], skin.weights[used]), local.reshape(quads.shape).astype(np.int32)
 
 
-def _chosen(
-    value: ChamberModel, cavities: Sequence[Cavity], body: str, lack: str, path: KeyPath, report: Defects
-) -> Cavity | None:
-    """Return the cavity to which an entry refers; report a defect and return None if it refers to none or to several.
+def _chosen(value: ChamberModel, cavities: Sequence[Cavity], body: str, lack: str) -> Cavity:
+    """Return the cavity to which an entry refers; raise `Unfit` if it refers to none or to several.
 
     ``body`` is the name of the body in messages, and ``lack`` the message for a body without cavities.
     """
     known = ", ".join(f"{i}: {c.volume:.3g} m^3 near {np.round(c.center, 6).tolist()}" for i, c in enumerate(cavities))
     if not cavities:
-        report.add(path, lack)
-    elif value.near is not None:
+        raise Unfit("", lack)
+    if value.near is not None:
         centers = np.array([cavity.center for cavity in cavities])
-        nearest = int(np.linalg.norm(centers - value.near, axis=1).argmin())
-        return cavities[nearest]
-    elif value.cavity is None and len(cavities) > 1:
-        report.add(path, f"{body} has {len(cavities)} cavities ({known}); remedy: name one by cavity or near")
-    elif (value.cavity or 0) >= len(cavities):
-        report.add((*path, "cavity"), f"there are: {known}")
-    else:
-        return cavities[value.cavity or 0]
-    return None
+        return cavities[int(np.linalg.norm(centers - value.near, axis=1).argmin())]
+    if value.cavity is None and len(cavities) > 1:
+        raise Unfit("", f"{body} has {len(cavities)} cavities ({known}); remedy: name one by cavity or near")
+    if (value.cavity or 0) >= len(cavities):
+        raise Unfit("cavity", f"there are: {known}")
+    return cavities[value.cavity or 0]
 
 
 def _closes(handle: Handle) -> bool:
@@ -117,9 +93,7 @@ def _closes(handle: Handle) -> bool:
     return handle.section == Handle.section and (handle.slide is None or len(handle.free) == 2)
 
 
-def _named_chamber(
-    mesh: HexMesh, quads: NDArray[np.int32], handles: Sequence[Handle], common: dict, path: KeyPath, report: Defects
-) -> Chamber | None:
+def _named_chamber(mesh: HexMesh, quads: NDArray[np.int32], handles: Sequence[Handle], common: dict) -> Chamber:
     """Return the chamber of given faces; edges of which all ends lie on one handle, or on fixed ones, are closed."""
     holder = np.full(len(mesh.vertices), -1, dtype=np.int32)
     for number, handle in enumerate(filter(_closes, handles)):
@@ -132,12 +106,11 @@ def _named_chamber(
             f"vertices {list_ids(np.unique(leaks))}; remedy: select every face of the chamber, close its ends, or hold "
             "each open end by one handle"
         )
-        report.add(path, text, value=NO_VALUE)
-        return None
+        raise Unfit("where", text, value=NO_VALUE)
     if len(plates):
         least = float(corner_areas(mesh.vertices, quads).sum()) ** 1.5
         return Chamber(quads=np.concatenate([quads, plates]), least=least, **common)
     if inside_volume(mesh.vertices, quads) <= 0.0:
-        report.add(path, "these faces enclose the body itself, not a chamber in it; select inner faces", value=NO_VALUE)
-        return None
+        text = "these faces enclose the body itself, not a chamber in it; select inner faces"
+        raise Unfit("where", text, value=NO_VALUE)
     return Chamber(quads=quads, **common)

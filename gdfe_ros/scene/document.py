@@ -12,6 +12,8 @@ from gdfe_ros.bounded_text import MOST_NODES, Loader, check_yaml, load_yaml
 from gdfe_ros.errors import SceneError
 
 KeyPath = tuple[str | int, ...]
+Carried = dict[KeyPath, dict[str, Any]]
+"""Dict from key path to scene entry with the contents of its files; a mesh comes before its skin."""
 _LONGEST_SHOWN = 80
 """Largest number of characters of a line that an error shows."""
 
@@ -92,6 +94,11 @@ def write_document(data: dict[str, Any]) -> str:
     """Return data as YAML text, from which `parse_document` reads equal data."""
     layout = {"sort_keys": False, "default_flow_style": None, "width": 110, "allow_unicode": True}
     return yaml.dump(data, Dumper=getattr(yaml, "CSafeDumper", yaml.SafeDumper), **layout)
+
+
+def without(entry: dict[str, Any], *keys: str) -> dict[str, Any]:
+    """Return a copy of an entry without some of its keys."""
+    return {key: value for key, value in entry.items() if key not in keys}
 
 
 def _construct(reader: Loader, node: yaml.Node, path: KeyPath, document: Document) -> Any:

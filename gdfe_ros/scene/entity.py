@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 from xml.etree import ElementTree
 
@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 from pydantic import ValidationError
 from scipy.spatial.transform import Rotation
 
-from gdfe_ros.arms.description import Geometry, GeometryKind, Link
+from gdfe_ros.arms.description import Geometry, Link
 from gdfe_ros.arms.urdf import parse_urdf
 from gdfe_ros.errors import ArmError, MeshError, SceneError
 from gdfe_ros.scene.document import parse_document
+from gdfe_ros.scene.entry import VALUE_ERROR
 from gdfe_ros.scene.loader import scene_from_text
 from gdfe_ros.scene.mesh_schema import MeshModel
 from gdfe_ros.scene.obstacle_schema import BodyModel
@@ -228,13 +229,9 @@ def without_bodies(scene: Scene, names: Collection[str]) -> Scene:
         soft = document.get("soft_bodies", {}).get(name)
         gone |= {f"{'bodies' if soft is None else 'soft_bodies'}.{name}": None}
         used = [] if soft is None else [soft.get("material"), *(each["material"] for each in soft.get("regions", ()))]
-        gone |= {f"materials.{each}": None for each in used if each is not None and _own(each, name)}
+        own = [each for each in used if each is not None and (each == name or each.startswith(f"{name}_"))]
+        gone |= {f"materials.{each}": None for each in own}  # they came with the body
     return scene_from_text(scene.source, origin=scene.name, overrides=gone)
-
-
-def _own(material: str, body: str) -> bool:
-    """Return whether a material came with the body of this name."""
-    return material == body or material.startswith(f"{body}_")
 
 
 def _from_urdf(text: str, where: str) -> Entity:
@@ -249,16 +246,15 @@ def _from_urdf(text: str, where: str) -> Entity:
     if inertial is None or not float(inertial.find("mass").get("value")) > 0.0:
         raise ArmError(where, [f'link {link.name!r} has no mass; remedy: <inertial> with <mass value="0.05"/>'])
     shape, mass = _only_shape(link, where), float(inertial.find("mass").get("value"))
-    entry = {**_shape_entry(shape), "mass": mass}
+    entry = {type(shape.form).__name__.lower(): asdict(shape.form), "mass": mass}
     friction = element.find("gazebo/mu1")
     if friction is not None:
         entry["friction"] = _friction(friction.text, where)
     try:
         form = BodyModel.model_validate(entry).form
     except ValidationError as error:
-        raise ArmError(
-            where, [f"{'.'.join(map(str, each['loc']))}: {each['msg']}" for each in error.errors()]
-        ) from error
+        found = ((".".join(map(str, each["loc"])), each["msg"].removeprefix(VALUE_ERROR)) for each in error.errors())
+        raise ArmError(where, [": ".join(defect) for defect in found]) from error
     return Entity(
         name=robot.name,
         entry=entry,
@@ -283,21 +279,11 @@ def _only_shape(link: Link, where: str) -> Geometry:
         text = f"link {link.name!r} has {len(link.collisions)} elements <collision>; allowed: one"
         raise ArmError(where, [text])
     shape = link.collisions[0]
-    if shape.kind is GeometryKind.MESH:
+    if shape.form is None:
         text = "its <collision> is a mesh; allowed: box, cylinder, sphere"
         remedy = "remedy: the YAML text `mesh: {file: /path/part.stl}` with `mass` or `density` as the resource"
         raise ArmError(where, [f"{text}; {remedy}"])
     return shape
-
-
-def _shape_entry(shape: Geometry) -> dict[str, Any]:
-    match shape.kind:
-        case GeometryKind.BOX:
-            return {"box": {"size": list(shape.numbers)}}
-        case GeometryKind.CYLINDER:
-            return {"cylinder": {"radius": shape.numbers[0], "length": shape.numbers[1]}}
-        case _:
-            return {"sphere": {"radius": shape.numbers[0]}}
 
 
 def _remark(inertia: ElementTree.Element, own: NDArray[np.float64]) -> str:

@@ -3,13 +3,17 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import Any
 
 from pydantic import BaseModel, ConfigDict, model_validator
+
+from gdfe_ros.keys import Alternatives
 
 #: First letters of the tags that pydantic adds to the location of an error; the tags are not keys of the file, because
 #: YAML allows no NUL in a key.
 TAG = "\0kind="
+#: Begin of pydantic's message about a ValueError.
+VALUE_ERROR = "Value error, "
 
 
 class Entry(BaseModel):
@@ -18,27 +22,34 @@ class Entry(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
-class Choice(Entry):
-    """An entry that needs exactly one of several keys, e.g. ``{face: x-}``; each field by itself is optional.
+def one_of(first: str, second: str, text: str) -> Any:
+    """Return a validator of an entry that needs exactly one of two keys; ``text`` says so."""
 
-    Attributes:
-        options: keys that may be given in addition to the chosen key.
-        alone: keys among the ``options`` that may be given without a chosen key.
-    """
+    @model_validator(mode="after")
+    def check(self: Entry) -> Entry:
+        if bool(getattr(self, first)) == bool(getattr(self, second)):
+            raise ValueError(text)
+        return self
 
-    options: ClassVar[tuple[str, ...]] = ()
-    alone: ClassVar[tuple[str, ...]] = ()
+    return check
+
+
+def belongs(option: str, owner: str, text: str) -> Any:
+    """Return a validator of an entry whose key ``option`` needs the key ``owner``; ``text`` says so."""
+
+    @model_validator(mode="after")
+    def check(self: Entry) -> Entry:
+        if getattr(self, option) is not None and getattr(self, owner) is None:
+            raise ValueError(text)
+        return self
+
+    return check
+
+
+class Choice(Alternatives, Entry):
+    """An entry that needs exactly one of several keys."""
 
     @model_validator(mode="after")
     def _exactly_one(self) -> Choice:
-        names = [name for name in type(self).model_fields if name not in self.options]
-        given = [name for name in names if getattr(self, name) is not None]
-        enough = any(getattr(self, name) is not None for name in self.alone)
-        if len(given) > 1 or not (given or enough):
-            raise ValueError(f"give exactly one of {', '.join(names)}; given: {', '.join(given) or 'none'}")
+        self.require_one()
         return self
-
-    @property
-    def chosen(self) -> tuple[str, Any]:
-        """Name of the chosen key, and its value."""
-        return next((name, value) for name, value in self if value is not None and name not in self.options)

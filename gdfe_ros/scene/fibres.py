@@ -13,9 +13,9 @@ from gdfe_ros.materials.fibre_layer import FibreLayer
 from gdfe_ros.mesh import Mesh, select_faces
 from gdfe_ros.mesh.cavities import corners_of, inside_volume, surface_pieces
 from gdfe_ros.mesh.fibres import fibre_points, perpendicular_faces
-from gdfe_ros.scene.builder import holder_of, select
+from gdfe_ros.scene.builder import select
 from gdfe_ros.scene.material_schema import FibreLayerModel, Wall
-from gdfe_ros.scene.report import NO_VALUE, Defects
+from gdfe_ros.scene.report import NO_VALUE, Defects, Unfit
 from gdfe_ros.scene.schema import Draft
 
 STIFFEST = 1e4
@@ -28,45 +28,35 @@ def build_fibres(
 ) -> tuple[FibreLayer, ...]:
     """Return the valid layers of fibres; report layers whose name is taken, or whose faces or stiffness do not fit."""
     layers, softest = [], min((item.young0 for item in materials.values()), default=np.inf)
-    for name, model in draft.fibres.items():
-        if (holder := holder_of(name, draft, "handles", "obstacles", "bodies")) is not None:
-            report.add(("fibres", name), f"{holder} has this name; remedy: another one", value=NO_VALUE)
-            continue
-        layer = _layer(name, model, mesh, report) if mesh is not None else None
-        if layer is not None and layer.stiffness > (most := STIFFEST * softest * mesh.size):
-            text = (
-                f"allowed: up to {most:.3g} N/m, {STIFFEST:g} times the softest Young's modulus times the body's size"
-            )
-            report.add(("fibres", name, "stiffness"), f"{text}; remedy: this value", value=model.stiffness)
-        elif layer is not None:
-            layers.append(layer)
+    for name, model in draft.fibres.items() if mesh is not None else ():
+        with report.entry("fibres", name):
+            layers.append(_layer(name, model, mesh))
+            if model.stiffness > (most := STIFFEST * softest * mesh.size):
+                bound = f"{STIFFEST:g} times the softest Young's modulus times the body's size"
+                text = f"allowed: up to {most:.3g} N/m, {bound}; remedy: this value"
+                raise Unfit("stiffness", text, value=model.stiffness)
     return tuple(layers)
 
 
-def _layer(name: str, model: FibreLayerModel, mesh: Mesh, report: Defects) -> FibreLayer | None:
-    path = ("fibres", name)
+def _layer(name: str, model: FibreLayerModel, mesh: Mesh) -> FibreLayer:
+    """Return a layer; raise `Unfit` if there are no faces, or if fibres cannot lie on them."""
     if mesh.skin is not None or mesh.filling is not None:
         text = "the faces of voxels are steps, not the wall of the body"
-        report.add(path, f"{text}; remedy: a mesh of hexahedra or tetrahedra, e.g. mesh: {{tets: ...}}", value=NO_VALUE)
-        return None
+        raise Unfit("", f"{text}; remedy: a mesh of hexahedra or tetrahedra, e.g. mesh: {{tets: ...}}", value=NO_VALUE)
     faces = _wall(mesh, model.wall)
     if model.where is not None:
-        chosen = select(select_faces, mesh, model.where, (*path, "where"), "boundary face", report)
-        if chosen is None:
-            return None
-        faces = faces[np.isin(_keys(faces), _keys(chosen))]
+        faces = faces[np.isin(_keys(faces), _keys(select(select_faces, mesh, model.where, "boundary face")))]
     if not len(faces):
-        text = f"no face of the {model.wall.value} wall is there; remedy: wall: {_other(model.wall).value}, or `where`"
-        report.add(path, text, value=NO_VALUE)
-        return None
+        other = Wall.INNER if model.wall is Wall.OUTER else Wall.OUTER
+        text = f"no face of the {model.wall.value} wall is there; remedy: wall: {other.value}, or `where`"
+        raise Unfit("", text, value=NO_VALUE)
     along = np.array(model.along) / np.abs(model.along).max()
     steep = perpendicular_faces(mesh.vertices, faces, along)
     if len(steep):
         middle = mesh.vertices[corners_of(faces[steep[:1]])].mean(axis=(0, 1))
         place = ", ".join(f"{value:.4g}" for value in middle)
         text = f"{len(steep)} of {len(faces)} faces are perpendicular to this direction, the first at [{place}] m"
-        report.add((*path, "along"), f"{text}; remedy: leave them out with `where`", value=list(model.along))
-        return None
+        raise Unfit("along", f"{text}; remedy: leave them out with `where`", value=list(model.along))
     families = tuple(fibre_points(mesh.vertices, faces, along, np.radians(angle)) for angle in model.angles_deg)
     return FibreLayer(name=name, stiffness=model.stiffness, compression=model.compression, families=families)
 
@@ -85,7 +75,3 @@ def _keys(faces: NDArray[np.int32]) -> NDArray[np.void]:
     """Return one comparable value for each face."""
     rows = np.ascontiguousarray(np.sort(faces, axis=1))
     return rows.view([("", rows.dtype)] * rows.shape[1]).ravel()
-
-
-def _other(wall: Wall) -> Wall:
-    return Wall.INNER if wall is Wall.OUTER else Wall.OUTER

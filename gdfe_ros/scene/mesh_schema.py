@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field, model_validator
 from scipy.spatial.transform import Rotation
 
-from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh import HexMesh, Mesh, TetMesh
 from gdfe_ros.mesh.assembly import mirrored
 from gdfe_ros.mesh.contact_skin import is_closed, touch_by_skin
@@ -19,19 +19,39 @@ from gdfe_ros.mesh.importer import read_mesh
 from gdfe_ros.mesh.mesh import MeshPart
 from gdfe_ros.mesh.mesher_process import expected_cells
 from gdfe_ros.mesh.outside import carry_skin
-from gdfe_ros.mesh.packing import pack_mesh, pack_surface, unpack_mesh, unpack_surface
+from gdfe_ros.mesh.packing import pack_surface, unpack_mesh, unpack_surface
 from gdfe_ros.mesh.shells import shells
 from gdfe_ros.mesh.tetrahedralise import from_step, from_surface, step_volume
-from gdfe_ros.mesh.voxels import CutCubes, examine_surface, read_voxels
-from gdfe_ros.scene.entry import Choice, Entry
+from gdfe_ros.mesh.voxels import CutCubes, examine_surface, read_surface, read_voxels
+from gdfe_ros.quantity import Quantity, RotationQuantity, Vector
+from gdfe_ros.scene.entry import Choice, Entry, belongs
 from gdfe_ros.scene.generator_schema import BarModel, FingerModel, GridModel, RingModel, SphereShellModel, TubeModel
 from gdfe_ros.scene.paths import FilePath
-from gdfe_ros.scene.quantity import Quantity, RotationQuantity
 
 SCALE = Quantity("metres per unit of the file", above=0.0, most=1000.0, remedy="millimetres: 0.001")
 
 
-class SkinModel(Choice):
+class SurfaceModel(Choice):
+    """A surface of triangles, in a file or packed."""
+
+    options: ClassVar[tuple[str, ...]] = ("scale",)
+
+    file: FilePath | None = Field(None, description="path of an STL, OBJ, PLY or OFF file")
+    embedded: str | None = Field(None, description="a packed surface, as recorded scenes contain it")
+    scale: Annotated[float, SCALE] | None = None
+
+    def read(self, *, closed: bool) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        """Return vertices (n, 3) [m] and triangles (t, 3).
+
+        Raises:
+            MeshError: the surface cannot be read, or is open although it must be ``closed``.
+        """
+        if self.embedded is not None:
+            return unpack_surface(self.embedded)
+        return read_surface(self.file, scale=self.scale, closed=closed)
+
+
+class SkinModel(SurfaceModel):
     """A triangle surface that follows the cells and is drawn instead of their faces; loads on cut cells act on it."""
 
     options: ClassVar[tuple[str, ...]] = ("scale", "contact")
@@ -39,52 +59,30 @@ class SkinModel(Choice):
     file: FilePath | None = Field(
         None, description="path of an STL, OBJ, PLY or OFF file, in the undeformed body's frame"
     )
-    embedded: str | None = Field(None, description="a packed surface, as recorded scenes contain it")
-    scale: Annotated[float, SCALE] | None = None
     contact: bool | None = Field(
         None,
         description="true: the skin touches in place of the cells' faces; default: true if "
         "cells are cut and the skin is closed",
     )
 
-    @property
-    def place(self) -> tuple[str, ...]:
-        """Key path of the surface's file or embedded text, relative to this entry, for errors."""
-        return (self.chosen[0],)
-
-    def build(self, mesh: HexMesh) -> tuple[HexMesh, dict[str, Any]]:
-        """Return the mesh with the skin, and an equivalent entry that contains the surface instead of its file.
+    def build(self, mesh: HexMesh) -> tuple[HexMesh, str]:
+        """Return the mesh with the skin, and the packed surface.
 
         Raises:
             MeshError: the surface cannot be read, does not fit the body, or cannot be used for contact.
         """
-        if self.embedded is not None:
-            points, triangles = unpack_surface(self.embedded)
-        else:
-            points, triangles, defects = examine_surface(self.file, scale=self.scale, closed=False)
-            if defects:
-                raise MeshError(f"surface {self.file}", defects)
-        entry = {"embedded": pack_surface(points, triangles)}
-        if self.contact is not None:
-            entry["contact"] = self.contact
+        points, triangles = self.read(closed=False)
         lined = replace(mesh, skin=carry_skin(mesh.vertices, mesh.cells, points, triangles))
         touches = self.contact
         if touches is None:  # an open surface is only drawn; contact with it is rejected with the remedy
             touches = mesh.filling is not None and is_closed(triangles)
-        return touch_by_skin(lined, points, triangles) if touches else lined, entry
+        return touch_by_skin(lined, points, triangles) if touches else lined, pack_surface(points, triangles)
 
 
-_CELL = Quantity("edge of the cubes", "m", above=0.0, most=1.0)
 SIZE = Quantity("largest edge of the tetrahedra", "m", above=0.0, most=1.0)
 LEAST_SIZE = Quantity("smallest edge of the tetrahedra, at thin walls", "m", above=0.0, most=1.0)
 _AT = Quantity("position of the origin of its own frame [x, y, z]", "m", least=-1e3, most=1e3, count=3)
-_ROTATION = RotationQuantity(
-    "rotation vector of its own frame [x, y, z], or several in turn about fixed axes",
-    "degrees",
-    least=-36000,
-    most=36000,
-    count=3,
-)
+_ROTATION = RotationQuantity("rotation vector of its own frame [x, y, z], or several in turn about fixed axes")
 _OF_A_FILE = ("scale", "merge", "first_order")
 _ANYWHERE = (*_OF_A_FILE, "mirror")
 
@@ -93,7 +91,7 @@ class VoxelsModel(Entry):
     """A body of cubes that fill a closed surface."""
 
     surface: FilePath = Field(description="path of an STL, OBJ, PLY or OFF file with a closed surface")
-    cell: Annotated[float, _CELL]
+    cell: Annotated[float, Quantity("edge of the cubes", "m", above=0.0, most=1.0)]
     scale: Annotated[float, SCALE] | None = None
     cells: CutCubes = Field(
         CutCubes.WHOLE,
@@ -128,11 +126,9 @@ class TetsModel(Choice):
             raise ValueError(f"least_size = {self.least_size:g} m; allowed: up to size = {self.size:g} m")
         return self
 
-    @model_validator(mode="after")
-    def _scale_of_a_surface(self) -> TetsModel:
-        if self.scale is not None and self.surface is None:
-            raise ValueError("scale belongs to `surface`; a STEP file states its unit; remove it here")
-        return self
+    _scale_of_a_surface = belongs(
+        "scale", "surface", "scale belongs to `surface`; a STEP file states its unit; remove it here"
+    )
 
     @property
     def count(self) -> float:
@@ -218,14 +214,10 @@ class MeshModel(Choice):
             return read_mesh(value, scale=self.scale, merge=self.merge, first_order=self.first_order)
         return unpack_mesh(value) if kind == "embedded" else value.build()
 
-    def embed(self, mesh: Mesh) -> dict[str, Any] | None:
-        """Return an equivalent entry that contains the mesh instead of its file; None if this entry has no file."""
-        return {"embedded": pack_mesh(mesh), **self.pose} if self.chosen[0] in ("file", "voxels", "tets") else None
-
     @property
-    def pose(self) -> dict[str, Any]:
-        """The keys of this entry that move the mesh after `build`."""
-        return {} if self.mirror is None else {"mirror": self.mirror}
+    def reads(self) -> bool:
+        """Whether the mesh or its surface is in a file."""
+        return self.chosen[0] in ("file", "voxels", "tets")
 
     def reflect(self, mesh: Mesh) -> Mesh:
         """Return a mesh from `build`, with its skin; reflected if `mirror` is given."""
@@ -237,19 +229,14 @@ class PlacedMeshModel(MeshModel):
 
     options: ClassVar[tuple[str, ...]] = (*_ANYWHERE, "at", "rotation_deg", "skin")
 
-    at: Annotated[tuple[float, float, float], _AT] = (0.0, 0.0, 0.0)
-    rotation_deg: Annotated[tuple[float, float, float], _ROTATION] = (0.0, 0.0, 0.0)
+    at: Annotated[Vector, _AT] = (0.0, 0.0, 0.0)
+    rotation_deg: Annotated[Vector, _ROTATION] = (0.0, 0.0, 0.0)
     skin: SkinModel | None = None
 
     def place_part(self, mesh: Mesh) -> MeshPart:
         """Return a mesh from `build` with the pose of this entry."""
         turn = Rotation.from_rotvec(np.radians(self.rotation_deg)).as_matrix()
         return MeshPart(mesh, at=np.array(self.at), rotation=turn)
-
-    @property
-    def pose(self) -> dict[str, Any]:
-        """The keys of this entry that move the mesh after `build`."""
-        return {**super().pose, "at": list(self.at), "rotation_deg": list(self.rotation_deg)}
 
 
 def _volume(surface: Path, scale: float | None) -> float:

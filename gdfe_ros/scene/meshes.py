@@ -4,35 +4,36 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from dataclasses import fields, replace
 from itertools import combinations
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gdfe_ros.errors import MeshError
-from gdfe_ros.mesh import Mesh, TetMesh, check_mesh
+from gdfe_ros.mesh import Mesh, TetMesh, require_sound
 from gdfe_ros.mesh.assembly import assemble
 from gdfe_ros.mesh.mesh import MeshPart
 from gdfe_ros.mesh.mesh_input import LARGEST
 from gdfe_ros.mesh.outside import Outside
 from gdfe_ros.mesh.overlap import find_overlap
-from gdfe_ros.mesh.packing import mesh_arrays, mesh_of
+from gdfe_ros.mesh.packing import mesh_arrays, mesh_of, pack_mesh, under
 from gdfe_ros.mesh.store import keep, key_of, recall
 from gdfe_ros.mesh.tetmesh import divided
 from gdfe_ros.mesh.touching import Touching
 from gdfe_ros.regular_file import read_bytes
-from gdfe_ros.scene.document import KeyPath
+from gdfe_ros.scene.document import Carried, KeyPath, without
 from gdfe_ros.scene.mesh_schema import MeshModel, PlacedMeshModel, SkinModel
-from gdfe_ros.scene.report import NO_VALUE, Defects, suggest
+from gdfe_ros.scene.report import Defects, Unfit, require_known
 from gdfe_ros.scene.schema import Draft
 
-Entries = tuple[dict[str, Any] | None, dict[str, Any] | None]
-"""Scene entries of a mesh and of its skin, with the contents of their files; None for an entry without a file."""
-_MESH, _SKIN, _TOUCHING, _ENTRIES = "mesh:", "skin:", "touching:", "entries"
+Texts = tuple[str | None, str | None]
+"""A packed mesh and its packed skin; None for a mesh that is made, and without a skin."""
+_MESH, _SKIN, _TOUCHING, _TEXTS = "mesh:", "skin:", "touching:", "texts"
+_OF_FILES = ("file", "voxels", "tets", "embedded", "scale", "merge", "first_order")
+"""Keys that an entry with an embedded mesh or surface does not need."""
 _CONTACT = ("corners", "weights", "faces", "vertices")
 
 
@@ -49,27 +50,22 @@ class BodyStore:
     def __init__(self, model: MeshModel, skin: SkinModel | None) -> None:
         slow = skin is not None or model.voxels is not None
         content = [_content(each) for each in (model, skin) if each is not None]
-        self._pose = model.pose
         # A mesh file may include other files, whose contents are not known here.
         self._key = None if not slow or model.file is not None or None in content else key_of(*content)
 
-    def recall(self) -> tuple[Mesh, Entries] | None:
-        """Return the cached body and its entries; None if they are not cached."""
+    def recall(self) -> tuple[Mesh, Texts] | None:
+        """Return the cached body and its texts; None if they are not cached."""
         arrays = recall(self._key) if self._key is not None else None
         if arrays is None:
             return None
-        first, second = json.loads(str(arrays[_ENTRIES]))
-        first = first and {"embedded": first["embedded"], **self._pose}
-        mesh = mesh_of(_under(arrays, _MESH))
-        drawn, touching = _under(arrays, _SKIN), _under(arrays, _TOUCHING)
+        drawn, touching = under(arrays, _SKIN), under(arrays, _TOUCHING)
         skin = Outside(**drawn) if drawn else None
-        return replace(mesh, skin=skin, touching=Touching(**touching, surface=skin) if touching else None), (
-            first,
-            second,
-        )
+        contact = Touching(**touching, surface=skin) if touching else None
+        mesh = replace(mesh_of(under(arrays, _MESH)), skin=skin, touching=contact)
+        return mesh, tuple(json.loads(str(arrays[_TEXTS])))
 
-    def keep(self, mesh: Mesh, entries: Entries) -> None:
-        """Store the body and its entries on disk, if this body can be cached."""
+    def keep(self, mesh: Mesh, texts: Texts) -> None:
+        """Store the body and its texts on disk, if this body can be cached."""
         if self._key is None:
             return
         arrays = {_MESH + name: array for name, array in mesh_arrays(mesh).items()}
@@ -77,11 +73,7 @@ class BodyStore:
             arrays |= {_SKIN + item.name: getattr(mesh.skin, item.name) for item in fields(Outside)}
         if mesh.touching is not None:
             arrays |= {_TOUCHING + name: getattr(mesh.touching, name) for name in _CONTACT}
-        keep(self._key, {**arrays, _ENTRIES: np.array(json.dumps(entries))})
-
-
-def _under(arrays: dict[str, NDArray], head: str) -> dict[str, NDArray]:
-    return {name.removeprefix(head): array for name, array in arrays.items() if name.startswith(head)}
+        keep(self._key, {**arrays, _TEXTS: np.array(json.dumps(texts))})
 
 
 def _content(model: MeshModel | SkinModel) -> bytes | None:
@@ -101,48 +93,32 @@ def _paths(model: MeshModel | SkinModel) -> list[Path]:
     return [value for value in values if isinstance(value, Path)]
 
 
-Carried = dict[KeyPath, dict[str, Any]]
-"""Dict from key path to scene entry with the contents of its files; a mesh comes before its skin."""
-
-
 def require_body(data: Mapping[str, Any], report: Defects) -> None:
     """Report a defect if a scene has no body, both `mesh` and `meshes`, or `skin` with `meshes`."""
     if "meshes" in data and "mesh" in data:
         text = "`mesh` is there, too; remedy: keep one of the two; `meshes` may contain a single body"
-        report.add(("meshes",), text, value=NO_VALUE)
+        report.refuse(("meshes",), text)
     elif data.get("meshes") == {}:
         report.add(("meshes",), "there is no mesh; give e.g. {left: {bar: {...}, at: [0, 0.05, 0]}, right: ...}")
     elif "meshes" not in data and data.get("mesh") is None:
         text = "needed: the body, e.g. bar: {size: [0.2, 0.05, 0.05], cells: [20, 5, 5]}; or `meshes`"
-        report.add(("mesh",), f"{'is empty' if 'mesh' in data else 'is missing'}; {text}", value=NO_VALUE)
+        report.refuse(("mesh",), f"{'is empty' if 'mesh' in data else 'is missing'}; {text}")
     if "meshes" in data and "skin" in data:
-        report.add(
-            ("skin",), "remedy: put it into its mesh, as meshes: {left: {..., skin: {file: ...}}}", value=NO_VALUE
-        )
+        report.refuse(("skin",), "remedy: put it into its mesh, as meshes: {left: {..., skin: {file: ...}}}")
 
 
-def build_mesh(draft: Draft, names: Sequence[str], report: Defects) -> tuple[Mesh | None, Carried]:
-    """Return the mesh of a scene with its skin, and the scene's entries with the contents of their files.
-
-    The mesh is None if it has defects.
-
-    Args:
-        draft: valid parts of the file.
-        names: names of all `meshes` of the file.
-        report: collects the defects.
-    """
-    carried: Carried = {}
+def build_mesh(draft: Draft, carried: Carried, report: Defects) -> Mesh | None:
+    """Return the mesh of a scene with its skin; None if it has defects."""
+    names = report.names("meshes")
     if not names:
-        return _body(draft.mesh, draft.skin, (("mesh",), ("skin",)), carried, report), carried
-    parts = {}
-    for name, model in draft.meshes.items():
-        part = build_part(model, ("meshes", name), carried, report)
-        if part is not None:
-            parts[name] = part
+        paths = ("mesh",), ("skin",)
+        return None if draft.mesh is None else _body(draft.mesh, draft.skin, paths, carried, report)
+    made = {name: build_part(model, ("meshes", name), carried, report) for name, model in draft.meshes.items()}
+    parts = {name: part for name, part in made.items() if part is not None}
     if any(isinstance(part.mesh, TetMesh) for part in parts.values()):
         parts = {name: of_tetrahedra(("meshes", name), part, report) for name, part in parts.items()}
     require_apart(parts, "meshes", report)
-    return assemble(parts) if len(parts) == len(names) else None, carried
+    return assemble(parts) if len(parts) == len(names) else None
 
 
 def build_part(model: PlacedMeshModel, path: KeyPath, carried: Carried, report: Defects) -> MeshPart | None:
@@ -162,53 +138,47 @@ def of_tetrahedra(path: KeyPath, part: MeshPart, report: Defects) -> MeshPart:
             f"other meshes of this scene have tetrahedra, and these hexahedra have {' and '.join(lost)}; "
             "remedy: tets: {surface: ..., size: ...} for this mesh"
         )
-        report.add(path, text, value=NO_VALUE)
+        report.refuse(path, text)
     return replace(part, mesh=divided(mesh))
 
 
 def _body(
-    model: MeshModel | None, skin: SkinModel | None, paths: tuple[KeyPath, KeyPath], carried: Carried, report: Defects
+    model: MeshModel, skin: SkinModel | None, paths: tuple[KeyPath, KeyPath], carried: Carried, report: Defects
 ) -> Mesh | None:
     """Return a mesh with its skin, in its own frame; None if it has defects.
 
     ``paths`` are the key paths of the mesh and of its skin. Entries with embedded files are added to ``carried``.
     """
-    mesh = None if model is None else _made(model, skin, paths, carried, report)
+    store = BodyStore(model, skin)
+    mesh, texts = store.recall() or _computed(model, skin, store, paths, report)
+    for path, text in zip(paths, texts, strict=True):
+        if text is not None:
+            carried[path] = without(report.value_at(path, plain=False), *_OF_FILES) | {"embedded": text}
     return None if mesh is None else model.reflect(mesh)
 
 
-def _made(
-    model: MeshModel, skin: SkinModel | None, paths: tuple[KeyPath, KeyPath], carried: Carried, report: Defects
-) -> Mesh | None:
-    """Return a mesh with its skin, as in their files, before a reflection; the arguments are those of `_body`."""
-    store = BodyStore(model, skin)
-    found = store.recall()
-    if found is not None:
-        carried |= {path: entry for path, entry in zip(paths, found[1], strict=True) if entry}
-        return found[0]
+def _computed(
+    model: MeshModel, skin: SkinModel | None, store: BodyStore, paths: tuple[KeyPath, KeyPath], report: Defects
+) -> tuple[Mesh | None, Texts]:
+    """Return a mesh with its skin, which ``store`` keeps, and both as texts; the arguments are those of `_body`."""
     try:
         mesh = model.build()
-        defects = check_mesh(mesh).defects
+        require_sound(mesh, "mesh")
     except MeshError as error:
-        defects = error.defects
-    for defect in defects:
-        report.add((*paths[0], *model.place), defect)
-    if defects:
-        return None
-    if entry := model.embed(mesh):
-        carried[paths[0]] = entry
+        report.add_all((*paths[0], *model.place), error)
+        return None, (None, None)
+    texts = pack_mesh(mesh) if model.reads else None, None
     if skin is not None and isinstance(mesh, TetMesh):
-        text = "tetrahedra follow the surface themselves; remedy: remove the skin"
-        report.add(paths[1], text, value=NO_VALUE)
-        return mesh
+        report.refuse(paths[1], "tetrahedra follow the surface themselves; remedy: remove the skin")
+        return mesh, texts
     try:
         if skin is not None:
-            mesh, carried[paths[1]] = skin.build(mesh)
-        store.keep(mesh, (entry, carried.get(paths[1])))
+            mesh, surface = skin.build(mesh)
+            texts = texts[0], surface
+        store.keep(mesh, texts)
     except MeshError as error:
-        for defect in error.defects:
-            report.add((*paths[1], *skin.place), defect)
-    return mesh
+        report.add_all((*paths[1], skin.chosen[0]), error)
+    return mesh, texts
 
 
 def require_apart(
@@ -232,20 +202,10 @@ def require_apart(
             report.add((section, second, "at"), text)
 
 
-def known_part(mesh: Mesh, name: str | None, path: KeyPath, report: Defects) -> bool:
-    """Return whether the mesh that an entry names exists; report a defect if not.
-
-    Args:
-        mesh: the body.
-        name: name of the mesh; None, which is valid, if the entry names no mesh.
-        path: key path of the entry with the key `mesh`.
-        report: collects the defect.
-    """
-    if name is None or name in mesh.parts:
-        return True
-    if mesh.parts:
-        report.add((*path, "mesh"), f"there is no such mesh{suggest(name, mesh.parts)}")
-    else:
+def require_part(mesh: Mesh, name: str | None, key: str = "mesh") -> None:
+    """Raise `Unfit` if the mesh that an entry names at ``key`` does not exist; None names no mesh, which is valid."""
+    if name is not None and not mesh.parts:
         text = "the one `mesh` of this scene has no name; remedy: leave this key out, or give `meshes` by name"
-        report.add((*path, "mesh"), text)
-    return False
+        raise Unfit(key, text)
+    if name is not None:
+        require_known(key, "mesh", name, mesh.parts)

@@ -7,42 +7,30 @@ from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field
 from scipy.spatial.transform import Rotation
 
 from gdfe_ros.constraints.form import Box, Capsule, Cylinder, Form, Plane, Sphere, TriangleMesh
 from gdfe_ros.constraints.obstacle import ContactPoints, Obstacle
 from gdfe_ros.constraints.rigid_body import RigidBody
-from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh.contact_skin import out_of_material
-from gdfe_ros.mesh.packing import pack_surface, unpack_surface
+from gdfe_ros.mesh.packing import pack_surface
+from gdfe_ros.mesh.selection import Where
 from gdfe_ros.mesh.shells import inertia_of
-from gdfe_ros.mesh.solid import make_solid, read_solid, require_outward
-from gdfe_ros.mesh.voxels import examine_surface
-from gdfe_ros.scene.entry import Choice, Entry
-from gdfe_ros.scene.paths import FilePath
-from gdfe_ros.scene.quantity import Quantity, RotationQuantity
-from gdfe_ros.scene.where_schema import WhereModel
+from gdfe_ros.mesh.solid import make_solid, require_outward
+from gdfe_ros.quantity import Quantity, RotationQuantity, Vector
+from gdfe_ros.scene.entry import Choice, Entry, belongs, one_of
+from gdfe_ros.scene.mesh_schema import SurfaceModel
 
-_LENGTH = Quantity("length along z", "m", least=1e-9, most=1e6)
-_RADIUS = Quantity("radius", "m", least=1e-9, most=1e6)
-_SIZE = Quantity("edges [x, y, z]", "m", least=1e-9, most=1e6, count=3)
-_NORMAL = Quantity("normal of a plane, out of the obstacle [x, y, z]", least=-1e6, most=1e6, count=3)
+_NORMAL = Quantity(
+    "normal of a plane, out of the obstacle [x, y, z]", least=-1e6, most=1e6, count=3, direction="[0, 0, 1] for a floor"
+)
 _AT = Quantity(
     "initial position [x, y, z] of its centre; for a plane, of any of its points; for a mesh, of the file's origin",
     "m",
     count=3,
 )
-_ROTATION = RotationQuantity(
-    "initial rotation vector [x, y, z], or several in turn about fixed axes",
-    "degrees",
-    least=-36000,
-    most=36000,
-    count=3,
-)
-_DENSITY = Quantity("density", "kg/m^3", least=1e-9, most=1e6)
-_MASS = Quantity("mass, instead of the density", "kg", least=1e-15, most=1e6)
-_SCALE = Quantity("metres per unit of the file", above=0.0, most=1000.0, remedy="millimetres: 0.001")
+_ROTATION = RotationQuantity("initial rotation vector [x, y, z], or several in turn about fixed axes")
 _CELL = Quantity(
     "spacing of the grid that stores the distances to the surface; default: 1/64 of its longest edge",
     "m",
@@ -57,61 +45,19 @@ _RESTITUTION = Quantity(
 )
 
 
-class _Shape(Entry):
-    """A shape whose keys have the names of the arguments of its class, ``kind``."""
-
-    kind: ClassVar[type[Form]]
-
-    def build(self) -> Form:
-        """Return the shape."""
-        return self.kind(**dict(self))
-
-
-class SphereObstacleModel(_Shape):
-    """A ball."""
-
-    kind: ClassVar[type[Form]] = Sphere
-    radius: Annotated[float, _RADIUS]
-
-
-class BoxObstacleModel(_Shape):
-    """A box."""
-
-    kind: ClassVar[type[Form]] = Box
-    size: Annotated[tuple[float, float, float], _SIZE]
-
-
-class CapsuleModel(_Shape):
-    """A cylinder along z with half balls at its ends; its length is the distance between the centres of the balls."""
-
-    kind: ClassVar[type[Form]] = Capsule
-    radius: Annotated[float, _RADIUS]
-    length: Annotated[float, _LENGTH]
-
-
-class CylinderModel(_Shape):
-    """A cylinder along z."""
-
-    kind: ClassVar[type[Form]] = Cylinder
-    radius: Annotated[float, _RADIUS]
-    length: Annotated[float, _LENGTH]
-
-
-class TriangleMeshModel(Choice):
+class TriangleMeshModel(SurfaceModel):
     """The solid inside a closed surface of triangles; nested shells are cavities."""
 
     options: ClassVar[tuple[str, ...]] = ("scale", "cell")
 
-    file: FilePath | None = Field(None, description="path of an STL, OBJ, PLY or OFF file")
-    embedded: str | None = Field(None, description="a packed surface, as recorded scenes contain it")
-    scale: Annotated[float, _SCALE] | None = None
     cell: Annotated[float, _CELL] | None = None
 
-    @model_validator(mode="after")
-    def _scale_of_a_file(self) -> TriangleMeshModel:
-        if self.scale is not None and self.file is None:
-            raise ValueError("scale belongs to `file`; remove it here")
-        return self
+    _scale_of_a_file = belongs("scale", "file", "scale belongs to `file`; remove it here")
+
+    @property
+    def where(self) -> str:
+        """Name of the surface in errors."""
+        return "the embedded surface" if self.file is None else f"surface {self.file}"
 
     def build(self) -> TriangleMesh:
         """Return the shape in the frame of the file.
@@ -119,9 +65,7 @@ class TriangleMeshModel(Choice):
         Raises:
             MeshError: the surface cannot be read, or is no valid solid.
         """
-        if self.file is not None:
-            return TriangleMesh(read_solid(self.file, scale=self.scale, cell=self.cell))
-        return TriangleMesh(make_solid(*unpack_surface(self.embedded), cell=self.cell, where="the embedded surface"))
+        return TriangleMesh(make_solid(*self.read(closed=True), cell=self.cell, where=self.where))
 
     def build_free(self) -> tuple[TriangleMesh, NDArray[np.float64], NDArray[np.float64]]:
         """Return the shape in its principal frame, and the origin (3,) [m] and the axes (3, 3) of this frame.
@@ -131,16 +75,10 @@ class TriangleMeshModel(Choice):
         Raises:
             MeshError: the surface cannot be read, or is no valid solid.
         """
-        where = "the embedded surface" if self.file is None else f"surface {self.file}"
-        if self.file is None:
-            vertices, triangles = unpack_surface(self.embedded)
-        else:
-            vertices, triangles, defects = examine_surface(self.file, scale=self.scale)
-            if defects:
-                raise MeshError(where, defects)
-        require_outward(vertices, triangles, where=where)
+        vertices, triangles = self.read(closed=True)
+        require_outward(vertices, triangles, where=self.where)
         found = inertia_of(vertices, out_of_material(vertices, triangles))
-        solid = make_solid((vertices - found.centre) @ found.axes, triangles, cell=self.cell, where=where)
+        solid = make_solid((vertices - found.centre) @ found.axes, triangles, cell=self.cell, where=self.where)
         return TriangleMesh(solid, original=(vertices, triangles)), found.centre, found.axes
 
     def embed(self, form: TriangleMesh) -> dict[str, Any]:
@@ -152,13 +90,13 @@ class TriangleMeshModel(Choice):
 class _Rigid(Choice):
     """A rigid thing: one shape, its place, and its contact."""
 
-    sphere: SphereObstacleModel | None = None
-    box: BoxObstacleModel | None = None
-    capsule: CapsuleModel | None = None
-    cylinder: CylinderModel | None = None
+    sphere: Sphere | None = None
+    box: Box | None = None
+    capsule: Capsule | None = None
+    cylinder: Cylinder | None = None
     mesh: TriangleMeshModel | None = None
-    at: Annotated[tuple[float, float, float], _AT] = (0.0, 0.0, 0.0)
-    rotation_deg: Annotated[tuple[float, float, float], _ROTATION] = (0.0, 0.0, 0.0)
+    at: Annotated[Vector, _AT] = (0.0, 0.0, 0.0)
+    rotation_deg: Annotated[Vector, _ROTATION] = (0.0, 0.0, 0.0)
     friction: Annotated[float, _FRICTION] = 0.0
     restitution: Annotated[float, _RESTITUTION] = 0.0
     gaps: ContactPoints = Field(
@@ -175,7 +113,17 @@ class _Rigid(Choice):
             MeshError: its surface cannot be read, or is no valid solid.
         """
         kind, chosen = self.chosen
-        return Plane() if kind == "plane" else chosen.build()
+        return Plane() if kind == "plane" else chosen.build() if kind == "mesh" else chosen
+
+    @property
+    def turn(self) -> Rotation:
+        """Initial rotation."""
+        return Rotation.from_rotvec(np.radians(self.rotation_deg))
+
+    @property
+    def contact(self) -> dict[str, Any]:
+        """What contact with the thing needs, under the names of an obstacle."""
+        return {"friction": self.friction, "restitution": self.restitution, "points": self.gaps}
 
 
 class ObstacleModel(_Rigid):
@@ -183,15 +131,8 @@ class ObstacleModel(_Rigid):
 
     options: ClassVar[tuple[str, ...]] = ("at", "rotation_deg", "friction", "restitution", "fixed", "gaps")
 
-    plane: Annotated[tuple[float, float, float], _NORMAL] | None = None
+    plane: Annotated[Vector, _NORMAL] | None = None
     fixed: bool = Field(False, description="true: the obstacle never moves and takes no commands")
-
-    @field_validator("plane")
-    @classmethod
-    def _direction(cls, normal: tuple[float, float, float] | None) -> tuple[float, float, float] | None:
-        if normal is not None and not any(normal):
-            raise ValueError("must not be zero; needed: a direction, e.g. [0, 0, 1] for a floor")
-        return normal
 
     def build(self, name: str) -> Obstacle:
         """Return the obstacle.
@@ -199,19 +140,11 @@ class ObstacleModel(_Rigid):
         Raises:
             MeshError: its surface cannot be read, or is no valid solid.
         """
-        turn = Rotation.from_rotvec(np.radians(self.rotation_deg))
+        turn = self.turn
         if self.plane is not None:
             turn = turn * Rotation.align_vectors([self.plane], [[0.0, 0.0, 1.0]])[0]
-        return Obstacle(
-            name=name,
-            fixed=self.fixed,
-            form=self.form,
-            origin=self.at,
-            turn=tuple(turn.as_rotvec().tolist()),
-            friction=self.friction,
-            restitution=self.restitution,
-            points=self.gaps,
-        )
+        place = {"origin": self.at, "turn": tuple(turn.as_rotvec().tolist())}
+        return Obstacle(name=name, fixed=self.fixed, form=self.form, **place, **self.contact)
 
 
 class BodyModel(_Rigid):
@@ -219,14 +152,12 @@ class BodyModel(_Rigid):
 
     options: ClassVar[tuple[str, ...]] = ("density", "mass", "at", "rotation_deg", "friction", "restitution", "gaps")
 
-    density: Annotated[float, _DENSITY] | None = None
-    mass: Annotated[float, _MASS] | None = None
+    density: Annotated[float, Quantity("density", "kg/m^3", least=1e-9, most=1e6)] | None = None
+    mass: Annotated[float, Quantity("mass, instead of the density", "kg", least=1e-15, most=1e6)] | None = None
 
-    @model_validator(mode="after")
-    def _one_of_density_and_mass(self) -> BodyModel:
-        if (self.density is None) == (self.mass is None):
-            raise ValueError("give exactly one of density [kg/m^3] and mass [kg], e.g. density: 500")
-        return self
+    _one_of_density_and_mass = one_of(
+        "density", "mass", "give exactly one of density [kg/m^3] and mass [kg], e.g. density: 500"
+    )
 
     def build(self, name: str) -> RigidBody:
         """Return the rigid body, without vertex ids.
@@ -237,30 +168,21 @@ class BodyModel(_Rigid):
         Raises:
             MeshError: its surface cannot be read, or is no valid solid.
         """
-        turn, origin = Rotation.from_rotvec(np.radians(self.rotation_deg)), self.at
-        vector = tuple(np.radians(self.rotation_deg).tolist())
+        place = {"origin": self.at, "turn": tuple(np.radians(self.rotation_deg).tolist())}
         if self.mesh is None:
             form = self.form
         else:
             form, centre, axes = self.mesh.build_free()
-            origin = tuple((np.array(self.at) + turn.apply(centre)).tolist())
-            vector = tuple((turn * Rotation.from_matrix(axes)).as_rotvec().tolist())
-        return RigidBody(
-            name=name,
-            form=form,
-            mass=self.density * form.volume if self.mass is None else self.mass,
-            origin=origin,
-            turn=vector,
-            friction=self.friction,
-            restitution=self.restitution,
-            points=self.gaps,
-        )
+            turn = (self.turn * Rotation.from_matrix(axes)).as_rotvec()
+            place = {"origin": tuple((self.at + self.turn.apply(centre)).tolist()), "turn": tuple(turn.tolist())}
+        mass = self.density * form.volume if self.mass is None else self.mass
+        return RigidBody(name=name, form=form, mass=mass, **place, **self.contact)
 
 
 class SensorModel(Entry):
     """A part of the surface whose contact forces are measured."""
 
-    where: WhereModel = Field(
+    where: Where = Field(
         description="the sensor's faces: all faces with all four vertices in this place, e.g. {face: x+}"
     )
 
@@ -270,6 +192,6 @@ class SelfContactModel(Entry):
 
     friction: Annotated[float, _FRICTION] = 0.0
     restitution: Annotated[float, _RESTITUTION] = 0.0
-    where: WhereModel | None = Field(
+    where: Where | None = Field(
         None, description="the faces that take part: all faces with all four vertices in this place (default: all)"
     )

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from pydantic import BeforeValidator, ValidationInfo
-from pydantic_core import PydanticCustomError
 
 from gdfe_ros.extras import robots_extra
 from gdfe_ros.regular_file import defect_of
@@ -27,38 +26,35 @@ def resolve_path(value: Any, info: ValidationInfo) -> Path:
         info: pydantic's information; its `context` has the `folder` of the scene file, None for a scene given as text.
 
     Raises:
-        PydanticCustomError: the value is no text, a relative path without a folder, in a package that is missing, or
+        ValueError: the value is no text, a relative path without a folder, in a package that is missing, or
             one that no file can have.
     """
     folder = (info.context or {}).get("folder")
     if not isinstance(value, str):
-        raise PydanticCustomError("path", "allowed is the path of a file, relative to the folder of the scene")
+        raise ValueError("allowed is the path of a file, relative to the folder of the scene")
     if value.startswith(INSTALLED):
         path = _installed(*value.removeprefix(INSTALLED).partition("/")[::2])
     elif folder is None and not Path(value).is_absolute():
-        raise PydanticCustomError("path", "a scene given as text has no folder: give a full path")
+        raise ValueError("a scene given as text has no folder: give a full path")
     else:
         path = Path(folder or "/") / value
     if defect := defect_of(path):
-        raise PydanticCustomError("path", "no file can have this path: {defect}", {"defect": defect})
+        raise ValueError(f"no file can have this path: {defect}")
     return path
 
 
 def _installed(package: str, path: str) -> Path:
     """Return the path of a file of an installed package."""
     if not _PACKAGE.fullmatch(package):  # its name is a part of a command that the user may paste
-        text = (
-            "'pip://' is followed by {package}; allowed: the name of a Python package, and / with the path of its file"
-        )
-        raise PydanticCustomError("package", text, {"package": repr(package[:80])})
+        allowed = "allowed: the name of a Python package, and / with the path of its file"
+        raise ValueError(f"'pip://' is followed by {package[:80]!r}; {allowed}")
     try:
         return Path(distribution(package).locate_file(path))
     except (PackageNotFoundError, ValueError) as error:
         extra = robots_extra(package)
         own = f"pip install {package}, if you know and trust this package"
         remedy = own if extra is None else f"pip install 'gdfe_ros[{extra}]'"
-        text = "the package '{package}' is not installed; remedy: {remedy}"
-        raise PydanticCustomError("package", text, {"package": package, "remedy": remedy}) from error
+        raise ValueError(f"the package '{package}' is not installed; remedy: {remedy}") from error
 
 
 def missing_packages(text: str) -> list[str]:

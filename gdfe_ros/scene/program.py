@@ -4,70 +4,85 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Annotated
+from collections.abc import Mapping, Sequence
+from functools import cached_property
+from typing import Annotated, TypeVar
 
 import numpy as np
+from pydantic import Field, PrivateAttr
 
 from gdfe_ros.arms.spline import spline
 from gdfe_ros.constraints import Pose
+from gdfe_ros.quantity import Quantity, Vector
 from gdfe_ros.scene.entry import Entry
-from gdfe_ros.scene.quantity import Quantity
 
 TIME = Quantity("time", "s", least=0.0, most=1e6)
-_VALUE = Quantity("command in the actuator's unit, or factor of the load", least=-1e15, most=1e15)
-_POSITION = Quantity("position of the joint, in rad or m", least=-1e6, most=1e6)
-_VELOCITY = Quantity("velocity of the joint there, in rad/s or m/s", least=-1e6, most=1e6)
 
 
-@dataclass(frozen=True)
-class Keyframe:
-    """The pose of a handle at a time [s]."""
+_TRANSLATION = Quantity("translation [x, y, z]", "m", least=-1e3, most=1e3, count=3)
+_ROTATION = Quantity("rotation vector [x, y, z]", "degrees", least=-36000, most=36000, count=3)
 
-    time: float
-    pose: Pose
+
+class Keyframe(Entry):
+    """The pose of a handle or obstacle at a time, relative to its rest pose; a key that is left out is zero."""
+
+    time: Annotated[float, TIME]
+    translation: Annotated[Vector, _TRANSLATION] = (0.0, 0.0, 0.0)
+    rotation_deg: Annotated[Vector, _ROTATION] = (0.0, 0.0, 0.0)
+
+    @cached_property
+    def pose(self) -> Pose:
+        """The pose in SI units."""
+        return Pose(self.translation, tuple(np.radians(self.rotation_deg).tolist()))
 
 
 class Point(Entry):
     """The command of an actuator, or the factor of a load, at a time."""
 
     time: Annotated[float, TIME]
-    value: Annotated[float, _VALUE]
+    value: Annotated[float, Quantity("command in the actuator's unit, or factor of the load", least=-1e15, most=1e15)]
 
 
 class JointPoint(Entry):
     """Position and velocity of an arm's joint at a time; between two points the position is a cubic polynomial."""
 
     time: Annotated[float, TIME]
-    value: Annotated[float, _POSITION]
-    velocity: Annotated[float, _VELOCITY] = 0.0
+    value: Annotated[float, Quantity("position of the joint, in rad or m", least=-1e6, most=1e6)]
+    velocity: Annotated[float, Quantity("velocity of the joint there, in rad/s or m/s", least=-1e6, most=1e6)] = 0.0
 
 
-@dataclass(frozen=True)
-class Program:
-    """Keyframes of handles, obstacles, actuators, loads and joints.
+Frame = TypeVar("Frame", Keyframe, Point)
+
+
+class Program(Entry):
+    """Commands over time, which `gdfe solve` plays.
 
     At time 0 a handle is in its rest pose, unless it has a keyframe at time 0. Between two keyframes its pose changes
     linearly. After its last keyframe it keeps the pose of that keyframe. The same holds for the commands of actuators
-    and loads, which have the values in `start` at time 0. Between two points of a joint its position is a cubic
-    polynomial.
-
-    Attributes:
-        duration: length of the program [s].
-        keyframes: dict from the name of a handle or obstacle to its keyframes, times ascending and within the duration.
-        actuators: dict from the name of an actuator to its commands, times likewise.
-        loads: dict from the name of a load to its factors, times likewise.
-        start: dict from the name of an actuator, load or joint to its command at time 0, if its first point is later.
-        joints: dict from the name of an arm's joint to its positions and velocities, times likewise.
+    and loads, which have the commands of `starting_from` at time 0. Between two points of a joint its position is a
+    cubic polynomial.
     """
 
-    duration: float
-    keyframes: Mapping[str, tuple[Keyframe, ...]]
-    actuators: Mapping[str, tuple[Point, ...]] = field(default_factory=dict)
-    loads: Mapping[str, tuple[Point, ...]] = field(default_factory=dict)
-    start: Mapping[str, float] = field(default_factory=dict)
-    joints: Mapping[str, tuple[JointPoint, ...]] = field(default_factory=dict)
+    duration: Annotated[float, Quantity("duration", "s", above=0.0, most=1e6)]
+    handles: dict[str, tuple[Keyframe, ...]] = Field({}, description="keyframes of each moving handle")
+    obstacles: dict[str, tuple[Keyframe, ...]] = Field({}, description="keyframes of each moving obstacle")
+    actuators: dict[str, tuple[Point, ...]] = Field({}, description="commands {time, value} of each actuator")
+    loads: dict[str, tuple[Point, ...]] = Field({}, description="factors {time, value} of each load")
+    joints: dict[str, tuple[JointPoint, ...]] = Field(
+        {}, description="positions {time, value, velocity} of each joint of an arm"
+    )
+    _start: dict[str, float] = PrivateAttr(default_factory=dict)
+
+    def starting_from(self, commands: Mapping[str, float]) -> Program:
+        """Return the program with the commands of actuators, loads and joints at time 0, before their first points."""
+        program = self.model_copy()
+        program._start = {name: commands.get(name, 0.0) for name in (*self.actuators, *self.loads, *self.joints)}
+        return program
+
+    @property
+    def keyframes(self) -> dict[str, tuple[Keyframe, ...]]:
+        """Dict from the name of each handle and obstacle to its keyframes."""
+        return {**self.handles, **self.obstacles}
 
     @property
     def times(self) -> tuple[float, ...]:
@@ -99,35 +114,33 @@ class Program:
     def joint_positions(self, time: float) -> dict[str, float]:
         """Return a dict from each joint of the program to its position [rad] or [m] at a time [s], as above."""
         moment = self._within(time)
-        return {name: _joint_at(points, moment, self.start[name]) for name, points in self.joints.items()}
+        return {name: _joint_at(points, moment, self._start[name]) for name, points in self.joints.items()}
 
     def _values(self, tracks: Mapping[str, tuple[Point, ...]], time: float) -> dict[str, float]:
         moment = self._within(time)
-        return {name: _value_at(points, moment, self.start[name]) for name, points in tracks.items()}
+        return {name: _value_at(points, moment, self._start[name]) for name, points in tracks.items()}
 
     def _within(self, time: float) -> float:
         """Return a time [s] limited to 0 .. duration."""
         return min(max(time, 0.0), self.duration)
 
 
-def _pose_at(frames: tuple[Keyframe, ...], time: float) -> Pose:
-    if frames[0].time > 0.0:
-        frames = (Keyframe(0.0, Pose()), *frames)
+def _around(frames: Sequence[Frame], time: float) -> tuple[Frame, Frame, float]:
+    """Return the frames before and after a time [s], and the elapsed fraction of the time between them."""
     last = bisect_right([frame.time for frame in frames], time) - 1
-    if last == len(frames) - 1:
-        return frames[last].pose
-    start, end = frames[last], frames[last + 1]
-    return start.pose.blend(end.pose, (time - start.time) / (end.time - start.time))
+    start, end = frames[last], frames[min(last + 1, len(frames) - 1)]
+    return start, end, 0.0 if start is end else (time - start.time) / (end.time - start.time)
+
+
+def _pose_at(frames: tuple[Keyframe, ...], time: float) -> Pose:
+    start, end, share = _around(frames if frames[0].time <= 0.0 else (Keyframe(time=0.0), *frames), time)
+    return start.pose.blend(end.pose, share)
 
 
 def _value_at(points: tuple[Point, ...], time: float, before: float) -> float:
-    if points[0].time > 0.0:
-        points = (Point.model_construct(time=0.0, value=before), *points)
-    last = bisect_right([point.time for point in points], time) - 1
-    if last == len(points) - 1:
-        return points[last].value
-    start, end = points[last], points[last + 1]
-    return start.value + (time - start.time) / (end.time - start.time) * (end.value - start.value)
+    first = () if points[0].time <= 0.0 else (Point.model_construct(time=0.0, value=before),)
+    start, end, share = _around((*first, *points), time)
+    return start.value + share * (end.value - start.value)
 
 
 def _joint_at(points: tuple[JointPoint, ...], time: float, before: float) -> float:

@@ -3,78 +3,79 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import MISSING, fields
 from types import UnionType
-from typing import Annotated, Any, Union, get_args, get_origin
+from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
 
 from pydantic import BaseModel, Tag, ValidationError
 from pydantic.fields import FieldInfo
 
-from gdfe_ros.errors import SceneError
+from gdfe_ros.errors import DefectsError, SceneError
+from gdfe_ros.keys import FieldError, Keys, Meaning
+from gdfe_ros.quantity import Quantity, find_quantity
 from gdfe_ros.regular_file import NAME_RULE
 from gdfe_ros.scene.document import Document, KeyPath
-from gdfe_ros.scene.entry import TAG
+from gdfe_ros.scene.entry import TAG, VALUE_ERROR
 from gdfe_ros.scene.material_schema import LAWS
-from gdfe_ros.scene.quantity import Quantity
 from gdfe_ros.scene.schema import SceneModel
 from gdfe_ros.spelling import closest, did_you_mean
 
 
 def known_keys(location: KeyPath) -> list[str]:
     """Return the allowed keys of the mapping at a location in pydantic's form; [] if any key is allowed."""
-    model = _walk(location)
-    return list(model.model_fields) if _is_model(model) else []
+    return list(fields_of(_walk(location)))
 
 
 def describe_key(location: KeyPath) -> str:
     """Return a description of the value at a location: meaning, unit and range, e.g. ``a number: duration [s] > 0``."""
-    model = _walk(location[:-1])
-    field = model.model_fields.get(location[-1]) if _is_model(model) else None
+    field = fields_of(_walk(location[:-1])).get(location[-1])
     if field is None:
         return "see the scene reference in docs/scene.md"
-    quantity = find_quantity(field)
+    quantity = quantity_of(field)
     if quantity is not None:
         return f"needed is {quantity.allowed}"
-    if field.description:
-        return f"needed: {field.description}"
+    if meaning := description_of(field):
+        return f"needed: {meaning}"
     choices = get_args(field.annotation)
     return f"allowed: {', '.join(map(str, choices))}" if choices else f"needed: {field.annotation.__name__}"
 
 
 def unit_of(key: str) -> str:
     """Return the unit of the number at a dotted key of a scene, e.g. ``materials.skin.young``; empty if it has none."""
-    return _unit(SceneModel, key.split("."))
+    current: Any = SceneModel
+    for part in key.split("."):
+        current = _child(current, part)
+        if (quantity := find_quantity(current)) is not None:
+            return quantity.unit
+    return ""
 
 
-def _unit(annotation: Any, parts: Sequence[str]) -> str:
-    """Return the unit of the number at a path below an annotation; of alternatives, the first that has the path."""
-    annotation = bare(annotation)
-    origin, arguments = get_origin(annotation), get_args(annotation)
-    if origin in (Union, UnionType):
-        return next(filter(None, (_unit(choice, parts) for choice in arguments)), "")
-    if origin in (dict, list, tuple):
-        return _unit(arguments[1 if origin is dict else 0], parts[1:])
-    field = annotation.model_fields.get(parts[0]) if parts and _is_model(annotation) else None
-    if field is None:
-        return ""
-    quantity = find_quantity(field)
-    return quantity.unit if quantity is not None else _unit(field.annotation, parts[1:])
+def quantity_of(field: FieldInfo) -> Quantity | None:
+    """Return the `Quantity` of a field; None if its value is not a number or a list of numbers."""
+    given = next((item for item in field.metadata if isinstance(item, Quantity)), None)
+    return given or find_quantity(field.annotation)
 
 
-def find_quantity(place: FieldInfo | Any) -> Quantity | None:
-    """Return the `Quantity` of a field or annotation; None if its value is not a number or a list of numbers."""
-    if isinstance(place, FieldInfo):
-        given = next((item for item in place.metadata if isinstance(item, Quantity)), None)
-        return given or find_quantity(place.annotation)
-    if get_origin(place) is Annotated:
-        return next((item for item in get_args(place)[1:] if isinstance(item, Quantity)), None)
-    if get_origin(place) in (Union, UnionType):
-        return next(filter(None, map(find_quantity, get_args(place))), None)
-    return None
+def description_of(field: FieldInfo) -> str | None:
+    """Return the description of a field, or its `Meaning`; None if it has none."""
+    return field.description or next((item.text for item in field.metadata if isinstance(item, Meaning)), None)
 
 
-def _is_model(annotation: Any) -> bool:
-    return isinstance(annotation, type) and issubclass(annotation, BaseModel)
+def fields_of(kind: Any) -> dict[str, FieldInfo]:
+    """Return a dict from name to each field of a kind of entry, a model or a dataclass; empty for another type."""
+    if isinstance(kind, type) and issubclass(kind, BaseModel):
+        return kind.model_fields
+    if not (isinstance(kind, type) and issubclass(kind, Keys)):
+        return {}
+    hints = get_type_hints(kind, include_extras=True)
+    return {
+        item.name: FieldInfo.from_annotation(hints[item.name])
+        if item.default is MISSING
+        else FieldInfo.from_annotated_attribute(hints[item.name], item.default)
+        for item in fields(kind)
+    }
 
 
 def _walk(location: KeyPath) -> Any:
@@ -85,17 +86,18 @@ def _walk(location: KeyPath) -> Any:
 
 
 def _child(annotation: Any, part: str | int) -> Any:
+    """Return the annotation of what is at a key, an index or a tag; None if there is nothing."""
     annotation = bare(annotation)
-    if _is_model(annotation):
-        field = annotation.model_fields.get(part)
-        return field.annotation if field else None
+    if known := fields_of(annotation):
+        if (field := known.get(part)) is None:
+            return None
+        return Annotated[(field.annotation, *field.metadata)] if field.metadata else field.annotation
     origin, arguments = get_origin(annotation), get_args(annotation)
-    if origin is dict:
-        return arguments[1]
-    if origin in (tuple, list):
-        return arguments[0]
+    if origin in (dict, list, tuple):
+        return arguments[1 if origin is dict else 0]
     if origin in (Union, UnionType):
-        return next((choice for choice in arguments if _tagged(choice, part)), None)
+        tagged = (choice for choice in arguments if _tagged(choice, part))
+        return next(tagged, None) or next(filter(None, (_child(choice, part) for choice in arguments)), None)
     return None
 
 
@@ -115,7 +117,31 @@ def bare(annotation: Any) -> Any:
 
 #: Argument ``value`` of `Defects.add` for a defect whose text shows no value.
 NO_VALUE = object()
+#: The same for a defect whose text shows the value in the file even if it is a mapping.
+WHOLE = object()
 _LONGEST_VALUE = 60
+_UNKNOWN = ("extra_forbidden", "unexpected_keyword_argument")
+"""Kinds of pydantic's errors for a key that a model or a dataclass does not have."""
+
+
+class Unfit(Exception):
+    """An entry does not fit the rest of the scene.
+
+    Args:
+        key: key of the defect below the entry, with dots between keys; empty for the entry itself.
+        texts: each defect, with allowed values and remedy.
+        value: as for `Defects.add`.
+    """
+
+    def __init__(self, key: str, *texts: str, value: Any = None) -> None:
+        super().__init__(key, *texts)
+        self.key, self.texts, self.value = key, texts, value
+
+
+def require_known(key: str, noun: str, name: str, known: Collection[str]) -> None:
+    """Raise `Unfit` with the ``known`` names if a name is not among them."""
+    if name not in known:
+        raise Unfit(key, f"there is no such {noun}{suggest(name, known)}")
 
 
 class Defects:
@@ -132,7 +158,7 @@ class Defects:
         self._found: list[tuple[int, str]] = []
         self._concerned: set[KeyPath] = set()
         for path in document.duplicates:
-            self.add(path, "this key is given twice; remove one of the two", value=NO_VALUE)
+            self.refuse(path, "this key is given twice; remove one of the two")
 
     def add(self, path: KeyPath, text: str, *, value: Any = None) -> None:
         """Add a defect.
@@ -140,11 +166,12 @@ class Defects:
         Args:
             path: keys and indices from the top level.
             text: allowed values and remedy.
-            value: value to show; None for the value in the file, if this is not a mapping; `NO_VALUE` for no value.
+            value: value to show; None for the value in the file, if this is not a mapping; `WHOLE` for any value in the
+                file; `NO_VALUE` for no value.
         """
         line = self._document.line(path)
         self._concerned.add(path)
-        shown = self._lookup(path) if value is None else value
+        shown = self.value_at(path, plain=value is None) if value in (None, WHOLE) else value
         key = ".".join(map(str, path)) or "scene"
         given = "" if shown is NO_VALUE else f" = {_short(shown)}"
         where = f" (line {line})" if line else ""
@@ -152,13 +179,36 @@ class Defects:
             where = " (override)"
         self._found.append((line or 0, f"{key}{given}{where}: {text}"))
 
+    def refuse(self, path: KeyPath, text: str) -> None:
+        """Add a defect whose text shows no value."""
+        self.add(path, text, value=NO_VALUE)
+
+    def add_all(self, path: KeyPath, error: DefectsError) -> None:
+        """Add every defect of an error at one key path."""
+        for defect in error.defects:
+            self.add(path, defect)
+
+    @contextmanager
+    def entry(self, *path: str | int) -> Iterator[None]:
+        """Add the defects of an entry that turns out to be `Unfit` in the ``with`` block, and go on after the block."""
+        try:
+            yield
+        except Unfit as error:
+            for text in error.texts:
+                self.add((*path, *filter(None, error.key.split("."))), text, value=error.value)
+
+    def names(self, section: str) -> list[str]:
+        """Return the names of all entries of a section of the file, also of those with defects."""
+        entries = self._document.data.get(section)
+        return [str(name) for name in entries] if isinstance(entries, dict) else []
+
     def add_invalid(self, error: ValidationError) -> list[KeyPath]:
         """Add every defect that pydantic found; return the key paths of these defects."""
         items = [(_keys_of(item["loc"]), item) for item in error.errors(include_url=False)]
         misspelt = {
             (*path[:-1], closest(path[-1], known_keys(item["loc"][:-1])))
             for path, item in items
-            if item["type"] == "extra_forbidden"
+            if item["type"] in _UNKNOWN
         }
         for path, item in items:
             if not (item["type"] == "missing" and path in misspelt):
@@ -178,38 +228,36 @@ class Defects:
             found = sorted(enumerate(self._found), key=lambda entry: (entry[1][0], entry[0]))
             raise SceneError(self.heading, [text for _, (_, text) in found])
 
-    def __bool__(self) -> bool:
-        return bool(self._found)
-
     def _add_item(self, kind: str, location: KeyPath, path: KeyPath, context: dict[str, Any], message: str) -> None:
         if kind == "missing":
-            self.add(path, f"is missing; {describe_key(location)}", value=NO_VALUE)
-        elif kind == "extra_forbidden":
-            self.add(path, f"unknown key{suggest(path[-1], known_keys(location[:-1]))}", value=NO_VALUE)
+            self.refuse(path, f"is missing; {describe_key(location)}")
+        elif kind in _UNKNOWN:
+            self.refuse(path, f"unknown key{suggest(path[-1], known_keys(location[:-1]))}")
         elif kind in ("union_tag_invalid", "union_tag_not_found"):
             self._add_law(path)
         elif location and location[-1] == "[key]":
-            self.add(path, "allowed names: letters, digits and _, starting with a letter", value=NO_VALUE)
+            self.refuse(path, "allowed names: letters, digits and _, starting with a letter")
         elif path == ("name",) and kind == "string_pattern_mismatch":
             self.add(path, f"allowed: {NAME_RULE}")
         elif kind in ("literal_error", "enum"):
             allowed = context["expected"].replace(" or ", ", ").replace("'", "").split(", ")
-            self.add(path, f"not known{suggest(self._lookup(path), allowed)}")
-        elif kind in ("quantity", "csv", "path"):
-            self.add(path, message)
+            self.add(path, f"not known{suggest(self.value_at(path), allowed)}")
+        elif isinstance(context.get("error"), FieldError):
+            self.add((*path, context["error"].field), context["error"].text)
         else:
             self.add(path, _plain(kind, message, location))
 
     def _add_law(self, path: KeyPath) -> None:
-        entry = self._lookup(path, plain=False)
+        entry = self.value_at(path, plain=False)
         if not isinstance(entry, dict):
             self.add(path, "must be a mapping, e.g. {law: linear, young: 1.0e5, poisson: 0.45}")
         elif "law" in entry:
             self.add((*path, "law"), f"unknown law{suggest(entry['law'], LAWS)}")
         else:
-            self.add((*path, "law"), f"is missing; allowed: {', '.join(LAWS)}, or a preset", value=NO_VALUE)
+            self.refuse((*path, "law"), f"is missing; allowed: {', '.join(LAWS)}, or a preset")
 
-    def _lookup(self, path: KeyPath, *, plain: bool = True) -> Any:
+    def value_at(self, path: KeyPath, *, plain: bool = True) -> Any:
+        """Return the value in the file at a key path; `NO_VALUE` if there is none, or a mapping where ``plain``."""
         value: Any = self._document.data
         for part in path:
             in_list = isinstance(value, list) and isinstance(part, int) and part < len(value)
@@ -236,7 +284,7 @@ def _short(value: Any) -> str:
 
 
 def _plain(kind: str, message: str, location: KeyPath) -> str:
-    if kind in ("model_type", "dict_type", "model_attributes_type"):
+    if kind in ("model_type", "dict_type", "dataclass_type"):
         keys = known_keys(location)
         return "must be a mapping (key: value)" + (f" with {', '.join(keys)}" if keys else "")
     if kind in ("tuple_type", "list_type"):
@@ -247,4 +295,4 @@ def _plain(kind: str, message: str, location: KeyPath) -> str:
         return "must be text; put it in quotes"
     if kind in ("bool_type", "bool_parsing"):
         return "allowed: true, false"
-    return message.removeprefix("Value error, ")
+    return message.removeprefix(VALUE_ERROR)

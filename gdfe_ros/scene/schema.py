@@ -4,51 +4,34 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from typing import Annotated, Any, ClassVar, Literal
 
-import numpy as np
-from pydantic import Field, StringConstraints, model_validator
+from pydantic import Field, StringConstraints, WrapValidator, model_validator
 
-from gdfe_ros.constraints import Axis, Pose
+from gdfe_ros.constraints import Axis
+from gdfe_ros.mesh.selection import Where
 from gdfe_ros.regular_file import NAME_PATTERN
-from gdfe_ros.scene.actuator_schema import ActuatorModel, LoadModel, Place
+from gdfe_ros.scene.actuator_schema import ActuatorModel, LoadModel, MassModel, Place
 from gdfe_ros.scene.arm_schema import ArmModel
-from gdfe_ros.scene.entry import Entry
+from gdfe_ros.scene.entry import Entry, one_of
 from gdfe_ros.scene.material_schema import FibreLayerModel, MaterialModel
 from gdfe_ros.scene.mesh_schema import MeshModel, PlacedMeshModel, SkinModel
-from gdfe_ros.scene.motion_schema import DynamicsModel, MassModel
 from gdfe_ros.scene.obstacle_schema import BodyModel, ObstacleModel, SelfContactModel, SensorModel
-from gdfe_ros.scene.program import TIME, JointPoint, Keyframe, Point
-from gdfe_ros.scene.quantity import Quantity
-from gdfe_ros.scene.where_schema import WhereModel
-from gdfe_ros.solver.settings import Policy, Skip, SolverSettings, Torsion
+from gdfe_ros.scene.program import Program
+from gdfe_ros.solver.motion.dynamics import Dynamics
+from gdfe_ros.solver.settings import SolverSettings
 
 #: Pattern of names, which become parts of ROS topics and of command lines.
 NAME = re.compile(r"^[A-Za-z][A-Za-z0-9_]*$")
 Name = Annotated[str, StringConstraints(pattern=NAME.pattern)]
-
-_TRANSLATION = Quantity("translation [x, y, z]", "m", least=-1e3, most=1e3, count=3)
-_ROTATION = Quantity("rotation vector [x, y, z]", "degrees", least=-36000, most=36000, count=3)
-_DURATION = Quantity("duration", "s", above=0.0, most=1e6)
-_TOLERANCE = Quantity(
-    "tolerance: allowed distance to the equilibrium, as a fraction of the body's size", least=1e-12, most=1e-1
-)
-_STEPS = Quantity(
-    "number of load steps of a program; default: the solver chooses",
-    least=1,
-    most=1_000_000,
-    whole=True,
-    remedy="leave it out: the solver chooses",
-)
-_THREADS = Quantity("number of threads among which the elements are divided", least=1, most=1024, whole=True)
-_ITERATIONS = Quantity("largest number of iterations per step", least=1, most=1_000_000, whole=True)
 
 
 class RegionModel(Entry):
     """A material and the cells that have it; a later region replaces the material of an earlier region."""
 
     material: str = Field(description="name of one of the materials")
-    where: WhereModel | None = Field(None, description="the cells (default: all)")
+    where: Where | None = Field(None, description="the cells (default: all)")
 
 
 class SoftBodyModel(PlacedMeshModel):
@@ -61,24 +44,15 @@ class SoftBodyModel(PlacedMeshModel):
         (), description="the material of each of its cells, as for the scene; places are in the body's own frame"
     )
 
-    @model_validator(mode="after")
-    def _one_of_material_and_regions(self) -> SoftBodyModel:
-        if (self.material is None) == (not self.regions):
-            raise ValueError("give exactly one of material and regions, e.g. material: soft")
-        return self
-
-    @property
-    def pose(self) -> dict[str, Any]:
-        """The keys of this entry that stay if its mesh is embedded: the pose and the materials."""
-        regions = [each.model_dump(exclude_none=True, mode="json") for each in self.regions]
-        made_of = {"regions": regions} if regions else {"material": self.material}
-        return {**super().pose, **made_of}
+    _one_of_material_and_regions = one_of(
+        "material", "regions", "give exactly one of material and regions, e.g. material: soft"
+    )
 
 
 class HandleModel(Entry):
     """Vertices that are fixed, move together as a rigid body, or slide each by itself."""
 
-    where: WhereModel = Field(description="the vertices, e.g. {face: x-}")
+    where: Where = Field(description="the vertices, e.g. {face: x-}")
     fixed: bool = Field(False, description="true: the handle stays at its rest pose and takes no commands")
     free: tuple[Literal["x", "y", "z", "rx", "ry", "rz"], ...] = Field(
         (),
@@ -112,63 +86,12 @@ class HandleModel(Entry):
         return tuple(axis for axis in Axis if f"r{axis.name.lower()}" in self.free)
 
 
-class KeyframeModel(Entry):
-    """The pose of a handle or obstacle at a time, relative to its rest pose; a key that is left out is zero."""
-
-    time: Annotated[float, TIME]
-    translation: Annotated[tuple[float, float, float], _TRANSLATION] = (0.0, 0.0, 0.0)
-    rotation_deg: Annotated[tuple[float, float, float], _ROTATION] = (0.0, 0.0, 0.0)
-
-    def build(self) -> Keyframe:
-        """Return the keyframe in SI units."""
-        rotation = tuple(float(angle) for angle in np.radians(self.rotation_deg))
-        return Keyframe(self.time, Pose(self.translation, rotation))
-
-
-class ProgramModel(Entry):
-    """Commands over time, which `gdfe solve` plays."""
-
-    duration: Annotated[float, _DURATION]
-    handles: dict[str, tuple[KeyframeModel, ...]] = Field({}, description="keyframes of each moving handle")
-    obstacles: dict[str, tuple[KeyframeModel, ...]] = Field({}, description="keyframes of each moving obstacle")
-    actuators: dict[str, tuple[Point, ...]] = Field({}, description="commands {time, value} of each actuator")
-    loads: dict[str, tuple[Point, ...]] = Field({}, description="factors {time, value} of each load")
-    joints: dict[str, tuple[JointPoint, ...]] = Field(
-        {}, description="positions {time, value, velocity} of each joint of an arm"
-    )
-
-
-class SolverModel(Entry):
-    """Solver settings."""
-
-    policy: Policy = Field(
-        SolverSettings.policy,
-        description="energy: minimises the strain energy, forces in newtons; relative: the method of the paper, as "
-        "published",
-    )
-    tolerance: Annotated[float, _TOLERANCE] = SolverSettings.tolerance
-    steps: Annotated[int, _STEPS] | None = SolverSettings.steps
-    max_iterations: Annotated[int, _ITERATIONS] = SolverSettings.max_iterations
-    threads: Annotated[int, _THREADS] = SolverSettings.threads
-    skip: tuple[Skip, ...] = Field(SolverSettings.skip, description="kinds of work that are left out if not needed")
-    torsion: Torsion = Field(
-        SolverSettings.torsion,
-        description="policy energy only; cell: each element resists torsion as a bar of its own; section: as a part of "
-        "the body's cross-section",
-    )
-
-    @model_validator(mode="after")
-    def _together(self) -> SolverModel:
-        self.build()
-        return self
-
-    def build(self) -> SolverSettings:
-        """Return the settings.
-
-        Raises:
-            ValueError: two settings exclude each other.
-        """
-        return SolverSettings(**dict(self))
+def _with_effect(given: Any, read: Callable[[Any], Dynamics]) -> Dynamics:
+    """Return the dynamics; report a `rho_inf` that the scheme ignores, even if it is the default one."""
+    dynamics = read(given)
+    if isinstance(given, dict) and "rho_inf" in given:
+        dynamics.require_effect()
+    return dynamics
 
 
 class SceneModel(Entry):
@@ -234,9 +157,9 @@ class SceneModel(Entry):
         "pad: {where: {face: x+}}",
     )
     self_contact: SelfContactModel | None = None
-    dynamics: DynamicsModel | None = None
-    program: ProgramModel | None = None
-    solver: SolverModel = SolverModel()
+    dynamics: Annotated[Dynamics, WrapValidator(_with_effect)] | None = None
+    program: Program | None = None
+    solver: SolverSettings = SolverSettings()
 
 
 class Draft(SceneModel):

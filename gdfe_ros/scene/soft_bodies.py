@@ -6,7 +6,7 @@ They can therefore join and leave a scene whose handles, regions and loads stay 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 from gdfe_ros.mesh import HexMesh, Mesh, TetMesh
 from gdfe_ros.mesh.assembly import assemble
 from gdfe_ros.mesh.mesh import MeshPart
-from gdfe_ros.scene.builder import fill_regions, holder_of
-from gdfe_ros.scene.meshes import Carried, build_part, of_tetrahedra, require_apart
-from gdfe_ros.scene.report import NO_VALUE, Defects
-from gdfe_ros.scene.schema import Draft
+from gdfe_ros.scene.builder import fill_regions
+from gdfe_ros.scene.document import Carried
+from gdfe_ros.scene.meshes import build_part, of_tetrahedra, require_apart
+from gdfe_ros.scene.report import Defects
+from gdfe_ros.scene.schema import Draft, RegionModel
 
 MAIN = "mesh"
 """Name of the body of a scene with the key `mesh`, among the parts of the whole mesh."""
@@ -41,13 +42,12 @@ def build_soft_bodies(draft: Draft, mesh: Mesh | None, carried: Carried, report:
         return {}
     if draft.dynamics is None and not report.concerns("dynamics"):
         text = "nothing holds them; remedy: `dynamics: {}`, with which they can move"
-        report.add(("soft_bodies",), text, value=NO_VALUE)
+        report.refuse(("soft_bodies",), text)
     own, found = parts_of(mesh), {}
     for name, model in draft.soft_bodies.items():
         path = ("soft_bodies", name)
-        taken = "the body" if name in own else holder_of(name, draft, "handles", "obstacles", "bodies")
-        if taken is not None:
-            report.add(path, f"{taken} has this name; remedy: another one", value=NO_VALUE)
+        if name in own:
+            report.refuse(path, "the body has this name; remedy: another one")
             continue
         part = build_part(model, path, carried, report)
         if part is None:
@@ -56,7 +56,7 @@ def build_soft_bodies(draft: Draft, mesh: Mesh | None, carried: Carried, report:
             part = of_tetrahedra(path, part, report)
         elif isinstance(part.mesh, TetMesh):
             text = "it has tetrahedra, and the body of this scene has hexahedra; remedy: a mesh of hexahedra"
-            report.add(path, text, value=NO_VALUE)
+            report.refuse(path, text)
             continue
         found[name] = part
     require_apart({**own, **found}, "soft_bodies", report, among=found)
@@ -68,17 +68,13 @@ def with_soft_bodies(mesh: HexMesh | None, bodies: Mapping[str, MeshPart]) -> He
     return assemble({**parts_of(mesh), **bodies}) if bodies and mesh is not None else mesh
 
 
-def assign_soft_materials(
-    draft: Draft, bodies: Mapping[str, MeshPart], names: Sequence[str], report: Defects
-) -> NDArray[np.int32]:
-    """Return the index into ``names`` of the material of each cell of the soft bodies (m,), int32; -1: none."""
+def assign_soft_materials(draft: Draft, bodies: Mapping[str, MeshPart], report: Defects) -> NDArray[np.int32]:
+    """Return the index of the material of each cell of the soft bodies (m,), int32; -1: none."""
     assigned = [np.zeros(0, dtype=np.int32)]
     for name, part in bodies.items():
         model, path = draft.soft_bodies[name], ("soft_bodies", name)
-        given = [(each.material, each.where, (*path, "regions", i)) for i, each in enumerate(model.regions)]
-        regions = [(material, where, place, (*place, "material")) for material, where, place in given]
+        given = [(each, (*path, "regions", i)) for i, each in enumerate(model.regions)]
         if model.material is not None:
-            place = (*path, "material")
-            regions = [(model.material, None, place, place)]
-        assigned.append(fill_regions(part.mesh, regions, names, (*path, "regions"), report))
+            given = [(RegionModel(material=model.material), path)]
+        assigned.append(fill_regions(part.mesh, given, (*path, "regions"), report))
     return np.concatenate(assigned)

@@ -30,6 +30,9 @@ LARGEST_CONTRAST = 1e10
 """Largest ratio of Young's moduli in a body; double precision does not resolve larger ratios. 1e6 is tested."""
 
 
+_WITHOUT_FIBRES = "the policy 'relative' has no forces, and thus no fibres; remedy: solver.policy: energy"
+
+
 def refuse_unsolvable(scene: Scene, settings: SolverSettings) -> None:
     """Raise an error if a scene cannot be solved with these settings.
 
@@ -141,7 +144,7 @@ def unsolvable(scene: Scene, policy: Policy) -> list[tuple[tuple[str, ...], str]
         (("materials",), _contrast(scene.materials, scene.cell_material)),
         (("solver", "policy"), _forces(scene, policy)),
         *((("actuators", name), text) for name, text in held.items()),
-        (("fibres",), _stiffened(scene, policy)),
+        (("fibres",), _WITHOUT_FIBRES if scene.fibres and policy is Policy.RELATIVE else ""),
         (("dynamics",), _inertia(scene.materials, policy) if moving else ""),
         (("dynamics", "scheme"), _ringing(scene)),
         (("bodies",), _inside(scene) if moving else _still(scene)),
@@ -149,13 +152,6 @@ def unsolvable(scene: Scene, policy: Policy) -> list[tuple[tuple[str, ...], str]
         (("mesh",), _tetrahedra(mesh, policy)),
     ]
     return [(key, text) for key, text in found if text]
-
-
-def _stiffened(scene: Scene, policy: Policy) -> str:
-    """Return a message about fibres with a policy that has no forces; empty if there are none."""
-    if not scene.fibres or policy is Policy.ENERGY:
-        return ""
-    return f"the policy {policy.value!r} has no forces, and thus no fibres; remedy: solver.policy: energy"
 
 
 def _tetrahedra(mesh: Mesh | None, policy: Policy) -> str:

@@ -5,6 +5,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
+from typing import Annotated
+
+from gdfe_ros.keys import CheckedKeys, Meaning
+from gdfe_ros.quantity import Quantity
 
 
 class Policy(str, Enum):
@@ -39,20 +43,41 @@ class Skip(str, Enum):
     ACTUATORS = "actuators"
 
 
+_POLICY = Meaning(
+    "energy: minimises the strain energy, forces in newtons; relative: the method of the paper, as published"
+)
+_TOLERANCE = Quantity(
+    "tolerance: allowed distance to the equilibrium, as a fraction of the body's size", least=1e-12, most=1e-1
+)
+_STEPS = Quantity(
+    "number of load steps of a program; default: the solver chooses",
+    least=1,
+    most=1_000_000,
+    whole=True,
+    remedy="leave it out: the solver chooses",
+)
+_ITERATIONS = Quantity("largest number of iterations per step", least=1, most=1_000_000, whole=True)
+_THREADS = Quantity("number of threads among which the elements are divided", least=1, most=1024, whole=True)
+_TORSION = Meaning(
+    "policy energy only; cell: each element resists torsion as a bar of its own; section: as a part of the body's "
+    "cross-section"
+)
+
+
 @dataclass(frozen=True)
-class SolverSettings:
-    """Settings of the equilibrium solver.
+class SolverSettings(CheckedKeys):
+    """Solver settings.
 
     Attributes:
         policy: ``energy`` (force-consistent shape factors) or ``relative`` (the paper as published).
         tolerance: a step counts as converged if the estimated largest distance of a vertex to the equilibrium, divided
-            by the body's size, is at most this; 1e-12 to 1e-1.
+            by the body's size, is at most this.
         steps: number of equal load steps into which a program is divided; None lets the solver choose.
         max_iterations: largest number of iterations of one increment; a step that needs more is returned as not
             converged. A command that is divided into n increments in advance has n times this limit.
-        threads: largest number of threads among which a solve under ``energy`` divides the elements, 1 to 1024. It
-            never uses more than numba's number of threads (``NUMBA_NUM_THREADS``, by default the machine's cores). The
-            result does not depend on the number, bit by bit.
+        threads: largest number of threads among which a solve under ``energy`` divides the elements. It never uses more
+            than numba's number of threads (``NUMBA_NUM_THREADS``, by default the machine's cores). The result does not
+            depend on the number, bit by bit.
         skip: kinds of work that are left out where the result changes by less than the tolerance; by default all kinds.
         torsion: model of torsional stiffness under ``energy``.
 
@@ -60,23 +85,18 @@ class SolverSettings:
         ValueError: a value is out of range.
     """
 
-    policy: Policy = Policy.ENERGY
-    tolerance: float = 1e-4
-    steps: int | None = None
-    max_iterations: int = 2000
-    threads: int = 1
-    skip: tuple[Skip, ...] = tuple(Skip)
-    torsion: Torsion = Torsion.CELL
+    policy: Annotated[Policy, _POLICY] = Policy.ENERGY
+    tolerance: Annotated[float, _TOLERANCE] = 1e-4
+    steps: Annotated[int, _STEPS] | None = None
+    max_iterations: Annotated[int, _ITERATIONS] = 2000
+    threads: Annotated[int, _THREADS] = 1
+    skip: Annotated[tuple[Skip, ...], Meaning("kinds of work that are left out if not needed")] = tuple(Skip)
+    torsion: Annotated[Torsion, _TORSION] = Torsion.CELL
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         object.__setattr__(self, "skip", tuple(Skip(item) for item in self.skip))
         object.__setattr__(self, "policy", Policy(self.policy))
         object.__setattr__(self, "torsion", Torsion(self.torsion))
         if self.torsion is Torsion.SECTION and self.policy is Policy.RELATIVE:
             raise ValueError("torsion: section needs policy: energy; relative has no hourglass energy; leave it out")
-        if not 1e-12 <= self.tolerance <= 1e-1:
-            raise ValueError(f"tolerance must lie in 1e-12 .. 1e-1, got {self.tolerance!r}")
-        for name, most in (("steps", 1_000_000), ("max_iterations", 1_000_000), ("threads", 1024)):
-            value = getattr(self, name)
-            if value is not None and not 1 <= value <= most:
-                raise ValueError(f"{name} must lie in 1 .. {most}, got {value!r}")

@@ -7,7 +7,7 @@ import pytest
 
 from gdfe_ros.commands.options import require_number
 from gdfe_ros.errors import GdfeError
-from gdfe_ros.scene.quantity import Quantity
+from gdfe_ros.quantity import Quantity
 
 EDGE = Quantity("edge", "m", above=0.0, most=1.0)
 

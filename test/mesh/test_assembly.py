@@ -15,7 +15,7 @@ from gdfe_ros.mesh.assembly import assemble
 from gdfe_ros.mesh.filling import Filling
 from gdfe_ros.mesh.mesh import MeshPart
 from gdfe_ros.mesh.outside import carry_skin
-from gdfe_ros.mesh.selection import BoxSelection, CellSelection, Face, NamedSet, Side, Vertices, Within
+from gdfe_ros.mesh.selection import BoxSelection, Side, Where
 
 BAR = replace(bar([4, 1, 1], [4, 1, 1]), cell_sets={"ends": np.array([0, 3])}, vertex_sets={"left": np.array([0, 5])})
 BLOCK, RIGHT = bar([2, 2, 2], [2, 2, 2]), np.array([1.0, 0.0, 0.0])
@@ -54,30 +54,32 @@ def test_places_are_those_of_the_mesh_that_is_named() -> None:
     """Selections within a named mesh use its frame, ids and sets; others use the world's frame and the whole mesh's."""
     mesh, first = pair(), BAR.n_vertices
     for where in (
-        Face(Side.X_LOW),
-        BoxSelection(x=(0.0, 1.0)),
-        Vertices((3, 1)),
-        CellSelection((2,)),
-        NamedSet("left"),
+        Where(face=Side.X_LOW),
+        Where(box=BoxSelection(x=(0.0, 1.0))),
+        Where(vertices=(3, 1)),
+        Where(cells=(2,)),
+        Where(set="left"),
     ):
-        np.testing.assert_array_equal(select_vertices(mesh, Within("bar", where)), select_vertices(BAR, where))
-        np.testing.assert_array_equal(select_cells(mesh, Within("bar", where)), select_cells(BAR, where))
-    inner = Face(Side.Z_HIGH)
-    np.testing.assert_array_equal(select_vertices(mesh, Within("block", inner)), select_vertices(BLOCK, inner) + first)
-    np.testing.assert_array_equal(select_faces(mesh, Within("block", inner)), select_faces(BLOCK, inner) + first)
-    np.testing.assert_array_equal(select_cells(mesh, Within("block")), np.arange(BLOCK.n_cells) + BAR.n_cells)
-    np.testing.assert_array_equal(select_vertices(mesh, NamedSet("left")), BAR.vertex_sets["left"])
-    assert set(select_vertices(mesh, Face(Side.Y_LOW))) <= set(range(first, mesh.n_vertices))
+        np.testing.assert_array_equal(select_vertices(mesh, replace(where, mesh="bar")), select_vertices(BAR, where))
+        np.testing.assert_array_equal(select_cells(mesh, replace(where, mesh="bar")), select_cells(BAR, where))
+    inner = Where(face=Side.Z_HIGH)
+    np.testing.assert_array_equal(
+        select_vertices(mesh, replace(inner, mesh="block")), select_vertices(BLOCK, inner) + first
+    )
+    np.testing.assert_array_equal(select_faces(mesh, replace(inner, mesh="block")), select_faces(BLOCK, inner) + first)
+    np.testing.assert_array_equal(select_cells(mesh, Where(mesh="block")), np.arange(BLOCK.n_cells) + BAR.n_cells)
+    np.testing.assert_array_equal(select_vertices(mesh, Where(set="left")), BAR.vertex_sets["left"])
+    assert set(select_vertices(mesh, Where(face=Side.Y_LOW))) <= set(range(first, mesh.n_vertices))
 
 
 def test_an_unknown_mesh_or_set_is_named() -> None:
     """An unknown mesh, a mesh name for a single mesh, and a set of another mesh are refused by name."""
     with pytest.raises(MeshError, match="mesh 'bra' does not exist; there are: bar, block"):
-        select_vertices(pair(), Within("bra"))
+        select_vertices(pair(), Where(mesh="bra"))
     with pytest.raises(MeshError, match="mesh 'bar' does not exist; there is one mesh, which has no name"):
-        select_cells(BAR, Within("bar", CellSelection((0,))))
+        select_cells(BAR, Where(mesh="bar", cells=(0,)))
     with pytest.raises(MeshError, match="set 'left' does not exist"):
-        select_vertices(pair(), Within("block", NamedSet("left")))
+        select_vertices(pair(), Where(mesh="block", set="left"))
 
 
 def test_a_filling_stays_with_its_cells() -> None:

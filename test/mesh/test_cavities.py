@@ -11,16 +11,16 @@ from gdfe_ros.mesh.cavities import find_cavities, open_edges
 from gdfe_ros.mesh.faces import enclosed_volume
 from gdfe_ros.mesh.generators import cut
 from gdfe_ros.mesh.round_bodies import sphere
-from gdfe_ros.mesh.selection import BoxSelection, Face, Side
+from gdfe_ros.mesh.selection import BoxSelection, Side, Where
 
 CUBE = bar([1, 1, 1], [5, 5, 5])
-MIDDLE = BoxSelection((0.2, 0.8), (-0.3, 0.3), (-0.3, 0.3))
+MIDDLE = Where(box=BoxSelection((0.2, 0.8), (-0.3, 0.3), (-0.3, 0.3)))
 
 
 def test_a_solid_body_has_no_cavity() -> None:
     """A bar, and a bar with a channel through it, have no cavity."""
     assert find_cavities(CUBE) == []
-    assert find_cavities(cut(CUBE, [BoxSelection(y=(-0.1, 0.1), z=(-0.1, 0.1))])) == []
+    assert find_cavities(cut(CUBE, [Where(box=BoxSelection(y=(-0.1, 0.1), z=(-0.1, 0.1)))])) == []
 
 
 def test_a_cavity_has_its_volume_center_and_outward_quads() -> None:
@@ -40,17 +40,25 @@ def test_a_cavity_has_its_volume_center_and_outward_quads() -> None:
 def test_several_cavities_come_largest_first() -> None:
     """Cavities are sorted by decreasing volume."""
     body = cut(
-        CUBE, [BoxSelection((0.2, 0.4), (-0.1, 0.1), (-0.1, 0.1)), BoxSelection((0.6, 0.8), (-0.3, 0.3), (-0.1, 0.1))]
+        CUBE,
+        [
+            Where(box=BoxSelection((0.2, 0.4), (-0.1, 0.1), (-0.1, 0.1))),
+            Where(box=BoxSelection((0.6, 0.8), (-0.3, 0.3), (-0.1, 0.1))),
+        ],
     )
     assert [cavity.volume for cavity in find_cavities(body)] == pytest.approx([0.024, 0.008])
 
 
 @pytest.mark.parametrize(
-    "second", [BoxSelection((0.4, 0.6), (-0.1, 0.1), (-0.3, 0.3)), BoxSelection((0.4, 0.6), (-0.1, 0.1), (-0.3, -0.1))]
+    "second",
+    [
+        Where(box=BoxSelection((0.4, 0.6), (-0.1, 0.1), (-0.3, 0.3))),
+        Where(box=BoxSelection((0.4, 0.6), (-0.1, 0.1), (-0.3, -0.1))),
+    ],
 )
-def test_cavities_that_touch_at_an_edge_stay_apart(second: BoxSelection) -> None:
+def test_cavities_that_touch_at_an_edge_stay_apart(second: Where) -> None:
     """Two cavities whose walls share vertices along an edge are separate."""
-    body = cut(CUBE, [BoxSelection((0.2, 0.4), (-0.3, -0.1), (-0.3, 0.3)), second])
+    body = cut(CUBE, [Where(box=BoxSelection((0.2, 0.4), (-0.3, -0.1), (-0.3, 0.3))), second])
     cavities = find_cavities(body)
     assert len(cavities) == 2
     assert sum(cavity.volume for cavity in cavities) == pytest.approx((125 - body.n_cells) * 0.008)
@@ -59,7 +67,7 @@ def test_cavities_that_touch_at_an_edge_stay_apart(second: BoxSelection) -> None
 
 def test_a_cavity_that_touches_the_outside_at_an_edge_is_closed() -> None:
     """A cavity that meets a notch only along an edge is closed."""
-    body = cut(CUBE, [MIDDLE, BoxSelection((0.8, 1.0), (0.3, 0.5), (-0.3, 0.3))])
+    body = cut(CUBE, [MIDDLE, Where(box=BoxSelection((0.8, 1.0), (0.3, 0.5), (-0.3, 0.3)))])
     (cavity,) = find_cavities(body)
     assert cavity.volume == pytest.approx(0.6**3)
 
@@ -67,7 +75,11 @@ def test_a_cavity_that_touches_the_outside_at_an_edge_is_closed() -> None:
 def test_material_inside_a_cavity_is_not_a_cavity() -> None:
     """A layer of cells between two cavities belongs to the body, whose surface encloses the cells' volume."""
     body = cut(
-        CUBE, [BoxSelection((0.2, 0.8), (-0.3, 0.3), (-0.3, -0.1)), BoxSelection((0.2, 0.8), (-0.3, 0.3), (0.1, 0.3))]
+        CUBE,
+        [
+            Where(box=BoxSelection((0.2, 0.8), (-0.3, 0.3), (-0.3, -0.1))),
+            Where(box=BoxSelection((0.2, 0.8), (-0.3, 0.3), (0.1, 0.3))),
+        ],
     )
     assert len(find_cavities(body)) == 2
     volume = enclosed_volume(body.vertices, body.surface())
@@ -93,7 +105,7 @@ def test_open_edges_name_the_leak() -> None:
 
 def test_faces_are_selected_by_their_vertices() -> None:
     """The 25 quads of one side are selected by their vertices and face outward."""
-    quads = select_faces(CUBE, Face(Side.X_LOW))
+    quads = select_faces(CUBE, Where(face=Side.X_LOW))
     assert quads.shape == (25, 4)
     corners = CUBE.vertices[quads]
     assert (np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])[:, 0] < 0).all()

@@ -9,7 +9,7 @@ import pytest
 from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh import check_mesh, select_vertices
 from gdfe_ros.mesh.generators import finger
-from gdfe_ros.mesh.selection import Face, Side
+from gdfe_ros.mesh.selection import Side, Where
 
 SIZE = [0.1, 0.015, 0.018]
 
@@ -37,8 +37,8 @@ def test_taper_scales_the_tip_about_the_axis() -> None:
 def test_sets_are_the_end_faces() -> None:
     """The sets are the faces at the ends of the bounding box."""
     mesh = finger(SIZE, joints=2, gap=0.01, web=0.005, cell=0.005, taper=0.8)
-    np.testing.assert_array_equal(mesh.vertex_sets["base"], select_vertices(mesh, Face(Side.X_LOW)))
-    np.testing.assert_array_equal(mesh.vertex_sets["tip"], select_vertices(mesh, Face(Side.X_HIGH)))
+    np.testing.assert_array_equal(mesh.vertex_sets["base"], select_vertices(mesh, Where(face=Side.X_LOW)))
+    np.testing.assert_array_equal(mesh.vertex_sets["tip"], select_vertices(mesh, Where(face=Side.X_HIGH)))
 
 
 def test_cells_are_no_larger_than_asked() -> None:

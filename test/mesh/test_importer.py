@@ -13,7 +13,7 @@ import pytest
 from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh import HexMesh, bar, select_cells, select_vertices
 from gdfe_ros.mesh.importer import examine_mesh, read_mesh
-from gdfe_ros.mesh.selection import NamedSet
+from gdfe_ros.mesh.selection import Where
 
 BAR = bar([0.2, 0.05, 0.05], [4, 2, 2])
 LEFT = np.flatnonzero(BAR.centroids[:, 0] < 0.1)
@@ -136,9 +136,9 @@ def test_whole_number_data_become_sets(tmp_path: Path, name: str) -> None:
     )
     mesh = read_mesh(path)
     assert sorted(mesh.cell_sets) == ["region_1", "region_2"]
-    np.testing.assert_array_equal(select_cells(mesh, NamedSet("region_1")), LEFT)
+    np.testing.assert_array_equal(select_cells(mesh, Where(set="region_1")), LEFT)
     assert list(mesh.vertex_sets) == ["grip_1"]
-    np.testing.assert_array_equal(select_vertices(mesh, NamedSet("grip_1")), GRIP)
+    np.testing.assert_array_equal(select_vertices(mesh, Where(set="grip_1")), GRIP)
 
 
 def test_physical_groups_of_gmsh_2_become_sets(tmp_path: Path) -> None:

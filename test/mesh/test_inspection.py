@@ -13,13 +13,15 @@ from gdfe_ros.mesh import bar
 from gdfe_ros.mesh.generators import cut
 from gdfe_ros.mesh.inspection import inspect_file
 from gdfe_ros.mesh.mesh_input import guess_unit, unit_defects
-from gdfe_ros.mesh.selection import BoxSelection
+from gdfe_ros.mesh.selection import BoxSelection, Where
 from gdfe_ros.mesh.tetmesh import divided
 
 
 def test_a_hollow_block_is_described(tmp_path: Path) -> None:
     """The report of a hollow block has counts, bounds, quality and the cavity."""
-    body = cut(bar([0.05, 0.05, 0.05], [5, 5, 5]), [BoxSelection((0.01, 0.04), (-0.015, 0.015), (-0.015, 0.015))])
+    body = cut(
+        bar([0.05, 0.05, 0.05], [5, 5, 5]), [Where(box=BoxSelection((0.01, 0.04), (-0.015, 0.015), (-0.015, 0.015)))]
+    )
     meshio.Mesh(body.vertices, [("hexahedron", body.cells)]).write(tmp_path / "block.vtu")
     found = inspect_file(tmp_path / "block.vtu")
     facts = dict(found.facts)
@@ -56,7 +58,7 @@ def test_a_surface_is_described(tmp_path: Path) -> None:
 
 def test_cheaper_hexahedra_are_named(tmp_path: Path) -> None:
     """A box, a body with axis-parallel faces and an extruded one name hexahedra; a ball, or few cells, do not."""
-    angle = cut(bar([0.06, 0.04, 0.02], [6, 4, 2]), [BoxSelection((0.03, 0.06), (0.0, 0.02))])
+    angle = cut(bar([0.06, 0.04, 0.02], [6, 4, 2]), [Where(box=BoxSelection((0.03, 0.06), (0.0, 0.02)))])
     triangles = angle.boundary.quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3)
     bodies, notes = (
         {

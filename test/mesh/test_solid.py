@@ -12,9 +12,15 @@ import trimesh
 
 from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh.packing import pack_surface, unpack_surface
-from gdfe_ros.mesh.solid import make_solid, read_solid
+from gdfe_ros.mesh.solid import Solid, make_solid
+from gdfe_ros.mesh.voxels import read_surface
 
 BOX = trimesh.creation.box((0.1, 0.06, 0.04))
+
+
+def read_solid(path: Path, *, scale: float | None = None, cell: float | None = None) -> Solid:
+    """Return the solid of a file, as an obstacle reads it."""
+    return make_solid(*read_surface(path, scale=scale), cell=cell)
 
 
 def test_distances_are_those_of_the_nearest_triangle() -> None:

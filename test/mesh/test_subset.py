@@ -10,7 +10,7 @@ from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh import HexMesh, bar, check_mesh, select_cells
 from gdfe_ros.mesh.assembly import join, keep_cells, merge_vertices
 from gdfe_ros.mesh.generators import cut
-from gdfe_ros.mesh.selection import BoxSelection
+from gdfe_ros.mesh.selection import BoxSelection, Where
 
 BAR = bar([4, 1, 1], [4, 1, 1])
 NAMED = HexMesh(BAR.vertices, BAR.cells, {"ends": np.array([0, 3])}, {"left": np.array([0, 5, 10, 15])})
@@ -50,10 +50,10 @@ def test_merging_keeps_the_first_of_a_group_and_the_order() -> None:
 
 def test_cuts_take_the_cells_of_their_boxes() -> None:
     """A cut removes the cells in its box; a cut that removes none, or all, is refused."""
-    body = cut(BAR, [BoxSelection(x=(1, 2)), BoxSelection(x=(3, 4))])
+    body = cut(BAR, [Where(box=BoxSelection(x=(1, 2))), Where(box=BoxSelection(x=(3, 4)))])
     np.testing.assert_allclose(body.centroids[:, 0], [0.5, 2.5])
-    assert select_cells(body, BoxSelection(x=(1, 2))).size == 0
+    assert select_cells(body, Where(box=BoxSelection(x=(1, 2)))).size == 0
     with pytest.raises(MeshError, match=r"cut 1 .*removes no cell"):
-        cut(BAR, [BoxSelection(x=(1, 2)), BoxSelection(x=(9, 10))])
+        cut(BAR, [Where(box=BoxSelection(x=(1, 2))), Where(box=BoxSelection(x=(9, 10)))])
     with pytest.raises(MeshError, match=r"leave no cell"):
-        cut(BAR, [BoxSelection(x=(0, 4))])
+        cut(BAR, [Where(box=BoxSelection(x=(0, 4)))])

@@ -10,7 +10,7 @@ import pytest
 from gdfe_ros import Simulation, load_scene
 from gdfe_ros.errors import SceneError
 from gdfe_ros.scene import scene_from_text
-from gdfe_ros.solver.motion.dynamics import Branch, Scheme
+from gdfe_ros.solver.motion.dynamics import Branch, Damping, Scheme
 from gdfe_ros.solver.settings import Policy, SolverSettings
 
 
@@ -31,7 +31,7 @@ def test_all_keys_are_read() -> None:
     scene = load_scene("drop", overrides=given)
     found = scene.dynamics
     assert (found.scheme, found.rho_inf, found.step) == (Scheme.GENERALISED_ALPHA, 0.5, 0.001)
-    assert (found.mass_damping, found.viscosity, found.prony) == (0.1, 20.0, (Branch(0.2, 0.1),))
+    assert (found.damping, found.prony) == (Damping(0.1, 20.0), (Branch(0.2, 0.1),))
     assert (found.velocity, found.spin) == ((0, 0, 1), (1, 0, 0))
     assert [(item.name, item.mass, len(item.points.corners)) for item in scene.masses] == [("camera", 0.1, 9)]
 

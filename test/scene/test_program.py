@@ -11,11 +11,16 @@ from gdfe_ros.constraints import Pose
 from gdfe_ros.errors import SceneError
 from gdfe_ros.scene import Keyframe, Program
 
+
+def _frame(time: float, pose: Pose) -> Keyframe:
+    return Keyframe(time=time, translation=pose.translation, rotation_deg=tuple(np.degrees(pose.rotation)))
+
+
 UP = Pose((0.0, 0.0, 0.2), (4.0, 0.0, 0.0))
 BACK = Pose((0.1, 0.0, 0.0))
 PROGRAM = Program(
-    5.0,
-    {"tip": (Keyframe(0.0, Pose()), Keyframe(2.0, UP), Keyframe(3.0, BACK)), "late": (Keyframe(4.0, UP),)},
+    duration=5.0,
+    handles={"tip": (_frame(0.0, Pose()), _frame(2.0, UP), _frame(3.0, BACK)), "late": (_frame(4.0, UP),)},
 )
 
 

@@ -10,8 +10,8 @@ import pytest
 from pydantic import BaseModel, ValidationError
 from scipy.spatial.transform import Rotation
 
+from gdfe_ros.quantity import RotationQuantity
 from gdfe_ros.scene.obstacle_schema import ObstacleModel
-from gdfe_ros.scene.quantity import RotationQuantity
 
 
 class Placed(BaseModel):

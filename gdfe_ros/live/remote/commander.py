@@ -23,7 +23,7 @@ from gdfe_ros.node.interface import services, topics
 from gdfe_ros.node.interface.parameters import MODULUS
 from gdfe_ros.node.interface.scene_topics import is_commanded, put_key, target_key
 from gdfe_ros.node.messages import actuation
-from gdfe_ros.node.orders import ActuatorOrder, Order, PoseOrder, TeleportOrder, require_order
+from gdfe_ros.node.orders import ActuatorOrder, Order, PlaceOrder, require_order
 from gdfe_ros.node.qos import interface_class, qos_profile
 from gdfe_ros.recording.step_record import Begin, StepRecord
 from gdfe_ros.scene.scene import Scene
@@ -80,7 +80,7 @@ class Commander:
             GdfeError: a number is not finite, a target is too far from rest, or the kind of order is not supported.
         """
         self.require(name, order)
-        if isinstance(order, (PoseOrder, TeleportOrder)):
+        if isinstance(order, PlaceOrder):
             position = Point(**dict(zip("xyz", order.translation, strict=True)))
             pose = PoseMessage(
                 position=position, orientation=Quaternion(**dict(zip("xyzw", order.quaternion, strict=True)))

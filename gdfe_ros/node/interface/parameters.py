@@ -5,6 +5,8 @@ from __future__ import annotations
 
 from gdfe_ros.node.specification import Changeable, ParameterSpec
 
+_UP_TO_AN_HOUR = {"unit": "s", "least": 0.0, "most": 3600.0}
+
 PARAMETERS = (
     ParameterSpec(
         name="scene",
@@ -51,9 +53,7 @@ PARAMETERS = (
     ParameterSpec(
         name="deadline",
         default=0.0,
-        unit="s",
-        least=0.0,
-        most=3600.0,
+        **_UP_TO_AN_HOUR,
         meaning="wall time after which a step returns its best state; the next step continues from it; 0: no deadline",
     ),
     ParameterSpec(
@@ -67,9 +67,7 @@ PARAMETERS = (
     ParameterSpec(
         name="heartbeat",
         default=1.0,
-        unit="s",
-        least=0.0,
-        most=3600.0,
+        **_UP_TO_AN_HOUR,
         meaning="while nothing is commanded, interval of the steps that only publish; not with clock lockstep; 0: none",
     ),
     ParameterSpec(
@@ -115,34 +113,26 @@ PARAMETERS = (
     ParameterSpec(
         name="command_max_age",
         default=0.0,
-        unit="s",
-        least=0.0,
-        most=3600.0,
+        **_UP_TO_AN_HOUR,
         meaning="largest age of a command; one with an older stamp is refused. The age is measured on the node's "
         "clock, which is simulation time if it publishes /clock; 0: no limit",
     ),
     ParameterSpec(
         name="command_max_lead",
         default=0.5,
-        unit="s",
-        least=0.0,
-        most=3600.0,
+        **_UP_TO_AN_HOUR,
         meaning="a command is refused if its stamp is ahead of the node's clock by more than this",
     ),
     ParameterSpec(
         name="velocity_timeout",
         default=0.5,
-        unit="s",
-        least=0.0,
-        most=3600.0,
+        **_UP_TO_AN_HOUR,
         meaning="simulation time for which a velocity command acts",
     ),
     ParameterSpec(
         name="slew_time",
         default=0.5,
-        unit="s",
-        least=0.0,
-        most=3600.0,
+        **_UP_TO_AN_HOUR,
         meaning="with clock wall or a deadline, shortest simulation time in which an actuator's command crosses its "
         "`range`; longer while steps do not converge in time; 0: a command acts at once. An actuator's `rate` in the "
         "scene limits it with every clock",

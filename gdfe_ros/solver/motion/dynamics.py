@@ -3,9 +3,12 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from enum import Enum
+from typing import Annotated
+
+from gdfe_ros.keys import CheckedKeys, FieldError, Meaning
+from gdfe_ros.quantity import Quantity, Vector
 
 THICKEST = 1e8
 """Largest viscosity [Pa s]. With a larger viscosity, the rounding of strains causes larger forces than the elastic
@@ -21,69 +24,83 @@ class Scheme(str, Enum):
     GENERALISED_ALPHA = "generalised_alpha"
 
 
-@dataclass(frozen=True)
-class Branch:
-    """One term of a Prony series.
+_DRAG = Quantity("damping force per mass and velocity, relative to the world", "1/s", least=0.0, most=1e6)
+_VISCOSITY = Quantity(
+    "viscosity: stress per rate of strain, in addition to the material's stress", "Pa s", least=0.0, most=THICKEST
+)
+_SHARE = Quantity("fraction of the instantaneous modulus that this branch carries", above=0.0, below=1.0)
+_TIME = Quantity("relaxation time, in which the branch's stress falls to 1/e", "s", above=0.0, most=1e9)
+_SCHEME = Meaning(
+    "bdf2: damps motion that the steps are too long to resolve; newmark: conserves the energy; "
+    "generalised_alpha: damps unresolved motion by the amount that rho_inf sets"
+)
+_RHO = Quantity(
+    "spectral radius of generalised_alpha: fraction of an infinitely fast motion that remains after a step",
+    least=0.0,
+    most=1.0,
+)
+_PRONY = Meaning("branches of a Prony series; the sum of their shares is less than 1")
+_VELOCITY = Quantity("velocity of every vertex at the start [x, y, z]", "m/s", least=-1e4, most=1e4, count=3)
+_SPIN = Quantity(
+    "angular velocity about the centre of mass at the start [x, y, z]", "rad/s", least=-1e4, most=1e4, count=3
+)
 
-    Attributes:
-        share: fraction of the instantaneous modulus that this branch carries, above 0.
-        time: relaxation time [s], in which the stress of this branch falls to 1/e.
+
+@dataclass(frozen=True)
+class Damping(CheckedKeys):
+    """Damping of a body in motion.
+
+    The viscosity is the viscous second Piola-Kirchhoff stress, divided by the rate of the Green strain.
     """
 
-    share: float
-    time: float
+    mass: Annotated[float, _DRAG] = 0.0
+    viscosity: Annotated[float, _VISCOSITY] = 0.0
 
 
 @dataclass(frozen=True)
-class Dynamics:
-    """Inertia, damping and time steps.
+class Branch(CheckedKeys):
+    """A branch of a Prony series: stiffness that relaxes. The material's law is the stiffness after full relaxation."""
 
-    Attributes:
-        scheme: ``bdf2`` damps motion that a step does not resolve, ``newmark`` conserves energy, ``generalised_alpha``
-            damps according to ``rho_inf``.
-        rho_inf: spectral radius of ``generalised_alpha`` at infinite frequency, 0 to 1; other schemes do not use it.
-        step: longest internal step [s]; a step of a simulation is divided into equal internal steps of at most this.
-        mass_damping: damping force, divided by mass and by velocity relative to the world [1/s].
-        viscosity: viscous second Piola-Kirchhoff stress, divided by the rate of the Green strain [Pa s].
-        prony: branches of a generalised Maxwell body, parallel to the material. The material's law holds for slow
-            motion.
-        velocity: (3,) initial velocity of every vertex [m/s].
-        spin: (3,) initial angular velocity about the centre of mass [rad/s].
+    share: Annotated[float, _SHARE]
+    time: Annotated[float, _TIME]
+
+
+@dataclass(frozen=True)
+class Dynamics(CheckedKeys):
+    """Inertia, damping and time steps; without this entry every step ends in a static equilibrium.
+
+    A step of a simulation is divided into equal internal steps. The branches of the Prony series are parallel to the
+    material, as in a generalised Maxwell body.
 
     Raises:
         ValueError: a value is out of range.
     """
 
-    SHORTEST_STEP, LONGEST_STEP = 1e-6, 10.0
-    """Bounds of the internal step [s]."""
-
-    scheme: Scheme = Scheme.GENERALISED_ALPHA
-    rho_inf: float = 0.8
-    step: float = 0.005
-    mass_damping: float = 0.0
-    viscosity: float = 0.0
-    prony: tuple[Branch, ...] = ()
-    velocity: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    spin: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    scheme: Annotated[Scheme, _SCHEME] = Scheme.GENERALISED_ALPHA
+    rho_inf: Annotated[float, _RHO] = 0.8
+    step: Annotated[float, Quantity("longest internal step in time", "s", least=1e-6, most=10.0)] = 0.005
+    damping: Damping = Damping()
+    prony: Annotated[tuple[Branch, ...], _PRONY] = ()
+    velocity: Annotated[Vector, _VELOCITY] = (0.0, 0.0, 0.0)
+    spin: Annotated[Vector, _SPIN] = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         object.__setattr__(self, "scheme", Scheme(self.scheme))
-        if not self.SHORTEST_STEP <= self.step <= self.LONGEST_STEP:
-            raise ValueError(f"step must lie in {self.SHORTEST_STEP:g} .. {self.LONGEST_STEP:g} s, got {self.step!r}")
-        if not 0.0 <= self.rho_inf <= 1.0:
-            raise ValueError(f"rho_inf must lie in 0 .. 1, got {self.rho_inf!r}")
-        if self.scheme is not Scheme.GENERALISED_ALPHA and self.rho_inf != Dynamics.rho_inf:
-            raise ValueError(f"rho_inf belongs to generalised_alpha, got {self.rho_inf!r} with {self.scheme.value}")
-        for name in ("mass_damping", "viscosity"):
-            if not 0.0 <= getattr(self, name) < math.inf:
-                raise ValueError(f"{name} must be finite and not negative, got {getattr(self, name)!r}")
-        for name in ("velocity", "spin"):
-            if not all(map(math.isfinite, getattr(self, name))):
-                raise ValueError(f"{name} must be three finite numbers, got {getattr(self, name)!r}")
-        if any(not (branch.share > 0.0 and 0.0 < branch.time < math.inf) for branch in self.prony):
-            raise ValueError(f"shares and times of a Prony series must be positive and finite, got {self.prony!r}")
-        if not sum(branch.share for branch in self.prony) < 1.0:
-            raise ValueError(f"shares of a Prony series must sum to less than 1, got {self.prony!r}")
+        if self.rho_inf != Dynamics.rho_inf:
+            self.require_effect()
+        total = sum(branch.share for branch in self.prony)
+        if total >= 1.0:
+            raise ValueError(
+                f"the shares of the Prony series sum to {total:.6g}; allowed: less than 1; remedy: smaller "
+                "shares, because the rest up to 1 carries slow loads"
+            )
+
+    def require_effect(self) -> None:
+        """Raise FieldError if the scheme ignores ``rho_inf``."""
+        if self.scheme is not Scheme.GENERALISED_ALPHA:
+            text = f"belongs to the scheme generalised_alpha and would be ignored by {self.scheme.value}"
+            raise FieldError("rho_inf", self.rho_inf, f"{text}; remedy: leave it out, or set scheme: generalised_alpha")
 
     @property
     def radius(self) -> float:
@@ -107,11 +124,11 @@ class Dynamics:
     @property
     def damps(self) -> bool:
         """Whether the material resists changes of strain."""
-        return bool(self.viscosity or self.prony)
+        return bool(self.damping.viscosity or self.prony)
 
     def relaxation(self, shear: float) -> float:
         """Return the longest time constant [s] of the creep of a material with the shear modulus ``shear`` [Pa]."""
-        return max([0.5 * self.viscosity / shear, *(branch.time for branch in self.prony)])
+        return max([0.5 * self.damping.viscosity / shear, *(branch.time for branch in self.prony)])
 
     @property
     def slow_share(self) -> float:

@@ -219,7 +219,7 @@ class Inertia(Term):
     def __init__(self, body: Body, mass: sparse.csr_matrix, dynamics: Dynamics, h: float) -> None:
         self._mass, self._dynamics, self._h = mass, dynamics, h
         kappa, theta = stiffness(dynamics, h)
-        self._factor = kappa + dynamics.mass_damping * theta
+        self._factor = kappa + dynamics.damping.mass * theta
         self._driven = np.zeros((len(body.rest), 3), dtype=bool)
         for handle in body.handles:
             if handle.slide is not None:
@@ -258,7 +258,7 @@ class Inertia(Term):
         if not saved["h"][0]:
             self.reals[0] = 0.0
             return
-        rule, damping = rule_of(self._dynamics, self._h, saved), self._dynamics.mass_damping
+        rule, damping = rule_of(self._dynamics, self._h, saved), self._dynamics.damping.mass
         velocity, acceleration = self._followed(positions, saved["positions"], saved["velocity"])
         factor = rule.kappa + damping * rule.theta
         resisted = rule.kappa * rule.aim + damping * (rule.theta * rule.drift - rule.lag)

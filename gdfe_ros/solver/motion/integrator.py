@@ -120,7 +120,7 @@ class Integrator:
         self._body, self._settings, self._mass, self._acting, self._euler = body, settings, mass, acting, euler
         self._undamped = dynamics.undamped
         # Pressures that lag behind a motion add energy to it; without damping they must not lag.
-        self._fed = dynamics.scheme is not Scheme.BDF2 and not (dynamics.damps or dynamics.mass_damping)
+        self._fed = dynamics.scheme is not Scheme.BDF2 and not (dynamics.damps or dynamics.damping.mass)
         self._coarser = 1.0 if dynamics.undamped else self.HELD
         if euler:
             dynamics = replace(dynamics, scheme=Scheme.BDF2, rho_inf=Dynamics.rho_inf)

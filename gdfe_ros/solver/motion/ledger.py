@@ -62,9 +62,9 @@ class Accounts:
         """
         ledger, (work, doubt) = now.ledger, work_between(before, now, self._handles)
         drag = 0.0
-        if self._dynamics.mass_damping:
+        if self._dynamics.damping.mass:
             mean = 0.5 * (self._velocity(before) + self._velocity(now))
-            drag = self._dynamics.mass_damping * h * np.vdot(mean, self._mass @ mean)
+            drag = self._dynamics.damping.mass * h * np.vdot(mean, self._mass @ mean)
         lost = ledger.lost + float(drag) + now.dissipated - before.dissipated
         bound = _raised(ledger.bound, doubt) if now.operators is before.operators else None
         return Ledger(work=ledger.work + work, lost=lost, bound=bound)

@@ -271,7 +271,7 @@ class MotionStepper:
         loads = {name: commands[name] for name in self.actuation.loaded}
         before, state = state.commands, state.with_(commands={**state.commands, **loads})
         velocity, h = self._accounts.velocity_at_start(state.positions), self._dynamics.step
-        pull = -self.equilibrium.forces(state) - self._dynamics.mass_damping * (self.mass @ velocity)
+        pull = -self.equilibrium.forces(state) - self._dynamics.damping.mass * (self.mass @ velocity)
         acceleration = self.free_mass.accelerated(pull)
         kinematics = Kinematics.started(state.positions, velocity, acceleration, h, first=True)
         terms = {**state.terms, inertia.NAME: saved_of(kinematics, h=h, positions=state.positions)}

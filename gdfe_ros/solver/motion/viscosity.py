@@ -57,7 +57,7 @@ class Viscosity(Term):
         self._volume = shape.weight.ravel() if points else shape.volume
         self._modulus = 2.0 * np.repeat(shear, self._places) / dynamics.slow_share
         self._moduli = [branch.share * self._modulus / (1.0 + 0.5 * h / branch.time) for branch in dynamics.prony]
-        self._dash = np.full(len(self._modulus), 1.5 * dynamics.viscosity / h)
+        self._dash = np.full(len(self._modulus), 1.5 * dynamics.damping.viscosity / h)
         self._sum = self._dash + sum(self._moduli, np.zeros(len(self._modulus)))
         gradient = (gradients(shape.inverse) if points else shape.gradient).reshape(len(self._volume), -1)
         hourglass = np.zeros((len(self._volume), 0)) if points else shape.hourglass.reshape(len(self._volume), -1)
@@ -110,7 +110,7 @@ class Viscosity(Term):
         """Return the state to store: strains, branches, their elastic energy and the dissipated energy so far [J]."""
         now, new, h = saved["strain"], self._strains(positions), self._h
         rate = 1.5 / h * (new - (4.0 * now - self._before(saved)) / 3.0)
-        power = self._dynamics.viscosity * self._squared(rate)
+        power = self._dynamics.damping.viscosity * self._squared(rate)
         branches, stored = [], 0.0
         for branch, held in zip(self._dynamics.prony, saved["branches"], strict=True):
             ratio = 0.5 * h / branch.time

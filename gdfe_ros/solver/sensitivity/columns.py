@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.blas import one_blas_thread
-from gdfe_ros.errors import CommandError, GdfeError
+from gdfe_ros.errors import CommandError, GdfeError, require_named
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.equilibrium.energy import EquilibriumSolver
 from gdfe_ros.solver.minimise.level import TangentLevel
@@ -89,8 +89,7 @@ class Outputs:
         if names is None:
             return tuple(f"probes.{name}" for name in self._probes)
         for name in names:
-            if name not in self.names:
-                raise CommandError(f"no output {name!r} in this scene; outputs: {', '.join(self.names)}")
+            require_named("output", name, self.names, " in this scene")
         return tuple(names)
 
     def row(

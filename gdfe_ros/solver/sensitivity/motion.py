@@ -149,7 +149,7 @@ class Trail:
                 variant = None
                 if parameter.model is not None:
                     variant = parameter.model(parameter.value + change)
-                    pull -= variant.mass @ (acceleration + variant.dynamics.mass_damping * velocity)
+                    pull -= variant.mass @ (acceleration + variant.dynamics.damping.mass * velocity)
                 commands, others = parameter.commanded(stage.after.commands, change), variant.terms() if variant else {}
                 for term in (others.get(load.name, load) for load in loads):
                     term.begin(commands, {}, stage.after.positions, 0.0)

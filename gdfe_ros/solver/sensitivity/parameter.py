@@ -15,7 +15,7 @@ from gdfe_ros.actuators.actuator import Grip, Growth
 from gdfe_ros.actuators.load import AttachedMass, Gravity, Load
 from gdfe_ros.constraints import Handle, Pose
 from gdfe_ros.constraints.rigid_body import RigidBody
-from gdfe_ros.errors import CommandError
+from gdfe_ros.errors import require_named
 from gdfe_ros.materials import Curve, Material, cell_densities
 from gdfe_ros.materials.table import YOUNG, MaterialTable, pack
 from gdfe_ros.mesh.filling import Filling
@@ -209,9 +209,7 @@ class Parameters:
             CommandError: there is no such parameter.
         """
         for name in names:
-            if name not in self._made:
-                known = ", ".join(self._made) or "none"
-                raise CommandError(f"no parameter {name!r} in this scene; parameters: {known}")
+            require_named("parameter", name, self._made, " in this scene")
         return [self._made[name] for name in names]
 
     def _add(self, name: str, unit: str, scale: float, **more: object) -> None:
@@ -233,18 +231,16 @@ class Parameters:
             own = ".".join(str(key) for key in keys if key != "data")
             self._vary(f"materials.{name}.{own}", unit, scale, "materials", name, *keys)
 
-        if hasattr(material, "young"):
-            add("Pa", material.young, "young")
+        for key, quantity in type(material).parameters().items():
+            value = getattr(material, key)
+            if quantity.count is None:
+                add(quantity.unit, max(abs(value), material.shear0 if quantity.unit else 0.0), key)
+            for i, each in enumerate(() if quantity.count is None else value):
+                add(quantity.unit, abs(each), key, i)
         if material.poisson < 0.5:
             add("", min(0.5 - material.poisson, 0.1), "poisson")
         if material.density is not None:
             add("kg/m^3", material.density, "density")
-        for key, unit in material.scalars.items():
-            add(unit, max(abs(getattr(material, key)), material.shear0 if unit else 0.0), key)
-        for key, unit in (("mu", "Pa"), ("alpha", "")):
-            values = getattr(material, key, ())
-            for i, value in enumerate(values if isinstance(values, tuple) else ()):
-                add(unit, abs(value), key, i)
         if isinstance(material, Curve):
             for i, value in enumerate(material.data.coefficients):
                 add("Pa", abs(value) or material.data.initial_modulus, "data", "coefficients", i)
@@ -252,9 +248,9 @@ class Parameters:
                 add("Pa", abs(value) or material.data.initial_modulus, "data", "stress", i)
 
     def _add_damping(self, dynamics: Dynamics) -> None:
-        for key, unit in (("mass_damping", "1/s"), ("viscosity", "Pa s")):
-            if value := getattr(dynamics, key):
-                self._vary(f"dynamics.{key}", unit, value, "dynamics", key)
+        for key, name, unit in (("mass", "mass_damping", "1/s"), ("viscosity", "viscosity", "Pa s")):
+            if value := getattr(dynamics.damping, key):
+                self._vary(f"dynamics.{name}", unit, value, "dynamics", "damping", key)
         for i, branch in enumerate(dynamics.prony):
             for key, unit in (("share", ""), ("time", "s")):
                 self._vary(f"dynamics.prony.{i}.{key}", unit, getattr(branch, key), "dynamics", "prony", i, key)

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gdfe_ros.solver.motion.dynamics import Branch, Dynamics, Scheme
+from gdfe_ros.solver.motion.dynamics import Branch, Damping, Dynamics, Scheme
 from gdfe_ros.solver.motion.scheme import Kinematics, Rule
 
 FREQUENCY = 2.0
@@ -83,18 +83,18 @@ def test_newmark_keeps_the_amplitude_and_the_others_damp() -> None:
 
 
 @pytest.mark.parametrize(
-    ("given", "named"),
+    ("kind", "given", "named"),
     [
-        ({"step": 0.0}, "step"),
-        ({"rho_inf": 1.5}, "rho_inf"),
-        ({"scheme": "newmark", "rho_inf": 0.5}, "rho_inf belongs to generalised_alpha"),
-        ({"viscosity": -1.0}, "viscosity"),
-        ({"mass_damping": float("nan")}, "mass_damping"),
-        ({"prony": (Branch(0.6, 0.1), Branch(0.4, 1.0))}, "less than 1"),
-        ({"prony": (Branch(0.5, 0.0),)}, "positive"),
+        (Dynamics, {"step": 0.0}, "step = 0.0: allowed"),
+        (Dynamics, {"rho_inf": 1.5}, "rho_inf = 1.5: allowed"),
+        (Dynamics, {"scheme": "newmark", "rho_inf": 0.5}, "rho_inf = 0.5: belongs to the scheme generalised_alpha"),
+        (Dynamics, {"prony": (Branch(0.6, 0.1), Branch(0.4, 1.0))}, "less than 1"),
+        (Damping, {"viscosity": -1.0}, "viscosity = -1.0: allowed"),
+        (Damping, {"mass": float("nan")}, "mass = nan: allowed"),
+        (Branch, {"share": 0.5, "time": 0.0}, "time = 0.0: allowed"),
     ],
 )
-def test_values_out_of_range_are_refused(given: dict, named: str) -> None:
+def test_values_out_of_range_are_refused(kind: type, given: dict, named: str) -> None:
     """A value out of range is refused by name."""
     with pytest.raises(ValueError, match=named):
-        Dynamics(**given)
+        kind(**given)

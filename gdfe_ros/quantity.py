@@ -1,24 +1,29 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Description of a number or a rotation in a scene file: meaning, unit, range, and remedy."""
+"""Description of the number in a field: meaning, unit, range, and remedy; written once, beside the field.
+
+Scene files, their reference, options of commands, and objects that are made in Python follow the same description.
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
 from itertools import pairwise
-from typing import Any
+from types import UnionType
+from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
 
-from pydantic import GetCoreSchemaHandler
-from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 from scipy.spatial.transform import Rotation
 
+Vector = tuple[float, float, float]
 #: Value of `Quantity.count` for a list of any length.
 ANY = -1
 
 
 @dataclass(frozen=True)
 class Quantity:
-    """Annotation of a pydantic field that holds a number or a list of numbers.
+    """Annotation of a field that holds a number or a list of numbers.
 
     ``Annotated[float, Quantity("Young's modulus", "Pa", above=0)]``
 
@@ -33,6 +38,7 @@ class Quantity:
         whole: whether only whole numbers are allowed.
         ascending: whether each component must be at least as large as the component before it.
         infinite: whether infinite values are allowed.
+        direction: example of a direction for a vector that is one, and must not be zero; empty for other numbers.
         remedy: advice for a value out of range.
     """
 
@@ -46,10 +52,13 @@ class Quantity:
     whole: bool = False
     ascending: bool = False
     infinite: bool = False
+    direction: str = ""
     remedy: str = ""
 
-    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
         """Return a schema by which pydantic calls `check` for this field."""
+        from pydantic_core import core_schema  # only scene files need it
+
         return core_schema.no_info_plain_validator_function(self.check)
 
     @property
@@ -72,15 +81,17 @@ class Quantity:
         """Return the value as a float or int, or as a tuple of floats or ints; numbers in strings are converted.
 
         Raises:
-            PydanticCustomError: the value has the wrong type or length, is not finite, or is out of range.
+            ValueError: the value has the wrong type or length, is not finite, or is out of range.
         """
         if self.count is None:
             return self._number(value)
-        if not isinstance(value, list | tuple) or not value or len(value) != (self._length(value)):
+        if not isinstance(value, list | tuple) or not value or self.count not in (ANY, len(value)):
             raise self._error()
         numbers = tuple(self._number(item) for item in value)
         if self.ascending and any(b < a for a, b in pairwise(numbers)):
             raise self._error("in ascending order")
+        if self.direction and not any(numbers):
+            raise ValueError(f"must not be zero; needed: a direction, e.g. {self.direction}")
         return numbers
 
     @property
@@ -89,9 +100,6 @@ class Quantity:
         if self.count is None:
             return f"a {noun}"
         return f"a list of {noun}s" if self.count == ANY else f"a list of {self.count} {noun}s"
-
-    def _length(self, value: Any) -> int:
-        return len(value) if self.count == ANY else self.count
 
     def _number(self, value: Any) -> float | int:
         if isinstance(value, bool):
@@ -118,13 +126,18 @@ class Quantity:
             and (self.below is None or number < self.below)
         )
 
-    def _error(self, remedy: str = "") -> PydanticCustomError:
-        text = f"allowed is {self.allowed}" + (f"; {remedy}" if remedy else "")
-        return PydanticCustomError("quantity", "{text}", {"text": text})
+    def _error(self, remedy: str = "") -> ValueError:
+        return ValueError(f"allowed is {self.allowed}" + (f"; {remedy}" if remedy else ""))
 
 
+@dataclass(frozen=True)
 class RotationQuantity(Quantity):
     """Annotation of a field that holds a rotation vector [degrees]; several are applied one after another."""
+
+    unit: str = "degrees"
+    least: float = -36000.0
+    most: float = 36000.0
+    count: int = 3
 
     def check(self, value: Any) -> tuple[float, float, float]:
         """Return the rotation vector (3,) [degrees]; a list of vectors becomes the vector of their composition.
@@ -132,7 +145,7 @@ class RotationQuantity(Quantity):
         The axes stay fixed: ``[[0, 90, 0], [0, 0, 120]]`` first turns about y, and then about z.
 
         Raises:
-            PydanticCustomError: a vector has the wrong length, or a component is no number or out of range.
+            ValueError: a vector has the wrong length, or a component is no number or out of range.
         """
         if not (isinstance(value, list | tuple) and value and all(isinstance(item, list | tuple) for item in value)):
             return super().check(value)
@@ -144,3 +157,19 @@ class RotationQuantity(Quantity):
     @property
     def _form(self) -> str:
         return f"{super()._form} or a list of such lists"
+
+
+def find_quantity(annotation: Any) -> Quantity | None:
+    """Return the `Quantity` of an annotation; None if its values are not numbers or lists of numbers."""
+    if get_origin(annotation) is Annotated:
+        return next((item for item in get_args(annotation)[1:] if isinstance(item, Quantity)), None)
+    if get_origin(annotation) in (Union, UnionType):
+        return next(filter(None, map(find_quantity, get_args(annotation))), None)
+    return None
+
+
+@cache
+def quantities_of(kind: type) -> Mapping[str, Quantity]:
+    """Return a dict from the name of each field of a class that holds numbers to its `Quantity`."""
+    found = {name: find_quantity(hint) for name, hint in get_type_hints(kind, include_extras=True).items()}
+    return {name: quantity for name, quantity in found.items() if quantity is not None}
