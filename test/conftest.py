@@ -227,7 +227,7 @@ class RosSession:
 
     Attributes:
         context: the rclpy context.
-        executor: single-threaded; spin it with ``executor.spin_once(timeout_sec=...)``.
+        executor: single-threaded; `wait` spins it.
     """
 
     def __init__(self) -> None:
@@ -248,6 +248,15 @@ class RosSession:
         self.executor.add_node(node)
         self._nodes.append(node)
         return node
+
+    def wait(self, done: Callable[[], Any], *, seconds: float = 300.0, alive: Callable[[], bool] = lambda: True) -> Any:
+        """Spin until ``done`` returns a true value, and return it; fail late, or once ``alive`` returns False."""
+        end = time.monotonic() + seconds
+        while not (value := done()):
+            assert alive(), "the process has ended"
+            assert time.monotonic() < end, f"waited for {seconds} s in vain"
+            self.executor.spin_once(timeout_sec=0.05)
+        return value
 
     def close(self) -> None:
         """Destroy the nodes and shut the context down."""

@@ -27,32 +27,6 @@ def _command(step: int) -> Command:
     return Command(handles={"tip": Pose((0.0, 1e-3 * step, 2e-3 * step))})
 
 
-@pytest.mark.parametrize("scene", ["bend5", "twist90", "tensile_curve"])
-@pytest.mark.parametrize("policy", ["energy", "relative"])
-def test_a_restored_simulation_goes_on_to_the_bit(scene: str, policy: str) -> None:
-    """A state saved after six steps and restored into a fresh simulation gives the same further steps."""
-    first, second = (_simulation(scene, **{"solver.policy": policy}) for _ in range(2))
-    for step in range(6):
-        first.step(_command(step), dt=0.1)
-    load_state(second, save_state(first))
-    assert np.array_equal(first.positions, second.positions)
-    for step in range(6, 10):
-        one, two = (simulation.step(_command(step), dt=0.1) for simulation in (first, second))
-        assert np.array_equal(one.positions, two.positions)
-        assert (one.time, one.error_estimate, one.energy) == (two.time, two.error_estimate, two.energy)
-
-
-def test_a_state_can_be_restored_more_than_once() -> None:
-    """A state restored twice in one simulation gives the same steps."""
-    simulation = _simulation()
-    simulation.step(_command(3), dt=0.1)
-    state, results = save_state(simulation), []
-    for _ in range(2):
-        load_state(simulation, state)
-        results.append(simulation.step(_command(5), dt=0.1).positions)
-    assert np.array_equal(*results)
-
-
 def test_a_state_of_another_scene_is_refused() -> None:
     """A state of another scene or with other settings is refused with the differences, and nothing changes."""
     state = save_state(_simulation())

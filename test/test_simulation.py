@@ -3,19 +3,13 @@
 
 from __future__ import annotations
 
-import hashlib
-import os
-import subprocess
-import sys
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-import gdfe_ros
 from gdfe_ros.constraints import Pose, nearest_turn
 from gdfe_ros.errors import CommandError
 from gdfe_ros.scene import load_scene, scene_from_text
@@ -23,6 +17,7 @@ from gdfe_ros.simulation import Command, Simulation
 from gdfe_ros.solver.result import StepResult
 from gdfe_ros.solver.settings import Policy, SolverSettings, Torsion
 from gdfe_ros.steppers import RELATIVE_STEPS
+from test.written import advance, scene_of
 
 SCENE = """\
 name: small
@@ -54,8 +49,7 @@ def simulate() -> MakeSimulation:
     """Return a function that simulates a small bar; keywords override scene keys, double underscores stand for dots."""
 
     def make(*, settings: SolverSettings | None = None, **overrides: object) -> Simulation:
-        keys = {key.replace("__", "."): value for key, value in overrides.items()}
-        return Simulation(scene_from_text(SCENE, overrides=keys), settings=settings)
+        return Simulation(scene_of(SCENE, **overrides), settings=settings)
 
     return make
 
@@ -77,10 +71,9 @@ def same(first: StepResult, second: StepResult) -> bool:
 def test_a_command_moves_the_handle_and_the_body_follows(simulate: MakeSimulation) -> None:
     """A lifted tip is at its target, the base stays, and the middle is between."""
     simulation = simulate()
-    result = simulation.step(tip(z=0.04), dt=0.1)
+    result = advance(simulation, tip(z=0.04), dt=0.1)
     rest = simulation.mesh.vertices
     rise = (result.positions - rest)[:, 2]
-    assert result.converged
     np.testing.assert_allclose(rise[rest[:, 0] == 0.2], 0.04, atol=1e-15)
     np.testing.assert_array_equal(rise[rest[:, 0] == 0.0], 0.0)
     assert 0.01 < rise[rest[:, 0] == 0.1].mean() < 0.03
@@ -173,8 +166,7 @@ def test_a_snapshot_is_solved_on_to_a_smaller_tolerance(simulate: MakeSimulation
     given = replace(rough.snapshot(), scene=fine.snapshot().scene)
     fine.restore(given)
     assert not fine.settled
-    result = fine.step()
-    assert result.converged
+    result = advance(fine)
     assert result.error_estimate <= 1e-11
 
 
@@ -298,8 +290,7 @@ def test_a_deadline_returns_a_finite_state_that_goes_on_later(simulate: MakeSimu
     assert hurried.error_estimate > 1e-5
     assert "deadline" in hurried.message
     assert hurried.time == pytest.approx(0.1)
-    result = simulation.step()
-    assert result.converged
+    result = advance(simulation)
     exact = simulate(solver__policy=policy.value).step(tip(z=0.04))
     np.testing.assert_allclose(result.positions, exact.positions, atol=2e-5 * simulation.mesh.size)
 
@@ -313,8 +304,7 @@ def test_a_generous_deadline_changes_nothing(simulate: MakeSimulation) -> None:
 def test_large_turns_are_cut_into_substeps(simulate: MakeSimulation, degrees: float, substeps: int) -> None:
     """A tip turned by up to a whole turn in one step is twisted by that angle, not by the shorter rotation."""
     simulation = simulate()
-    result = simulation.step(tip(turn=(degrees, 0, 0)))
-    assert result.converged, result.message
+    result = advance(simulation, tip(turn=(degrees, 0, 0)))
     assert result.substeps == substeps
     quarter = simulate().step(tip(turn=(90, 0, 0))).energy
     assert result.energy / quarter == pytest.approx((degrees / 90.0) ** 2, rel=0.15)
@@ -336,20 +326,6 @@ def test_a_full_turn_of_the_papers_bar_is_not_undone() -> None:
     result = list(Simulation(scene).play())[-1]
     quarter = list(Simulation(load_scene("twist90")).play())[-1]
     assert not result.converged or result.energy > 10.0 * quarter.energy
-
-
-def test_the_way_does_not_matter(simulate: MakeSimulation) -> None:
-    """One step, twenty steps and a detour to a pose lead to one equilibrium (the energy policy has no memory)."""
-    target, straight, many, detour = tip(0.0, 0.01, 0.04, turn=(40, 0, 0)), simulate(), simulate(), simulate()
-    end = Pose((0.0, 0.01, 0.04), tuple(np.deg2rad([40.0, 0.0, 0.0])))
-    found = [straight.step(target)]
-    for fraction in np.linspace(0.05, 1.0, 20):
-        last = many.step(Command(handles={"tip": Pose().blend(end, float(fraction))}))
-    detour.step(tip(0.0, -0.04, -0.04))
-    found += [last, detour.step(target)]
-    for result in found:
-        assert result.converged
-        np.testing.assert_allclose(result.positions, found[0].positions, atol=3e-5 * straight.mesh.size)
 
 
 # --- programs ---
@@ -413,57 +389,6 @@ def test_settings_may_replace_the_scenes(simulate: MakeSimulation) -> None:
 # --- determinism ---
 
 
-@pytest.mark.exact("it compares with the vertices of the mesh to the bit")
-@pytest.mark.parametrize("policy", list(Policy))
-def test_reset_goes_back_to_the_very_beginning(simulate: MakeSimulation, policy: Policy) -> None:
-    """After a reset, a program gives bitwise equal results."""
-    simulation = simulate(solver__policy=policy.value)
-    first = [simulation.step(tip(z=lift), dt=0.1) for lift in (0.01, 0.02, 0.03)]
-    simulation.reset()
-    assert simulation.time == 0.0
-    assert simulation.result is None
-    np.testing.assert_array_equal(simulation.positions, simulation.mesh.vertices)
-    again = [simulation.step(tip(z=lift), dt=0.1) for lift in (0.01, 0.02, 0.03)]
-    assert all(same(a, b) for a, b in zip(first, again, strict=True))
-
-
-def test_two_simulations_do_not_disturb_each_other(simulate: MakeSimulation) -> None:
-    """Two simulations stepped in turn each have the results they have alone."""
-    one, other, alone = simulate(), simulate(), simulate()
-    for lift in (0.01, 0.02):
-        mixed = one.step(tip(z=lift))
-        other.step(tip(z=-2.0 * lift, turn=(20, 0, 0)))
-        single = alone.step(tip(z=lift))
-    assert same(mixed, single)
-
-
-PROGRAM = """
-import hashlib
-from gdfe_ros import load_scene, Simulation
-for name in ("bend5", "twist90"):
-    cells = [10, 1, 1] if name == "bend5" else [20, 5, 5]
-    scene = load_scene(name, overrides={"mesh.bar.cells": cells})
-    result = list(Simulation(scene).play(3))[-1]
-    print(name, hashlib.sha256(result.positions.tobytes()).hexdigest())
-"""
-
-
-def test_two_processes_and_thread_counts_give_the_same_bits() -> None:
-    """A small and a large scene have bitwise equal vertices in fresh processes with one and two threads."""
-    home = str(Path(gdfe_ros.__file__).parents[1])
-    running = []
-    for threads in ("1", "2"):
-        counts = dict.fromkeys(("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), threads)
-        environment = {**os.environ, **counts, "PYTHONPATH": home}
-        command = [sys.executable, "-c", PROGRAM]
-        running.append(subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True))
-    outputs = [process.communicate(timeout=600)[0] for process in running]
-    assert [process.returncode for process in running] == [0, 0]
-    assert outputs[0] == outputs[1]
-    assert len(outputs[0].splitlines()) == 2
-    assert hashlib.sha256(b"").hexdigest() not in outputs[0]
-
-
 # --- turns beyond half a turn, from quaternions ---
 
 
@@ -516,19 +441,3 @@ def test_the_sign_of_a_quaternion_does_not_matter() -> None:
     pose = Pose(rotation=(4.0, 1.0, -2.0))
     q = quaternion((100.0, -50.0, 20.0))
     np.testing.assert_allclose(nearest_turn(q, pose), nearest_turn(-q, pose), atol=1e-12)
-
-
-def test_a_solve_that_was_interrupted_is_made_again_to_the_bit(simulate: MakeSimulation) -> None:
-    """A solve interrupted at its fourth query is repeated to the bit with ``cut_after=3``; queries change no bit."""
-    turn = Command(handles={"tip": Pose(rotation=(2.0, 0.0, 0.0))})
-    answers = iter([False, False, False, True])
-    cut = simulate().step(turn, interrupted=lambda: next(answers))
-    assert (cut.converged, cut.cut_after) == (False, 3)
-    assert cut.message.startswith("interrupted: ")
-    again = simulate().step(turn, cut_after=3)
-    assert again.message == cut.message.replace("interrupted", "the deadline passed")
-    np.testing.assert_array_equal(cut.positions, again.positions)
-    whole, asked = simulate().step(turn), simulate().step(turn, interrupted=lambda: False)
-    np.testing.assert_array_equal(whole.positions, asked.positions)
-    assert asked.converged
-    assert asked.cut_after is None

@@ -15,6 +15,7 @@ from gdfe_ros.errors import CommandError, SceneError
 from gdfe_ros.scene import scene_from_text
 from gdfe_ros.simulation import Command
 from gdfe_ros.solver.stepping.path import Attempt, Goal, LoadPath, Verdict
+from test.written import advance
 
 SHEAR = 1e6 / (2 * 1.4999)
 RUBBER = """
@@ -65,10 +66,9 @@ def test_sphere_inflates_as_the_exact_solution() -> None:
     """At 60 % of the limit pressure, the growth of a sphere's inner radius is exact within 2 %."""
     simulation = Simulation(scene_from_text(SPHERE + PRESSURE))
     rest = simulation.actuator_states()["air"].extent
-    result = simulation.step(Command(actuators={"air": 1e5}))
+    result = advance(simulation, Command(actuators={"air": 1e5}))
     stretch = (result.actuators["air"].extent / rest) ** (1 / 3)
     exact = brentq(lambda value: sphere_pressure(value) - 1e5, 1.0, 1.5)
-    assert result.converged
     assert stretch - 1 == pytest.approx(exact - 1, rel=0.02)
 
 
@@ -79,8 +79,7 @@ def test_sphere_by_volume_passes_the_limit_point() -> None:
     rest = simulation.actuator_states()["air"].extent
     found = []
     for ratio in (4.0, 8.0, 12.0):
-        result = simulation.step(Command(actuators={"air": ratio * rest}))
-        assert result.converged
+        result = advance(simulation, Command(actuators={"air": ratio * rest}))
         assert result.actuators["air"].extent == pytest.approx(ratio * rest, rel=2e-4)
         assert result.actuators["air"].effort == pytest.approx(sphere_pressure(ratio ** (1 / 3)), rel=0.02)
         found.append(result.actuators["air"].effort)
@@ -110,8 +109,7 @@ def test_work_of_a_chamber_is_the_strain_energy() -> None:
     places, weights = np.polynomial.legendre.leggauss(6)
     extents = []
     for pressure in [*(0.5 * end * (1.0 + places)), end]:
-        result = simulation.step(Command(actuators={"air": pressure}))
-        assert result.converged
+        result = advance(simulation, Command(actuators={"air": pressure}))
         extents.append(result.actuators["air"].extent)
     work = end * extents[-1] - 0.5 * end * (weights @ extents[:-1])
     assert result.energy == pytest.approx(work, rel=0.005)
@@ -157,8 +155,7 @@ actuators: {swell: {growth: {stretch: [1.3, 1.1, 0.8]}}}
 """
     text += f"solver: {{tolerance: 1.0e-11, policy: {policy}}}\n"
     simulation = Simulation(scene_from_text(text))
-    result = simulation.step(Command(actuators={"swell": 1.0}))
-    assert result.converged
+    result = advance(simulation, Command(actuators={"swell": 1.0}))
     offset = simulation.mesh.vertices - simulation.mesh.vertices[0]
     moved = result.positions - result.positions[0]
     gradient = np.linalg.lstsq(offset, moved, rcond=None)[0]

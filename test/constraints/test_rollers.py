@@ -10,6 +10,7 @@ from scipy.optimize import fsolve
 from gdfe_ros import Command, Pose, Simulation
 from gdfe_ros.errors import CommandError, SceneError
 from gdfe_ros.scene import scene_from_text
+from test.written import advance
 
 MATERIAL = """
 name: rollers
@@ -55,9 +56,8 @@ def test_thousands_of_vertices_on_rollers_add_no_rigid_parts() -> None:
     text = EIGHTH.replace("cells: [4, 2, 2]", "cells: [2, 46, 46]")
     simulation = Simulation(scene_from_text(text))
     assert simulation.stepper.body.unknowns.rigid_rows == 0
-    result = simulation.step()
+    result = advance(simulation)
     coarse = Simulation(scene_from_text(EIGHTH)).step()
-    assert result.converged
     np.testing.assert_allclose(result.positions[-1], coarse.positions[-1], atol=1e-7)
     assert result.reactions["mx"][0] == pytest.approx(-3e4 * 4e-4, rel=1e-5)
 
@@ -86,8 +86,7 @@ def test_half_a_bar_moves_as_the_whole(more: str) -> None:
     for kind in HALVES:
         simulation, poses = _bent(kind, more)
         for _ in range(3):
-            result = simulation.step(Command(poses), dt=0.002)
-        assert result.converged
+            result = advance(simulation, Command(poses), dt=0.002)
         right = simulation.mesh.vertices[:, 0] > (0.0299 if kind == "whole" else -1.0)
         rest = simulation.mesh.vertices[right] - [0.03 if kind == "whole" else 0.0, 0, 0]
         order = np.lexsort(rest.round(6).T)

@@ -70,16 +70,6 @@ def test_a_slew_time_limits_every_command() -> None:
         FeedbackControl(simulation, [TIP], slew=-1.0)
 
 
-def test_motions_within_the_tolerance_teach_nothing() -> None:
-    """Measurement noise of a tenth of the tolerance leaves the Jacobian unchanged to the bit."""
-    simulation, random = robot(FINGER), np.random.default_rng(0)
-    control = FeedbackControl(simulation, [TIP], tolerance=1e-4)
-    before, middle = control._rows.copy(), measured(FINGER, simulation)
-    for _ in range(20):
-        control.observe(middle + 1e-5 * random.standard_normal((1, 3)))
-    np.testing.assert_array_equal(control._rows, before)
-
-
 def test_wrong_measurements_are_refused() -> None:
     """NaN, too few numbers and missing commands are refused, and the next command is as without them."""
     simulation = robot(FINGER)

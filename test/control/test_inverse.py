@@ -108,44 +108,6 @@ def test_the_programme_is_solved_exactly() -> None:
         assert (found <= high).all()
 
 
-def test_a_move_takes_exact_columns_and_no_further_solve() -> None:
-    """A move needs exact derivatives and the iterations of its one step only; the derivatives equal differences."""
-    simulation = Simulation(load_scene("tendon_finger", overrides={"solver.tolerance": 1e-8}))
-    assert simulation.step(Command(actuators=MIDDLE)).converged
-    control, seen = InverseControl(simulation, [TIP]), []
-    differences = simulation.jacobian(["tip"])[0][[0, 2]]
-    before = simulation.snapshot()
-    simulation.observe_energy(lambda *iteration: seen.append(iteration))
-    moved = control.move([simulation.probe_positions()["tip"] + np.array([2e-4, 0.0, 2e-4])], 0.02)
-    assert moved.tries == 1
-    during = len(seen)
-    simulation.restore(before)
-    seen.clear()
-    simulation.step(Command(actuators=moved.commands), dt=0.02)
-    assert during == len(seen) > 0
-    simulation.restore(before)
-    np.testing.assert_allclose(1e-5 * control._exact(), differences, rtol=0, atol=1e-4 * np.abs(differences).max())
-
-
-def test_the_jacobian_is_kept_between_moves() -> None:
-    """In 13 small moves, derivatives are computed at most four times; a command from elsewhere renews them."""
-    simulation = finger()
-    control, taken = InverseControl(simulation, [TIP]), []
-    exact = control._exact
-    control._jacobian._exact = lambda: taken.append(simulation.time) or exact()
-    middle, errors = simulation.probe_positions()["tip"], []
-    for number in range(13):
-        angle = 2.0 * np.pi * number / 100.0
-        goal = middle + RADIUS * np.array([np.cos(angle) - 1.0, 0.0, np.sin(angle)])
-        errors.append(control.move([goal], 0.02).distances[0])
-    assert len(taken) <= 4
-    assert np.mean(errors) < 0.01 * RADIUS
-    simulation.step(Command(actuators={"flexor": 8.0}))  # by somebody else
-    count = len(taken)
-    control.move([middle], 0.02)
-    assert len(taken) > count
-
-
 def test_a_state_without_derivative_ends_nothing_halfway() -> None:
     """A body without a converged state raises an error with the reason, and its commands and shape stay."""
     simulation = finger()

@@ -72,3 +72,9 @@ def test_the_wall_of_a_cup_has_two_sides() -> None:
     for face in mesh.touching.faces:
         if not inner_rims[face].any():
             assert len(set(outer[face])) == 1
+
+
+def test_no_triangles_have_no_edges() -> None:
+    """Of no triangles, edges, counts and directions are empty arrays of the usual shapes."""
+    edges, count, balance = edge_counts(np.zeros((0, 3), dtype=np.int64))
+    assert (edges.shape, count.shape, balance.shape) == ((0, 2), (0,), (0,))

@@ -23,16 +23,6 @@ def test_bar_numbers_vertices_and_cells_as_documented() -> None:
         np.testing.assert_allclose(mesh.centroids[i + nx * (j + ny * k)], expected, atol=1e-15)
 
 
-def test_bar_uses_the_flat_layout() -> None:
-    """A bar's arrays are C-contiguous float64 and int32."""
-    mesh = bar([1, 1, 1], [2, 1, 1])
-    assert mesh.vertices.dtype == np.float64
-    assert mesh.vertices.flags.c_contiguous
-    assert mesh.cells.dtype == np.int32
-    assert mesh.cells.flags.c_contiguous
-    assert mesh.cells[0].tolist() == [0, 1, 4, 3, 6, 7, 10, 9]
-
-
 def test_bar_is_sound_and_has_its_volume() -> None:
     """A bar is sound and has the volume length x width x height."""
     report = check_mesh(bar([0.5, 0.05, 0.02], [10, 2, 1]))

@@ -192,25 +192,6 @@ def test_an_old_ftetwild_refuses_a_least_size(tmp_path: Path, monkeypatch: pytes
         from_surface(_plate(tmp_path, 0.002), size=0.05, least_size=0.01)
 
 
-def test_without_a_least_size_meshers_get_no_sizes(
-    tmp_path: Path, walled: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Without a least size, the requests to the meshers are those of one size."""
-    asked = {}
-
-    def refuse(kind: str, request: dict, heading: str) -> None:
-        asked[kind] = request
-        raise MeshError(heading, ["enough"])
-
-    monkeypatch.setattr(tetrahedralise, "run_mesher", refuse)
-    BOX.export(tmp_path / "box.stl")
-    for fill, path in ((from_step, walled), (from_surface, tmp_path / "box.stl")):
-        with pytest.raises(MeshError, match="enough"):
-            fill(path, size=0.02)
-    assert asked["step"].keys() == {"path", "size"}
-    assert asked["surface"].keys() == {"vertices", "triangles", "size", "epsilon"}
-
-
 def test_a_closed_foil_is_not_called_open(tmp_path: Path) -> None:
     """A closed surface that is thinner than the mesher's envelope is refused for its thickness."""
     trimesh.creation.box((0.04, 0.04, 1e-7)).export(tmp_path / "foil.stl")

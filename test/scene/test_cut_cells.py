@@ -12,6 +12,7 @@ import trimesh
 from gdfe_ros import Command, Simulation, load_scene
 from gdfe_ros.errors import SceneError
 from gdfe_ros.scene import scene_from_text
+from test.written import advance
 
 SCENE = """
 name: rod
@@ -40,8 +41,7 @@ def load(folder: Path, *, cells: str = "cut", more: str = "", **options: object)
 def test_a_rod_that_no_grid_line_bounds_weighs_and_sags_as_it_should(folder: Path) -> None:
     """A rod of 17 mm on cubes of 5 mm has its weight within 1 %, and the sag of a fitted mesh within 5 %."""
     scene = load(folder)
-    result = Simulation(scene).step()
-    assert result.converged
+    result = advance(Simulation(scene))
     assert result.reactions["base"][2] == pytest.approx(0.05 * 0.017**2 * 1000, rel=0.01)
     bar = "bar: {size: [0.05, 0.017, 0.017], cells: [10, 4, 4]}"
     fitted = scene_from_text(
@@ -58,16 +58,6 @@ def lowest(scene: object, positions: np.ndarray) -> float:
     rest = scene.mesh.vertices
     end = (rest[:, 0] > rest[:, 0].max() - 1e-9) & (np.abs(rest[:, 1:] - rest[:, 1:].mean(axis=0)) < 1e-3).all(axis=1)
     return float((rest - positions)[end, 2].mean())
-
-
-def test_a_cut_body_is_rebuilt_without_its_file(folder: Path) -> None:
-    """A cut body rebuilt from its scene's text moves with the same bits."""
-    scene = load(folder, more="dynamics: {step: 0.01}")
-    again = scene_from_text(scene.source)
-    first, second = (Simulation(item) for item in (scene, again))
-    for _ in range(3):
-        np.testing.assert_array_equal(first.step().positions, second.step().positions)
-    assert np.abs(first.positions - scene.mesh.vertices).max() > 0.0
 
 
 INNER, OUTER, PRESSURE = 0.01, 0.02, 200.0
@@ -99,8 +89,7 @@ def blown(folder: Path, *, cell: float, flip: bool = False) -> float:
     simulation = Simulation(load_scene(folder / "ball.yaml"))
     before = simulation.actuator_states()["air"].extent
     assert before == pytest.approx(inside.volume * (-1.0 if flip else 1.0), rel=1e-5)
-    result = simulation.step(Command(actuators={"air": PRESSURE}))
-    assert result.converged
+    result = advance(simulation, Command(actuators={"air": PRESSURE}))
     np.testing.assert_allclose(result.reactions["base"][:3], 0.0, atol=1e-3 * PRESSURE * np.pi * INNER**2)
     wide, poisson = OUTER**3, 0.45
     slope = (1.0 - 2.0 * poisson) * INNER + (1.0 + poisson) * wide / (2.0 * INNER**2)

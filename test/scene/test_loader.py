@@ -12,9 +12,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gdfe_ros.constraints import Axis
 from gdfe_ros.errors import SceneError
-from gdfe_ros.materials import Curve, Linear, NeoHookean, Ogden
+from gdfe_ros.materials import Curve, Linear
 from gdfe_ros.scene import Scene, load_scene, scene_from_text, scene_names
 from gdfe_ros.solver.settings import Policy
 
@@ -42,31 +41,6 @@ def test_shipped_scenes_rebuild_from_their_source(name: str) -> None:
     scene = load_scene(name)
     assert scene.name == name
     assert_same(scene_from_text(scene.source), scene)
-
-
-def test_bend5_is_the_scene_of_section_5_1() -> None:
-    """The scene bend5 has 250 cells of each modulus from left to right, and 36 vertices on each handle."""
-    scene = load_scene("bend5")
-    assert scene.mesh.n_cells == 1250
-    np.testing.assert_allclose(scene.mesh.bounds, [[0, -0.025, -0.025], [0.5, 0.025, 0.025]], atol=1e-15)
-    segment = (scene.mesh.centroids[:, 0] / 0.1).astype(int)
-    np.testing.assert_array_equal(scene.cell_material, segment)
-    assert [material.young for material in scene.materials.values()] == [1e5, 8e4, 6e4, 4e4, 2e4]
-    assert all(isinstance(material, NeoHookean) for material in scene.materials.values())
-    base, tip = scene.handles
-    assert base.fixed
-    assert tip.free == (Axis.X,)
-    assert len(base.vertices) == len(tip.vertices) == 36
-    assert scene.program.handle_poses(1.0)["tip"].translation == (0.0, 0.0, 0.2)
-
-
-def test_twist90_states_the_same_law_in_both_ways() -> None:
-    """twist90's Cheetah is the same by its numbers and by the preset, and its program is 90 degrees about x."""
-    scene = load_scene("twist90", overrides={"materials.cheetah": {"preset": "cheetah", "poisson": 0.495}})
-    assert scene.materials == load_scene("twist90").materials
-    assert all(isinstance(material, Ogden) for material in scene.materials.values())
-    assert (scene.cell_material == (scene.mesh.centroids[:, 0] > 0.1)).all()
-    np.testing.assert_allclose(scene.program.handle_poses(1.0)["tip"].rotation, [np.pi / 2, 0, 0])
 
 
 def test_tensile_curve_uses_the_polynomials() -> None:

@@ -19,6 +19,7 @@ from gdfe_ros.scene import load_scene, scene_from_text
 from gdfe_ros.scene.document import parse_document
 from gdfe_ros.scene.solvable import remarks
 from gdfe_ros.solver.settings import Policy
+from test.written import advance
 
 BAR = "bar: {size: [0.04, 0.01, 0.01], cells: [4, 1, 1]}"
 PAIR = f"""
@@ -98,20 +99,6 @@ def test_a_chamber_is_that_of_its_mesh() -> None:
     assert "mesh 'left' has no closed cavity" in broken(PAIR + "actuators: {one: {chamber: {mesh: left}}}")
 
 
-@pytest.mark.exact("one body is shifted otherwise than two")
-def test_it_moves_as_each_would_alone() -> None:
-    """A bar beside another one, rotated and moved, bends to the shape that it has in a scene of its own."""
-    alone = f"name: x\nmesh: {{{BAR}}}\n" + PAIR[PAIR.index("materials:") :].replace("mesh: left, ", "")
-    alone = alone[: alone.index("  right:")]
-    load = "solver: {tolerance: 1.0e-7}\nloads: {push: {surface: {where: {%s face: x+}, force: [%s, 0.05]}}}\n"
-    one = Simulation(scene_from_text(alone + load % ("", "0, 0.02"))).step()
-    two = Simulation(scene_from_text(PAIR + load % ("mesh: left,", "-0.02, 0"))).step()
-    x, y, z = one.positions.T
-    np.testing.assert_allclose(two.positions[: len(x)], np.stack([-y, x + 0.01, z], axis=1), atol=1e-7)
-    rest = scene_from_text(PAIR).mesh.vertices
-    np.testing.assert_allclose(two.positions[len(x) :], rest[len(x) :], rtol=0.0, atol=1e-15)
-
-
 @pytest.mark.parametrize("apart", [0.05, 3.0])
 def test_fingers_move_as_one_alone_however_far_they_are_apart(apart: float) -> None:
     """Each of two fingers in a scene curls as one alone, within three tolerances relative to a finger's size."""
@@ -130,8 +117,7 @@ def test_fingers_move_as_one_alone_however_far_they_are_apart(apart: float) -> N
     assert pair.mesh.size == alone.mesh.size
     for tension in (1.0, 3.0, 6.0):
         one = alone.step(Command(actuators={"flexor": tension}))
-        both = pair.step(Command(actuators=dict.fromkeys(names, tension)))
-        assert both.converged, both.message
+        both = advance(pair, Command(actuators=dict.fromkeys(names, tension)))
         for found, y in zip(np.split(both.positions, 2), names.values(), strict=True):
             assert np.abs(found - [0, y, 0] - one.positions).max() < 3e-4 * alone.mesh.size
 
@@ -140,8 +126,7 @@ def test_meshes_push_each_other() -> None:
     """Two bars pressed on each other have opposite forces, between vertices of both."""
     text = PAIR.replace("[0.1, 0, 0]", "[0.006, 0.03, 0]") + "self_contact: {friction: 0.3}\nsolver: {tolerance: 1e-5}"
     simulation = Simulation(scene_from_text(text))
-    result = simulation.step(Command(handles={"left": Pose((0.003, 0.0, 0.0))}))
-    assert result.converged, result.message
+    result = advance(simulation, Command(handles={"left": Pose((0.003, 0.0, 0.0))}))
     touch = result.contacts["(self)"]
     assert {bool(vertex < 20) for vertex in touch.vertices} == {True, False}
     np.testing.assert_allclose(touch.forces.sum(axis=0), 0.0, atol=1e-9)

@@ -15,6 +15,7 @@ from gdfe_ros.contacts import contact_points
 from gdfe_ros.errors import SceneError
 from gdfe_ros.scene import scene_from_text
 from gdfe_ros.scene.scene import Scene
+from test.written import advance
 
 RADIUS, LENGTH = 0.01, 0.03
 SLOPE = np.radians(20.0)
@@ -64,9 +65,7 @@ def load(
 
 def press(simulation: Simulation, depth: float, *, aside: float = 0.0):
     """Move the rod's top down and sideways [m]; return the converged step."""
-    result = simulation.step(Command(handles={"top": Pose((0.0, aside, -depth))}))
-    assert result.converged, result.message
-    return result
+    return advance(simulation, Command(handles={"top": Pose((0.0, aside, -depth))}))
 
 
 def test_a_cut_rod_rolls_and_a_staircase_does_not(folder: Path) -> None:
@@ -162,9 +161,7 @@ def test_rigid_bodies_lie_on_the_skin(folder: Path) -> None:
     more["dynamics"]["damping"] = {"mass": 20.0}
     scene = load(folder, handles="{low: {where: {box: {z: [-1, -0.0065]}}}}", overrides=more)
     simulation = Simulation(scene)
-    for _ in range(40):
-        result = simulation.step()
-        assert result.converged, result.message
+    result = advance(simulation, count=40)
     weight = 2000 * 0.02 * 0.03 * 0.004 * 9.81
     assert result.contacts["lid"].forces.sum(axis=0)[2] == pytest.approx(-weight, rel=0.02)
     assert abs(simulation.handle_pose("lid").translation[2]) < 0.05 * RADIUS
@@ -198,8 +195,7 @@ def test_of_several_meshes_each_touches_by_what_it_has(folder: Path) -> None:
     (folder / "two.yaml").write_text(MESHES)
     scene = load_scene(folder / "two.yaml")
     down = Pose((0.0, 0.0, -0.0005))
-    result = Simulation(scene).step(Command(handles={"rod": down, "bar": down}))
-    assert result.converged, result.message
+    result = advance(Simulation(scene), Command(handles={"rod": down, "bar": down}))
     felt = {name: sensor.wrench(result)[2] for name, sensor in scene.sensors.items()}
     assert min(felt.values()) > 0.05
     assert felt["rod"] == pytest.approx(-result.reactions["rod"][2], abs=1e-3)

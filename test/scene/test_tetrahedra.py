@@ -23,6 +23,7 @@ from gdfe_ros.scene.loader import scene_from_text
 from gdfe_ros.scene.solvable import remarks
 from gdfe_ros.simulation import Simulation
 from gdfe_ros.solver.settings import Policy
+from test.written import advance
 
 YOUNG = 1e5
 SLAB = bar([0.1, 0.1, 0.04], [3, 3, 1])
@@ -46,8 +47,7 @@ def test_a_plate_presses_evenly() -> None:
     plate = {"plate": {"plane": [0, 0, -1], "at": [0.05, 0.0, 0.02]}}
     simulation = Simulation(scene_of(divided(SLAB), obstacles=plate, solver={"tolerance": 1e-5}))
     for down in (0.001, 0.002, 0.003, 0.004):
-        result = simulation.step(Command(handles={"plate": Pose((0.0, 0.0, -down))}))
-    assert result.converged
+        result = advance(simulation, Command(handles={"plate": Pose((0.0, 0.0, -down))}))
     stretch = 0.9
     exact = -0.5 * YOUNG * (stretch - 1.0 / stretch) * 0.01
     assert -result.reactions["plate"][2] == pytest.approx(exact, rel=1e-3)
@@ -63,9 +63,8 @@ def test_a_chamber_pushes_as_its_pressure_says() -> None:
     air = {"air": {"chamber": {"cavity": 0, "command": "pressure", "range": [0, 2e4]}}}
     simulation = Simulation(scene_of(hollow, actuators=air))
     at_rest = simulation.step(Command(actuators={"air": 0.0}))
-    pressed = simulation.step(Command(actuators={"air": 2e3}))
+    pressed = advance(simulation, Command(actuators={"air": 2e3}))
     assert at_rest.actuators["air"].extent == pytest.approx(0.03**3)
-    assert pressed.converged
     assert pressed.actuators["air"].extent > 1.01 * 0.03**3
     assert np.abs(pressed.reactions["base"][:3]).max() < 1e-4 * 2e3 * 0.03**2
 
@@ -80,8 +79,7 @@ def test_weight_and_cable_reach_the_handle() -> None:
     ends = [[0.01, 0.0, 0.005], [0.05, 0.01, 0.015], [0.09, 0.0, 0.005]]
     cable = {"tendon": {"cable": {"points": ends, "command": "tension", "range": [0, 5]}}}
     simulation = Simulation(scene_of(divided(SLAB), loads=loads, actuators=cable, probes={"top": [0.05, 0.0, 0.02]}))
-    result = simulation.step(Command(actuators={"tendon": 0.3}))
-    assert result.converged
+    result = advance(simulation, Command(actuators={"tendon": 0.3}))
     weight = 1000 * 9.81 * 0.1 * 0.1 * 0.04
     np.testing.assert_allclose(result.reactions["base"][:3], [-0.5, -0.1, weight], atol=2e-3 * weight)
 
@@ -148,8 +146,7 @@ def test_hexahedra_press_on_tetrahedra() -> None:
     assert [text for text in remarks(scene, Policy.ENERGY) if "4 hexahedra were divided into 24 tetrahedra" in text]
     simulation = Simulation(scene)
     for down in (0.002, 0.004, 0.006, 0.008):
-        result = simulation.step(Command(handles={"top": Pose((0.0, 0.0, -down - GAP))}))
-        assert result.converged, result.message
+        result = advance(simulation, Command(handles={"top": Pose((0.0, 0.0, -down - GAP))}))
     exact = -0.5 * YOUNG * (0.9 - 1.0 / 0.9) * 0.01
     assert -result.reactions["top"][2] == pytest.approx(exact, rel=0.02)
 

@@ -7,15 +7,16 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from scipy.optimize import brentq, minimize_scalar
+from scipy.optimize import minimize_scalar
 
 from gdfe_ros.constraints import Axis, Handle
 from gdfe_ros.element_fields import element_fields, strain_energies
-from gdfe_ros.materials import Curve, CurveData, Law, Linear, Material, NeoHookean, Ogden, preset
+from gdfe_ros.materials import Curve, CurveData, Law, Linear, Material, NeoHookean, preset
 from gdfe_ros.mesh import HexMesh, bar
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.equilibrium.energy import EquilibriumSolver
 from gdfe_ros.solver.solution import Increment
+from test.materials.formulas import energy_density
 
 MakeBody = Callable[..., Body]
 SIDE = 0.1
@@ -30,39 +31,11 @@ KINDS: dict[str, Callable[[float], Material]] = {
 }
 
 
-def area_under(material: Material, strain: float) -> float:
-    """Return the integral [J/m^3] of the uniaxial stress curve from 0 to a strain, by Gauss points on 200 intervals."""
-    points, weights = np.polynomial.legendre.leggauss(4)
-    edges = np.linspace(0.0, strain, 201)
-    nodes = edges[:-1, None] + 0.5 * (points + 1.0) * np.diff(edges)[:, None]
-    return float(np.sum(material.stress_at(nodes) @ weights) * strain / 400.0)
-
-
-def energy_density(material: Material, stretch: float, lateral: float) -> float:
-    """Return W [J/m^3] at stretches (stretch, lateral, lateral) by the law's formula."""
-    l, j = np.array([stretch, lateral, lateral]), stretch * lateral**2  # noqa: E741
-    volumetric = 0.5 * material.bulk * (j - 1.0) ** 2
-    if isinstance(material, NeoHookean):
-        mu = material.shear0
-        lame = 2.0 * mu * material.poisson / (1.0 - 2.0 * material.poisson)
-        return 0.5 * mu * (np.sum(l**2) - 3.0) - mu * np.log(j) + 0.5 * lame * np.log(j) ** 2
-    if isinstance(material, Linear):
-        return 0.5 * material.young / (1.0 + material.poisson) * np.sum((l - l.mean()) ** 2) + volumetric
-    if isinstance(material, Ogden):
-        isochoric = l * j ** (-1.0 / 3.0)
-        terms = zip(material.mu, material.alpha, strict=True)
-        return sum(2.0 * m / a**2 * (np.sum(isochoric**a) - 3.0) for m, a in terms) + volumetric
-    # area under the measured curve up to the strain at which its own test has this equivalent strain
-    equivalent = abs(stretch - lateral) / 1.5
-    strain = brentq(lambda e: (1.0 + e - (1.0 + e) ** -0.5) / 1.5 - equivalent, 0.0, 5.0, xtol=1e-14)
-    return area_under(material, strain) + volumetric
-
-
 def closed_form(material: Material, stretch: float) -> tuple[float, float]:
     """Return the lateral stretch without lateral traction and the energy density there."""
     guess = stretch**-0.5
     found = minimize_scalar(
-        lambda lateral: energy_density(material, stretch, lateral),
+        lambda lateral: energy_density(material, [stretch, lateral, lateral]),
         bounds=(0.6 * guess, 1.4 * guess),
         method="bounded",
         options={"xatol": 1e-9},

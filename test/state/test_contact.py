@@ -11,7 +11,7 @@ import pytest
 
 from gdfe_ros import Command, Pose, Simulation
 from gdfe_ros.checkpoint import load_state, save_state
-from gdfe_ros.scene.loader import scene_from_text
+from test.written import simulate
 
 BAR = """
 name: bar
@@ -25,11 +25,6 @@ MOVES = [(0.0, 0.008), (0.004, 0.012), (0.008, 0.012), (0.008, 0.004), (0.0, -0.
 """Positions of the pin along x and z [m]: it presses, rubs, separates and comes back."""
 
 
-def make(**overrides: Any) -> Simulation:
-    """Return a bar with a pin below it; keyword arguments override scene keys, ``__`` stands for a dot."""
-    return Simulation(scene_from_text(BAR, overrides={k.replace("__", "."): v for k, v in overrides.items()}))
-
-
 def pressed(simulation: Simulation, moves: list[tuple[float, float]] = MOVES) -> list[np.ndarray]:
     """Move the pin; return the positions after each step."""
     return [simulation.step(Command(handles={"pin": Pose((x, 0.0, z))})).positions for x, z in moves]
@@ -40,7 +35,7 @@ def pressed(simulation: Simulation, moves: list[tuple[float, float]] = MOVES) ->
 )
 def test_a_checkpoint_in_contact_goes_on_to_the_bit(motion: dict[str, Any]) -> None:
     """A state saved while the pin rubs, and loaded elsewhere, continues with the same bits."""
-    first, second = make(**motion), make(**motion)
+    first, second = simulate(BAR, **motion), simulate(BAR, **motion)
     pressed(first, MOVES[:3])
     load_state(second, save_state(first))
     for one, two in zip(pressed(first, MOVES[3:]), pressed(second, MOVES[3:]), strict=True):
@@ -49,17 +44,17 @@ def test_a_checkpoint_in_contact_goes_on_to_the_bit(motion: dict[str, Any]) -> N
 
 def test_a_reset_forgets_what_touched() -> None:
     """The same moves give the same bits after a reset and in a new simulation."""
-    simulation = make()
+    simulation = simulate(BAR)
     before = pressed(simulation)
     simulation.reset()
-    for again, other, first in zip(pressed(simulation), pressed(make()), before, strict=True):
+    for again, other, first in zip(pressed(simulation), pressed(simulate(BAR)), before, strict=True):
         np.testing.assert_array_equal(again, first)
         np.testing.assert_array_equal(other, first)
 
 
 def test_steps_that_are_cut_arrive_at_the_same_contact() -> None:
     """Steps that are each cut after a few iterations reach the same contact equilibrium and converge."""
-    whole, cut = make(obstacles__pin__friction=0.0), make(obstacles__pin__friction=0.0)
+    whole, cut = simulate(BAR, obstacles__pin__friction=0.0), simulate(BAR, obstacles__pin__friction=0.0)
     wanted = Command(handles={"pin": Pose((0.0, 0.0, 0.01))})
     target = whole.step(wanted)
     for _ in range(300):
@@ -73,7 +68,7 @@ def test_steps_that_are_cut_arrive_at_the_same_contact() -> None:
 
 def test_far_from_the_origin_it_is_the_same_contact() -> None:
     """Contact forces a kilometre from the origin equal those at the origin."""
-    near = make()
+    near = simulate(BAR)
     pressed(near, MOVES[:2])
 
     scene = near.scene
@@ -89,17 +84,3 @@ def test_far_from_the_origin_it_is_the_same_contact() -> None:
     pressed(far, MOVES[:2])
     np.testing.assert_allclose(far.result.reactions["pin"], near.result.reactions["pin"], rtol=2e-2, atol=1e-2)
     np.testing.assert_allclose(far.result.contacts["pin"].places - away, near.result.contacts["pin"].places, atol=1e-5)
-
-
-def test_a_jacobian_sees_what_is_touched() -> None:
-    """A cable's Jacobian at the tip is smaller for a bar pressed onto a pin than for a free bar."""
-    cable = {"actuators": {"pull": {"cable": {"points": [[0, 0, -0.015], [0.2, 0, -0.015]], "range": [0.0, 50.0]}}}}
-    given = {**cable, "handles": {"base": {"where": {"face": "x-"}}}, "probes": {"tip": [0.2, 0.0, 0.0]}}
-    touched, free = make(**given), make(**given, obstacles__pin__at=[0.13, 0.0, -0.5])
-    for simulation in (touched, free):
-        for tension in (1.0, 2.5, 4.0):
-            result = simulation.step(Command(actuators={"pull": float(tension)}))
-            assert result.converged, result.message
-    assert touched.result.reactions["pin"][2] > 0.1
-    one, other = (simulation.jacobian()[0, 2, 0] for simulation in (touched, free))
-    assert 0.0 < one / other < 0.9

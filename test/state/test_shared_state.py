@@ -3,13 +3,12 @@
 
 from __future__ import annotations
 
-from dataclasses import fields as names_of
 from typing import Any
 
 import numpy as np
 import pytest
 
-from gdfe_ros import Command, Simulation
+from gdfe_ros import Command
 from gdfe_ros.checkpoint import load_state, save_state
 from gdfe_ros.errors import CommandError
 
@@ -23,18 +22,6 @@ def equal(one: Any, other: Any) -> bool:
 
 
 # --- saved states ---
-
-
-def test_a_grown_state_goes_on_elsewhere_to_the_bit(lab: Any) -> None:
-    """A saved grown bar, loaded into a simulation that never grew, continues with the same bits."""
-    first, second = lab.bar(), lab.bar()
-    lab.go(first, heat=0.6)
-    load_state(second, save_state(first))
-    for _ in range(2):
-        assert equal(lab.go(second, pull=0.5), lab.go(first, pull=0.5))
-    for name in names_of(first.fields()):
-        np.testing.assert_array_equal(getattr(second.fields(), name.name), getattr(first.fields(), name.name))
-    assert second.actuator_states() == first.actuator_states()
 
 
 @pytest.mark.exact("it compares with the vertices of the mesh to the bit")
@@ -51,19 +38,6 @@ def test_a_saved_rest_is_rest_after_growth(lab: Any, poisson: float) -> None:
     grown.reset()
     plain.reset()
     assert equal(lab.go(grown, heat=0.2), lab.go(plain, heat=0.2))
-
-
-def test_loading_a_state_leaves_the_one_it_came_from_alone(lab: Any) -> None:
-    """One state loaded into two simulations is not shared: each continues as if alone."""
-    scene = lab.scene()
-    source = Simulation(scene)
-    lab.go(source, heat=0.6)
-    state = save_state(source)
-    one, other = Simulation(scene), Simulation(scene)
-    load_state(one, state)
-    load_state(other, state)
-    lab.go(one, heat=0.0)
-    assert equal(lab.go(other, pull=0.3), lab.go(source, pull=0.3))
 
 
 def test_a_watched_simulation_can_be_saved(lab: Any) -> None:
@@ -83,56 +57,7 @@ def test_a_watched_simulation_can_be_saved(lab: Any) -> None:
 # --- a start from given positions, and a restart from rest ---
 
 
-@pytest.mark.parametrize("axis", [0, 1, 2])
-def test_a_restart_with_growth_starts_from_rest(lab: Any, axis: int) -> None:
-    """From mirrored positions, a growing body reaches a fresh simulation's equilibria, and its bits after a reset."""
-    how = {"materials__rubber__poisson": 0.499}
-    mirrored, plain = lab.bar(**how), lab.bar(**how)
-    lab.go(mirrored, heat=0.8)
-    positions = mirrored.mesh.vertices.copy()
-    positions[:, axis] *= -1.0
-    mirrored.set_positions(positions)
-    for heat in (0.3, 0.4, 0.0):
-        found, expected = lab.go(mirrored, heat=heat), lab.go(plain, heat=heat)
-        assert found.converged
-        assert found.energy == pytest.approx(expected.energy, rel=0.01, abs=1e-6)
-        assert lab.distance(found.positions, expected.positions, plain.mesh) < 1e-3
-    mirrored.reset()
-    plain.reset()
-    assert equal(lab.go(mirrored, heat=0.4), lab.go(plain, heat=0.4))
-
-
 # --- jacobians ---
-
-
-@pytest.mark.parametrize("poisson", [0.3, 0.45, 0.499, 0.5])
-def test_jacobian_with_growth_equals_differences(lab: Any, poisson: float) -> None:
-    """d(tip)/d(heat) and d(tip)/d(pull) of a grown and pulled bar equal differences of fresh simulations."""
-    simulation = lab.bar(materials__rubber__poisson=poisson)
-    at = {"heat": 0.5, "pull": 0.2}
-    lab.go(simulation, **at)
-    jacobian = simulation.jacobian(["tip"], ["heat", "pull"])[0]
-    for column, (name, change) in enumerate({"heat": 1e-3, "pull": 1e-3}.items()):
-        ends = [lab.fresh(simulation, Command(actuators={**at, name: at[name] + way * change})) for way in (-1, 1)]
-        low, high = (end.probe_positions()["tip"] for end in ends)
-        slope = (high - low) / (2.0 * change)
-        np.testing.assert_allclose(jacobian[:, column], slope, atol=5e-3 * np.abs(slope).max(), err_msg=name)
-
-
-@pytest.mark.parametrize("poisson", [0.3, 0.45, 0.499])
-def test_relative_jacobian_equals_differences(lab: Any, poisson: float) -> None:
-    """With the policy ``relative``, d(tip)/d(heat) equals a difference over the same load path within 2 %."""
-    scene = lab.scene(
-        actuators="heat: {growth: {stretch: [0.9, 1, 1], where: {box: {z: [0, 1]}}}}",
-        more="solver: {policy: relative, tolerance: 1.0e-8}",
-        materials__rubber__poisson=poisson,
-    )
-    simulation, start = Simulation(scene), Command(actuators={"heat": 0.5})
-    simulation.step(start)
-    jacobian = simulation.jacobian(["tip"], ["heat"])[0, :, 0]
-    ends = [lab.fresh(simulation, start, Command(actuators={"heat": heat})) for heat in (0.49, 0.51)]
-    slope = (ends[1].probe_positions()["tip"] - ends[0].probe_positions()["tip"]) / 0.02
-    np.testing.assert_allclose(jacobian, slope, atol=0.02 * np.abs(slope).max())
 
 
 @pytest.mark.parametrize("way", [(0.1, 0.0), (1.0, 0.0), (0.3, 0.6, 1.0, 0.5, 0.0)])
@@ -148,20 +73,6 @@ def test_relative_with_growth_comes_home(lab: Any, way: tuple[float, ...]) -> No
 
 
 # --- fields and results of the past ---
-
-
-@pytest.mark.parametrize("policy", ["energy", "relative"])
-def test_deferred_fields_are_those_of_their_time(lab: Any, policy: str) -> None:
-    """Fields taken from a grown state have the same bits when evaluated after two further steps."""
-    simulation = lab.bar(actuators="heat: {growth: {stretch: [0.9, 1, 1], where: {box: {z: [0, 1]}}}}",
-                         more=f"solver: {{policy: {policy}}}")  # fmt: skip
-    lab.go(simulation, heat=0.5)
-    later, now = simulation.later_fields(), simulation.fields()
-    lab.go(simulation, heat=1.0)
-    lab.go(simulation, heat=0.0)
-    found = later()
-    for item in names_of(now):
-        np.testing.assert_array_equal(getattr(found, item.name), getattr(now, item.name), err_msg=item.name)
 
 
 def test_results_and_positions_cannot_change_the_simulation(lab: Any) -> None:

@@ -33,11 +33,6 @@ def test_the_feature_is_at_work(feature: Any) -> None:
 # --- once more ---
 
 
-def test_replay(feature: Any, differences: Any) -> None:
-    """The same steps in a fresh simulation give the same bits."""
-    assert not differences.run(feature.run(feature.simulation(), feature.way), feature.results)
-
-
 def test_replay_of_the_scene_read_anew(feature: Any, differences: Any) -> None:
     """The same steps in a scene read from its own text give the same bits."""
     simulation = Simulation(scene_from_text(feature.scene.source))

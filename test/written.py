@@ -1,0 +1,29 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Scenes that are written in the text of a test; keyword arguments override keys, ``__`` stands for a dot."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from gdfe_ros import Command, Simulation
+from gdfe_ros.scene import Scene, scene_from_text
+from gdfe_ros.solver.result import StepResult
+
+
+def scene_of(text: str, **overrides: Any) -> Scene:
+    """Return the scene of a text."""
+    return scene_from_text(text, overrides={key.replace("__", "."): value for key, value in overrides.items()})
+
+
+def simulate(text: str, **overrides: Any) -> Simulation:
+    """Return a simulation of the scene of a text."""
+    return Simulation(scene_of(text, **overrides))
+
+
+def advance(simulation: Simulation, *command: Command, count: int = 1, **options: Any) -> StepResult | None:
+    """Make equal steps, each of which must converge; return the last result."""
+    result = None
+    for _ in range(count):
+        result = simulation.step(*command, **options)
+        assert result.converged, result.message
+    return result
