@@ -16,7 +16,8 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from plotly.offline import get_plotlyjs
 
-from gdfe_ros.analysis.report.template import fill, read_file, to_json
+from gdfe_ros.analysis.report.charts import numbers_of
+from gdfe_ros.analysis.report.template import fill, read_file, tabulate, to_json
 from gdfe_ros.bounded_text import quoted
 from gdfe_ros.fitting.comparison import predicted
 from gdfe_ros.fitting.fit import Fit
@@ -56,9 +57,9 @@ Promise.all(drawn).then(() => { document.body.dataset.ready = "yes"; });
 def fit_page(fit: Fit, shown: Sequence[ComparedColumn]) -> str:
     """Return the HTML text of a fit's page; ``shown`` are the columns that have charts."""
     tables = [
-        _table("Parameters", ("key", "value", "95 % interval", "correlations"), parameter_rows(fit)),
+        tabulate("Parameters", parameter_rows(fit), ("key", "value", "95 % interval", "correlations")),
         f"<section><p>{escape(NOT_INCLUDED)}</p></section>",
-        _table("Recordings", ("recording", "series", "", "values", "misfit", "of the motion"), match_rows(fit)),
+        tabulate("Recordings", match_rows(fit), ("recording", "series", "", "values", "misfit", "of the motion")),
     ]
     if fit.warnings:
         notes = "".join(f"<li>{escape(text)}</li>" for text in fit.warnings)
@@ -74,20 +75,20 @@ def fit_page(fit: Fit, shown: Sequence[ComparedColumn]) -> str:
     return fill(_PAGE, parts)
 
 
-def _table(heading: str, head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    top = "".join(f"<th>{escape(name)}</th>" for name in head)
-    body = "".join(f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in rows)
-    return f"<section><h2>{escape(heading)}</h2><table><tr>{top}</tr>{body}</table></section>"
-
-
 def _chart(curve: ComparedColumn) -> dict[str, Any]:
     """Return a chart of measured and simulated values over time, with the residual below."""
-    times = _list(curve.times)
+    times = numbers_of(curve.times)
     word = "predicted" if curve.held_out else "fitted"
     traces = [
-        {"x": times, "y": _list(curve.measured), "name": "measured", "mode": "markers", "marker": {"size": 4}},
-        {"x": times, "y": _list(curve.simulated), "name": word, "mode": "lines"},
-        {"x": times, "y": _list(curve.simulated - curve.measured), "name": RESIDUAL, "yaxis": "y2", "mode": "lines"},
+        {"x": times, "y": numbers_of(curve.measured), "name": "measured", "mode": "markers", "marker": {"size": 4}},
+        {"x": times, "y": numbers_of(curve.simulated), "name": word, "mode": "lines"},
+        {
+            "x": times,
+            "y": numbers_of(curve.simulated - curve.measured),
+            "name": RESIDUAL,
+            "yaxis": "y2",
+            "mode": "lines",
+        },
     ]
     unit = f" [{curve.unit}]" if curve.unit else ""
     ticks = {"tick0": 0, "dtick": max(1, len(times) // 10)} if curve.over == ROW else {}
@@ -100,10 +101,6 @@ def _chart(curve: ComparedColumn) -> dict[str, Any]:
         "legend": {"orientation": "h", "y": 1.02, "yanchor": "bottom"},
     }
     return {"title": f"{curve.series} of recording {curve.recording} ({word})", "data": traces, "layout": layout}
-
-
-def _list(values: NDArray[np.float64]) -> list[float | None]:
-    return [float(f"{value:.7g}") if np.isfinite(value) else None for value in values]
 
 
 NOT_INCLUDED = "The intervals do not include the error of the mesh; repeat the fit with twice as many cells to see it."

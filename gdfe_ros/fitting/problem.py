@@ -12,9 +12,8 @@ from scipy.optimize import least_squares
 
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.fitting.comparison import Own, SurfaceDistances, first_own, residuals
-from gdfe_ros.fitting.observable import POSITIONS
 from gdfe_ros.fitting.parameter import FittedParameter
-from gdfe_ros.fitting.recording import Recording
+from gdfe_ros.fitting.recording import POSITIONS, Recording
 from gdfe_ros.fitting.trajectory import NotSimulatedError, Simulations, Trajectory, trajectory_columns
 
 SHARE = 0.01
@@ -52,9 +51,9 @@ class FitProblem:
         parameters: parameters to fit.
         recordings: recordings to fit.
         surface: function for distances from the surface; None if no cloud is compared with the surface.
-        sigmas: standard deviation of each series of each recording; None: those of `standard_deviations`.
 
     Attributes:
+        sigmas: standard deviation of each series of each recording (`standard_deviations`).
         horizons: for each recording, the simulation time [s] up to which it is compared.
     """
 
@@ -65,11 +64,10 @@ class FitProblem:
         recordings: Sequence[Recording],
         *,
         surface: SurfaceDistances | None = None,
-        sigmas: Sequence[Sequence[float]] | None = None,
     ) -> None:
         self.parameters, self.recordings = tuple(parameters), tuple(recordings)
         self._simulations, self._surface = simulations, surface
-        self.sigmas = sigmas or standard_deviations(recordings)
+        self.sigmas = standard_deviations(recordings)
         self.horizons = [np.inf] * len(self.recordings)
         self._known: tuple[tuple[object, ...], list[Trajectory | NotSimulatedError]] | None = None
 
