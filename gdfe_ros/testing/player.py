@@ -19,9 +19,8 @@ from gdfe_ros.node.interface import NODE_NAME
 from gdfe_ros.node.interface.scene_topics import target_key
 from gdfe_ros.node.messages import actuation, pose_stamped
 from gdfe_ros.scene.scene import Scene
-from gdfe_ros.testing.client import PATIENCE
+from gdfe_ros.testing.client import PATIENCE, NodeConnection
 from gdfe_ros.testing.consumed import ACTUATION
-from gdfe_ros.testing.link import NodeConnection
 from gdfe_ros.testing.process import NodeProcess
 
 

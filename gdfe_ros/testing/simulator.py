@@ -6,7 +6,6 @@ from __future__ import annotations
 import itertools
 import json
 import os
-from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
@@ -30,21 +29,20 @@ from gdfe_ros.errors import CommandError, GdfeError, OverlapError
 from gdfe_ros.node.interface import NODE_NAME
 from gdfe_ros.node.interface.scene_topics import is_commanded, put_key, state_topics, target_key
 from gdfe_ros.node.interface.services import COMPUTE_JACOBIAN, RESET_COMMANDS, STEP
-from gdfe_ros.node.interface.topics import JACOBIAN, MOVED, REFUSED
+from gdfe_ros.node.interface.topics import JACOBIAN, REFUSED
 from gdfe_ros.node.messages import actuation, pose_stamped
-from gdfe_ros.node.qos import interface_class, qos_profile
 from gdfe_ros.node.refusals import Reason
+from gdfe_ros.node.ros_types import interface_class, qos_profile
 from gdfe_ros.recording.step_record import Begin
 from gdfe_ros.scene.arms import joint_starts
 from gdfe_ros.scene.loader import load_scene
 from gdfe_ros.scene.override import override_words
 from gdfe_ros.simulation import Command
 from gdfe_ros.solver.forces.actuation import LOAD_FACTOR
-from gdfe_ros.testing.client import PATIENCE, STATE_QOS, Client
+from gdfe_ros.testing.client import PATIENCE, STATE_QOS, Client, Deadlock
 from gdfe_ros.testing.consumed import ACTUATION
-from gdfe_ros.testing.deadlock import Deadlock
 from gdfe_ros.testing.process import NodeProcess
-from gdfe_ros.testing.state import Moment, PublishedState, moment_of, unpack
+from gdfe_ros.testing.state import PublishedState, StepMessages, unpack
 
 _PRESENT = (Mode.LENGTH, Mode.VOLUME)
 """Modes whose neutral command is the initial value; the neutral command of other modes is zero."""
@@ -246,7 +244,7 @@ class Simulator:
         self._made: PublishedState | None = None
         self._listeners: list[Callable[[PublishedState], Any]] = []
         topics = state_topics(self.scene)
-        self._arrived: dict[str, deque[tuple[Moment, Any]]] = {topic: deque() for topic in topics}
+        self._arrived = StepMessages(topics, most=1000)
         for topic, spec in topics.items():
             callback = partial(self._receive, topic)
             self._node.create_subscription(interface_class(spec.type), f"{self.name}/{topic}", callback, STATE_QOS)
@@ -269,11 +267,9 @@ class Simulator:
         make = partial(self._node.create_publisher, qos_profile=1000)
         self._targets, self._puts, self._actuation = {}, {}, None
         if self._own:
-            for handle in self.scene.handles:
-                if MOVED[handle.section].put is not None:
-                    self._puts[handle.name] = make(PoseStamped, f"{self.name}/{put_key(handle)}")
-            for name, key in self._movable.items():
-                self._targets[name] = make(PoseStamped, f"{self.name}/{key}")
+            bodies = {body.name: put_key(body) for body in self.scene.rigid_bodies}
+            self._puts = {name: make(PoseStamped, f"{self.name}/{key}") for name, key in bodies.items()}
+            self._targets = {name: make(PoseStamped, f"{self.name}/{key}") for name, key in self._movable.items()}
             if self.scene.actuators or self.scene.loads or self.scene.arms:
                 self._actuation = make(JointState, f"{self.name}/{ACTUATION}")
 
@@ -282,9 +278,10 @@ class Simulator:
         self._jacobians: list[Float64MultiArray] = []
         topic = JACOBIAN.name.replace("~", self.name)
         self._node.create_subscription(Float64MultiArray, topic, self._jacobians.append, 10)
-        self._differentiate = self._node.create_client(Trigger, COMPUTE_JACOBIAN.name.replace("~", self.name))
-        self._walk = self._node.create_client(Trigger, STEP.name.replace("~", self.name))
-        self._forget = self._node.create_client(Trigger, RESET_COMMANDS.name.replace("~", self.name))
+        self._differentiate, self._walk, self._forget = (
+            self._node.create_client(Trigger, spec.name.replace("~", self.name))
+            for spec in (COMPUTE_JACOBIAN, STEP, RESET_COMMANDS)
+        )
         self._refusals: list[str] = []
         self._overlaps: list[str] = []
         profile = qos_profile(REFUSED.delivery)
@@ -310,25 +307,11 @@ class Simulator:
 
     def _receive(self, topic: str, message: Any) -> None:
         """Store a message; when the messages of a step are complete, update the state and inform the listeners."""
-        self._arrived[topic].append((moment_of(message), message))
-        while (messages := self._whole_step()) is not None:
-            self.state = unpack(self.scene, messages)
-            # A step that does not start from the last state follows a reset or a loaded state, not a command.
-            if self._made is None or self.state.record.begin is Begin.LAST:
-                self._made = self.state
-            for listener in self._listeners:
-                listener(self.state)
-
-    def _whole_step(self) -> dict[str, Any] | None:
-        """Remove and return the messages of the first step with a message on every topic; None if there is none.
-
-        Earlier steps are dropped. They are incomplete if a slow subscriber has lost a message under the wall clock.
-        """
-        first, *others = ([moment for moment, _ in queue] for queue in self._arrived.values())
-        moment = next((moment for moment in first if all(moment in other for other in others)), None)
-        if moment is None:
-            return None
-        for queue in self._arrived.values():
-            while queue[0][0] != moment:
-                queue.popleft()
-        return {topic: queue.popleft()[1] for topic, queue in self._arrived.items()}
+        if (messages := self._arrived.add(topic, message)) is None:
+            return
+        self.state = unpack(self.scene, messages)
+        # A step that does not start from the last state follows a reset or a loaded state, not a command.
+        if self._made is None or self.state.record.begin is Begin.LAST:
+            self._made = self.state
+        for listener in self._listeners:
+            listener(self.state)

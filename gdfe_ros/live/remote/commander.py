@@ -8,8 +8,7 @@ from concurrent.futures import Future
 from time import monotonic
 from typing import Any
 
-from geometry_msgs.msg import Point, PoseStamped, Quaternion
-from geometry_msgs.msg import Pose as PoseMessage
+from geometry_msgs.msg import PoseStamped
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.parameter_client import AsyncParameterClient
@@ -22,9 +21,9 @@ from gdfe_ros.live.session import Programme
 from gdfe_ros.node.interface import services, topics
 from gdfe_ros.node.interface.parameters import MODULUS
 from gdfe_ros.node.interface.scene_topics import is_commanded, put_key, target_key
-from gdfe_ros.node.messages import actuation
+from gdfe_ros.node.messages import actuation, pose_message
 from gdfe_ros.node.orders import ActuatorOrder, Order, PoseOrder, TeleportOrder, require_order
-from gdfe_ros.node.qos import interface_class, qos_profile
+from gdfe_ros.node.ros_types import interface_class, qos_profile
 from gdfe_ros.recording.step_record import Begin, StepRecord
 from gdfe_ros.scene.scene import Scene
 
@@ -81,11 +80,7 @@ class Commander:
         """
         self.require(name, order)
         if isinstance(order, (PoseOrder, TeleportOrder)):
-            position = Point(**dict(zip("xyz", order.translation, strict=True)))
-            pose = PoseMessage(
-                position=position, orientation=Quaternion(**dict(zip("xyzw", order.quaternion, strict=True)))
-            )
-            self._targets[name].publish(PoseStamped(pose=pose))
+            self._targets[name].publish(PoseStamped(pose=pose_message(order.translation, order.quaternion)))
         elif isinstance(order, ActuatorOrder):
             self._actuation.publish(actuation(self._actuators, order.values))
         else:
