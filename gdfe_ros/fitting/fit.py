@@ -28,7 +28,7 @@ from gdfe_ros.fitting.recording import (
     require_commanded,
 )
 from gdfe_ros.fitting.statistics import Confidence, Match, confidence, matches, require_bounds, warnings
-from gdfe_ros.fitting.trajectory import NotSimulatedError, Simulations
+from gdfe_ros.fitting.trajectory import Simulations, require_simulated
 from gdfe_ros.scene import Scene, scene_from_text
 
 if TYPE_CHECKING:
@@ -191,10 +191,7 @@ def predict(problem: FitProblem, values: tuple[float, ...]) -> FitPoint:
     Raises:
         NotSimulatedError: a recording cannot be simulated.
     """
-    trajectories = problem.trajectories(values)
-    for item in trajectories:
-        if isinstance(item, NotSimulatedError):
-            raise item
+    trajectories = require_simulated(problem.trajectories(values))
     own = [first_own(recording, item) for recording, item in zip(problem.recordings, trajectories, strict=True)]
     counts = np.cumsum([0, *(len(each) for each in own)])
     if counts[-1]:

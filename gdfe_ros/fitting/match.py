@@ -33,10 +33,7 @@ FACTORS = {
     "1": 1.0,
 }  # fmt: skip
 """Dict from unit to its value in SI units."""
-Unit = Literal[
-    "m", "cm", "mm", "um", "in", "N", "mN", "gf", "kgf", "Pa", "kPa", "MPa", "mbar", "bar", "psi", "m^3", "l", "ml",
-    "s", "ms", "us", "ns", "1",
-]  # fmt: skip
+Unit = Literal[tuple(FACTORS)]
 
 
 AXES = ("x", "y", "z")

@@ -14,7 +14,13 @@ from gdfe_ros.errors import GdfeError
 from gdfe_ros.fitting.comparison import Own, SurfaceDistances, first_own, residuals
 from gdfe_ros.fitting.parameter import FittedParameter
 from gdfe_ros.fitting.recording import POSITIONS, Recording
-from gdfe_ros.fitting.trajectory import NotSimulatedError, Simulations, Trajectory, trajectory_columns
+from gdfe_ros.fitting.trajectory import (
+    NotSimulatedError,
+    Simulations,
+    Trajectory,
+    require_simulated,
+    trajectory_columns,
+)
 
 SHARE = 0.01
 """Assumed standard deviation of a series that states none, divided by the largest range of the series with its unit."""
@@ -116,11 +122,7 @@ class FitProblem:
             NotSimulatedError: a recording cannot be simulated.
         """
         values, own = self._split(unknowns)
-        trajectories = self.trajectories(values)
-        for item in trajectories:
-            if isinstance(item, NotSimulatedError):
-                raise item
-        return FitPoint(values, own, tuple(trajectories))
+        return FitPoint(values, own, tuple(require_simulated(self.trajectories(values))))
 
     def trajectories(self, values: tuple[float, ...]) -> list[Trajectory | NotSimulatedError]:
         """Return the simulation of each recording with given values, or its error; the last result is cached."""

@@ -64,30 +64,22 @@ class Observable:
 
     def of(self, simulation: Simulation) -> NDArray[np.float64]:
         """Return the present values: (3,) for a point or a force, (1,) for an actuator, (3 n,) for n vertices."""
-        values = self._values(simulation)
-        return (values - self._at_rest(simulation.scene)) if self.displacement else values
-
-    def _values(self, simulation: Simulation) -> NDArray[np.float64]:
-        if self.kind is QuantityKind.PROBE:
-            return simulation.scene.probes[self.name].at(simulation.positions)[0]
-        if self.kind is QuantityKind.MEAN:
-            return simulation.positions[self.vertices].mean(axis=0)
         if self.kind is QuantityKind.HANDLE:
             return np.array(simulation.handle_pose(self.name).translation)
-        if self.kind in CLOUDS:
-            return simulation.positions.ravel()
+        if self.kind in POSITIONS:
+            values, scene = self._place(simulation.scene, simulation.positions), simulation.scene
+            return (values - self._place(scene, scene.mesh.vertices)) if self.displacement else values
         if self.kind is QuantityKind.FORCE:
             result = simulation.result
             return np.zeros(3) if result is None else np.array(result.reactions[self.name][:3])
         state = simulation.actuator_states()[self.name]
         return np.array([state.effort if self.kind is QuantityKind.EFFORT else state.extent])
 
-    def _at_rest(self, scene: Scene) -> NDArray[np.float64]:
+    def _place(self, scene: Scene, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return a probe, a mean or a cloud of a body whose vertices are at ``positions`` (n, 3)."""
         if self.kind is QuantityKind.PROBE:
-            return scene.probes[self.name].at(scene.mesh.vertices)[0]
-        if self.kind is QuantityKind.MEAN:
-            return scene.mesh.vertices[self.vertices].mean(axis=0)
-        return scene.mesh.vertices.ravel() if self.kind in CLOUDS else np.zeros(1)
+            return scene.probes[self.name].at(positions)[0]
+        return positions[self.vertices].mean(axis=0) if self.kind is QuantityKind.MEAN else positions.ravel()
 
 
 def require_known(kind: QuantityKind, name: str, scene: Scene, where: str) -> None:

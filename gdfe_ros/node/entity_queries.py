@@ -4,9 +4,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import Future
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import Vector3
@@ -33,14 +33,6 @@ _MOST_REPETITIONS, _LONGEST_FILTER = 3, 100
 
 _ALL = 1
 """Mode of a filter that needs all tags."""
-
-
-class NamedPose(NamedTuple):
-    """A pose of the scene: name, kind (``handle``, ``obstacle`` or ``probe``), and the initial placement."""
-
-    name: str
-    kind: str
-    place: Placement
 
 
 class EntityQueries:
@@ -145,28 +137,24 @@ class EntityQueries:
     def _get_poses(self, request: Any, response: Any) -> None:
         import simulation_interfaces.msg
 
-        for each in named_poses(self._entities.session().scene):
-            if not _has_tags((each.kind,), request.tags):
+        for name, kind, place in _named_poses(self._entities.session().scene):
+            if not _has_tags((kind,), request.tags):
                 continue
-            message = simulation_interfaces.msg.NamedPose(name=each.name, tags=[each.kind])
-            message.description = f"rest pose of the {each.kind}" if each.kind != "probe" else "undeformed place"
-            message.pose = pose_message(each.place.origin, each.place.turn.as_quat())
+            message = simulation_interfaces.msg.NamedPose(name=name, tags=[kind])
+            message.description = f"rest pose of the {kind}" if kind != "probe" else "undeformed place"
+            message.pose = pose_message(place.origin, place.turn.as_quat())
             response.poses.append(message)
 
 
-def named_poses(scene: Scene) -> list[NamedPose]:
-    """Return the initial poses of handles, obstacles and probes, in the node's frame."""
-    found = []
+def _named_poses(scene: Scene) -> Iterator[tuple[str, str, Placement]]:
+    """Yield name, kind (``handle``, ``obstacle`` or ``probe``) and initial placement in the node's frame."""
     for each in scene.handles:
-        if isinstance(each, RigidBody):
-            continue
-        if isinstance(each, Obstacle):
-            found.append(NamedPose(each.name, "obstacle", rest_place(each)))
-        else:
-            found.append(NamedPose(each.name, "handle", Placement(each.centre(scene.mesh.vertices))))
+        if isinstance(each, Obstacle) and not isinstance(each, RigidBody):
+            yield each.name, "obstacle", rest_place(each)
+        elif not isinstance(each, RigidBody):
+            yield each.name, "handle", Placement(each.centre(scene.mesh.vertices))
     for name, point in scene.probes.items():
-        found.append(NamedPose(name, "probe", Placement(point.at(scene.mesh.vertices)[0])))
-    return found
+        yield name, "probe", Placement(point.at(scene.mesh.vertices)[0])
 
 
 def _has_tags(tags: tuple[str, ...], asked: Any) -> bool:

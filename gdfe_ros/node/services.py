@@ -42,8 +42,8 @@ class Services:
         self._node, self._parameters, self._find = node, parameters, session
         actions = {
             services.RESET: self._reset,
-            services.RESET_COMMANDS: self._reset_commands,
-            services.RESET_BODIES: self._reset_bodies,
+            services.RESET_COMMANDS: lambda _: self._post(SimulationSession.reset_commands),
+            services.RESET_BODIES: lambda _: self._post(SimulationSession.reset_bodies),
             services.RESET_SHAPE: self._reset_shape,
             services.RESET_ARMS: self._reset_arms,
             services.PAUSE: self._pause,
@@ -73,13 +73,9 @@ class Services:
         session.interrupt("~/reset ended it")
         return session.stepper.post(session.reset, urgent=True)
 
-    def _reset_commands(self, request: Trigger.Request) -> Future[str]:
+    def _post(self, reset: Callable[[SimulationSession], str]) -> Future[str]:
         session = self._session()
-        return session.stepper.post(session.reset_commands)
-
-    def _reset_bodies(self, request: Trigger.Request) -> Future[str]:
-        session = self._session()
-        return session.stepper.post(session.reset_bodies)
+        return session.stepper.post(partial(reset, session))
 
     def _reset_shape(self, request: Trigger.Request) -> Future[str]:
         reset = Simulation.reset_shape

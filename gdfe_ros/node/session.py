@@ -243,11 +243,13 @@ class SimulationSession:
         Raises:
             GdfeError: a request of ~/step is in progress; the clock's own steps would interfere with it.
         """
-        if self.walk is not None and self.walk.going:
-            raise GdfeError(
-                f"a request has made {self.walk}; cancel it, or end it with ~/pause true or ~/reset, and try again"
-            )
+        self.require_no_walk("cancel it, or end it with ~/pause true or ~/reset, and try again")
         self.stepper.pause(False)
+
+    def require_no_walk(self, remedy: str) -> None:
+        """Raise a GdfeError with a remedy if a request of ~/step is in progress."""
+        if self.walk is not None and self.walk.going:
+            raise GdfeError(f"a request has made {self.walk}; {remedy}")
 
     def reset(self) -> str:
         """Set the simulation to its initial state at time 0, and return a message; followers then go to their leaders.
@@ -316,8 +318,7 @@ class SimulationSession:
         """
         if self.mode is not ClockMode.LOCKSTEP and not self.stepper.paused:
             raise GdfeError(f"clock {self.mode.value} is running; pause it with ~/pause, or use clock lockstep")
-        if self.walk is not None and self.walk.going:
-            raise GdfeError(f"a request has made {self.walk}; ~/pause or ~/reset ends it")
+        self.require_no_walk("~/pause or ~/reset ends it")
         self.walk = Walk(self.run, self.stepper, self.flush, count, told)
         return self.walk.begin()
 

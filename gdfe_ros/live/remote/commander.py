@@ -97,18 +97,14 @@ class Commander:
         """
         if not self._parameters.services_are_ready():
             raise GdfeError(f"the parameters of {self._name} are not available; is the node running?")
-        answer: Future[str] = Future()
 
-        def hear(done: Any) -> None:
-            result = done.result().result
-            if result.successful:
-                answer.set_result("")
-            else:
-                answer.set_exception(GdfeError(f"{self._name}: {result.reason}"))
+        def read(response: Any) -> str:
+            if not response.result.successful:
+                raise GdfeError(f"{self._name}: {response.result.reason}")
+            return ""
 
         values = [Parameter(MODULUS.name.format(material=name), value=float(young)) for name, young in moduli.items()]
-        self._parameters.set_parameters_atomically(values).add_done_callback(hear)
-        return answer
+        return _answer(self._parameters.set_parameters_atomically(values), read)
 
     def call(self, ability: Ability, *, on: bool = False) -> Future[str]:
         """Call the service of a request; return a ``Future`` of the answer. ``on`` is the data of a SetBool request.
@@ -123,17 +119,27 @@ class Commander:
         if not client.service_is_ready():
             raise GdfeError(f"{client.srv_name} is not available; is the node {self._name} running?")
         request = SetBool.Request(data=on) if client.srv_type is SetBool else Trigger.Request()
-        answer: Future[str] = Future()
 
-        def hear(done: Any) -> None:
-            response = done.result()
-            if response.success:
-                answer.set_result(response.message if ability is Ability.RECORD else "")
-            else:
-                answer.set_exception(GdfeError(f"{client.srv_name}: {response.message}"))
+        def read(response: Any) -> str:
+            if not response.success:
+                raise GdfeError(f"{client.srv_name}: {response.message}")
+            return response.message if ability is Ability.RECORD else ""
 
-        client.call_async(request).add_done_callback(hear)
-        return answer
+        return _answer(client.call_async(request), read)
+
+
+def _answer(pending: Any, read: Callable[[Any], str]) -> Future[str]:
+    """Return a ``Future`` of what ``read`` makes of the response to a request."""
+    answer: Future[str] = Future()
+
+    def hear(done: Any) -> None:
+        try:
+            answer.set_result(read(done.result()))
+        except GdfeError as error:
+            answer.set_exception(error)
+
+    pending.add_done_callback(hear)
+    return answer
 
 
 LOST = 1.0
