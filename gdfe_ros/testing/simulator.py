@@ -81,6 +81,7 @@ class Simulator:
     ) -> None:
         self.scene = load_scene(scene, overrides=overrides)
         self._movable = {each.name: target_key(each) for each in self.scene.handles if is_commanded(each)}
+        self._puts = {body.name: put_key(body) for body in self.scene.rigid_bodies}
         self._actuators = {actuator.name: actuator for actuator in self.scene.actuators}
         self._orders, self._carriers = Orders(self.scene, self.scene.solver), Carriers(self.scene.arms)
         self._patience = patience
@@ -150,11 +151,11 @@ class Simulator:
         self._overlaps.clear()
         # Before all others: the message that completes the command set starts the step.
         for name, pose in command.bodies.items():
-            self._puts[name].publish(pose_stamped(Header(), pose))
-        for name, publisher in self._targets.items():
-            publisher.publish(pose_stamped(Header(), poses[name]))
-        if self._actuation is not None:
-            self._actuation.publish(actuation(self._actuators, values))
+            self._publishers[self._puts[name]].publish(pose_stamped(Header(), pose))
+        for name, key in self._movable.items():
+            self._publishers[key].publish(pose_stamped(Header(), poses[name]))
+        if ACTUATION in self._publishers:
+            self._publishers[ACTUATION].publish(actuation(self._actuators, values))
         if not self._inputs() and not command.bodies:
             self._client.call(self._walk, Trigger.Request())
         self._wait(lambda: self._made.record.step >= count or self._refusals, "the step")
@@ -245,12 +246,16 @@ class Simulator:
         for topic, spec in topics.items():
             callback = partial(self._receive, topic)
             self._node.create_subscription(interface_class(spec.type), f"{self.name}/{topic}", callback, STATE_QOS)
-        self._advertise()
+        self._publishers = {
+            key: self._node.create_publisher(
+                JointState if key == ACTUATION else PoseStamped, f"{self.name}/{key}", 1000
+            )
+            for key in ([*self._puts.values(), *self._inputs()] if self._own else [])
+        }
         self._meet()
         for label in ("configure", "activate"):
             self._client.transition(label)
-        own = [*self._targets.values(), *self._puts.values(), self._actuation]
-        self._client.await_listeners(publisher for publisher in own if publisher is not None)
+        self._client.await_listeners(self._publishers.values())
         self._wait(lambda: self.state is not None, "the first state")
         self._poses = dict.fromkeys(self._movable, Pose())
         self._values = {
@@ -259,16 +264,6 @@ class Simulator:
         }
         self._values |= {load.name: LOAD_FACTOR for load in self.scene.loads}
         self._values |= joint_starts(self.scene.arms)
-
-    def _advertise(self) -> None:
-        make = partial(self._node.create_publisher, qos_profile=1000)
-        self._targets, self._puts, self._actuation = {}, {}, None
-        if self._own:
-            bodies = {body.name: put_key(body) for body in self.scene.rigid_bodies}
-            self._puts = {name: make(PoseStamped, f"{self.name}/{key}") for name, key in bodies.items()}
-            self._targets = {name: make(PoseStamped, f"{self.name}/{key}") for name, key in self._movable.items()}
-            if self.scene.actuators or self.scene.loads or self.scene.arms:
-                self._actuation = make(JointState, f"{self.name}/{ACTUATION}")
 
     def _meet(self) -> None:
         """Make the service clients, and wait until the node has discovered the clients and the subscriptions."""
@@ -292,10 +287,10 @@ class Simulator:
         """
         entries = json.loads(message.data)
         text = f"command on {entries['source']} refused: {entries['message']}"
-        own = [*self._targets.values(), *self._puts.values(), *([self._actuation] if self._actuation else [])]
+        own = [publisher.topic_name for publisher in self._publishers.values()]
         if entries["reason"] == Reason.OVERLAP.value:
             self._overlaps.append(text)
-        elif self._spinning or entries["source"] in [publisher.topic_name for publisher in own]:
+        elif self._spinning or entries["source"] in own:
             self._refusals.append(text)
 
     def _inputs(self) -> list[str]:
