@@ -37,7 +37,7 @@ EXTRAS = {
         "ros-jazzy-common-interfaces==5.3.6",
         *RECORDING,  # the node imports its recorder
     ],
-    "mcap": RECORDING,
+    "mcap": [*RECORDING],
     "arm": [*ARM],
     # Robots of the scenes pick_ur5e (13 MB) and pick_panda (130 MB): URDFs and meshes
     "ur5e": [*ARM, "airo-models>=0.0.12"],
