@@ -25,7 +25,7 @@ def share_files() -> list[tuple[str, list[str]]]:
     return sorted(found.items())
 
 
-RECORDING = ["mcap>=1.6", "lz4>=4.3", "zstandard>=0.22"]
+RECORDING = ["mcap>=1.6", "lz4>=4.3", "zstandard>=0.22", "rosbags>=0.11"]
 # Kinematics and Newton-Euler of arms. Its name on PyPI is pin; apt has ros-jazzy-pinocchio.
 # trimesh and pycollada read the shapes of links.
 ARM = ["pin>=3.0", "trimesh>=4.0", "pycollada>=0.8"]
@@ -37,7 +37,7 @@ EXTRAS = {
         "ros-jazzy-common-interfaces==5.3.6",
         *RECORDING,  # the node imports its recorder
     ],
-    "mcap": [*RECORDING, "rosbags>=0.11"],
+    "mcap": [*RECORDING],
     "arm": [*ARM],
     # Robots of the scenes pick_ur5e (13 MB) and pick_panda (130 MB): URDFs and meshes
     "ur5e": [*ARM, "airo-models>=0.0.12"],

@@ -41,6 +41,12 @@ COMMANDS = {
     "workspace": "find the points that a probe reaches over the ranges of the actuators",
     "compile": "compile the kernels of some scenes, or of all shipped ones, so that the first start is fast",
 }
+_HOMES = {
+    **dict.fromkeys(("topics", "nodes", "params", "lifecycle", "hz", "pub", "echo", "call"), "graph"),
+    **dict.fromkeys(("export", "recover", "report"), "bags"),
+    "compare": "replay",
+}
+"""Dict from command to its module in `commands`, if that has another name."""
 BAD_INPUT, CLOSED = 2, 141
 """Statuses: bad input, and an output that its reader has closed, as of a program that SIGPIPE ends."""
 
@@ -90,9 +96,11 @@ def _parser(given: Sequence[str]) -> argparse.ArgumentParser:
         subparser = subparsers.add_parser(name, help=text, description=text)
         if given and given[0] == name:
             with quiet_imports(f"gdfe {name}", INTERRUPTED):
-                module = imported(f"gdfe_ros.commands.{name}")
-            module.add_arguments(subparser)
-            subparser.set_defaults(run=module.run)
+                module = imported(f"gdfe_ros.commands.{_HOMES.get(name, name)}")
+            several = getattr(module, "COMMANDS", {})
+            add, run = several[name] if several else (module.add_arguments, module.run)
+            add(subparser)
+            subparser.set_defaults(run=run)
     return parser
 
 

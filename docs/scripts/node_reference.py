@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
+from gdfe_ros.node.interface import ParameterSpec, TopicSpec
 from gdfe_ros.node.interface.parameters import MODULUS, PARAMETERS
 from gdfe_ros.node.interface.services import ACTIONS, SERVICES, STANDARD_SERVICES
 from gdfe_ros.node.interface.topics import COMMANDS, OUTPUTS
-from gdfe_ros.node.specification import ParameterSpec, TopicSpec
 
 
 def markdown() -> str:

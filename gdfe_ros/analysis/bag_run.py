@@ -18,10 +18,10 @@ from gdfe_ros.analysis.message_values import Values, cloud_values, message_value
 from gdfe_ros.contacts import total_forces
 from gdfe_ros.errors import RecordingError
 from gdfe_ros.mesh import HexMesh
+from gdfe_ros.recording.bag_info import TopicInfo
 from gdfe_ros.recording.decoding import array_decoder
 from gdfe_ros.recording.reader import BagReader
 from gdfe_ros.recording.step_record import StepRecord
-from gdfe_ros.recording.topic import TopicInfo
 from gdfe_ros.scene import Scene, scene_from_text
 
 _INPUTS = frozenset({"actuation", "commands", "trajectory"})
@@ -114,14 +114,13 @@ class BagSteps:
         self.tail: Counter[str] = Counter()
 
     def __iter__(self) -> Iterator[BagStep]:
-        decode = array_decoder(self.run.reader.topics.values())
         keys = iter(step_keys(self.run.records))
         current, moment, early = None, 0, []
         self.strays.clear()
         self.tail.clear()
         for message in self.run.reader.messages(list(self.topics.values())):
             short = self._roles[message.topic]
-            content = decode(message.type, message.data)
+            content = self.run.decode(message.type, message.data)
             if short == RECORD:
                 if current is not None:
                     yield current
@@ -176,7 +175,7 @@ class BagRun:
 
     def __init__(self, path: str | Path) -> None:
         self.reader = BagReader(path)
-        self._decode = array_decoder(self.reader.topics.values())
+        self.decode = array_decoder(self.reader.topics.values())
         self.roles = _roles(self.reader.topics.values())
         if self.reader.run is None or not self.topics(f"/{RECORD}"):
             raise RecordingError(f"bag {path} {_what_it_is(self.reader.topics)}")
@@ -208,7 +207,7 @@ class BagRun:
     def messages(self, ending: str) -> Iterator[tuple[int, Any]]:
         """Yield log time [ns] and decoded message, for each message of the topics that match ``ending``."""
         for message in self.reader.messages(self.topics(ending)):
-            yield message.log_time, self._decode(message.type, message.data)
+            yield message.log_time, self.decode(message.type, message.data)
 
     def last_positions(self) -> NDArray[np.float64]:
         """Return the vertex positions (n, 3) [m] of the last mesh message."""

@@ -34,8 +34,19 @@ def message_values(message: Any) -> Values:
 
 def cloud_values(cloud: Any) -> Values:
     """Return the columns of a PointCloud2: for each field an array (width,) of the field's type."""
+    kind = cloud_kind(cloud)
+    table = np.frombuffer(cloud.data.tobytes(), dtype=kind)
+    return {name: np.ascontiguousarray(table[name]) for name in kind.names}
+
+
+def cloud_kind(cloud: Any) -> np.dtype:
+    """Return numpy's type of the points of a PointCloud2.
+
+    Raises:
+        KeyError, ValueError: a type is unknown, a field ends beyond the point, or two have one name.
+    """
     order = ">" if cloud.is_bigendian else "<"
-    kind = np.dtype(
+    return np.dtype(
         {
             "names": [field.name for field in cloud.fields],
             "formats": [order + _TYPES[field.datatype] for field in cloud.fields],
@@ -43,8 +54,6 @@ def cloud_values(cloud: Any) -> Values:
             "itemsize": cloud.point_step,
         }
     )
-    table = np.frombuffer(cloud.data.tobytes(), dtype=kind)
-    return {name: np.ascontiguousarray(table[name]) for name in kind.names}
 
 
 def record_values(record: StepRecord) -> Values:

@@ -6,17 +6,19 @@ from __future__ import annotations
 import dataclasses
 import time
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any
 
-from gdfe_ros.analysis.bag_run import BagRun, BagStep, BagSteps
+from gdfe_ros.analysis.bag_run import RECORD, BagRun, BagStep, BagSteps
 from gdfe_ros.analysis.difference import Difference, Differences
-from gdfe_ros.analysis.published import Publication
+from gdfe_ros.analysis.message_values import Values, record_values
 from gdfe_ros.checkpoint import load_state
 from gdfe_ros.errors import GdfeError, RecordingError
 from gdfe_ros.recording.provenance import STATE_FILE
+from gdfe_ros.recording.published import tables_of
+from gdfe_ros.recording.step import OUTCOME, Demand, Step, observe
 from gdfe_ros.recording.step_record import Begin, StepRecord
 from gdfe_ros.scene import scene_from_text
 from gdfe_ros.simulation import Command, Simulation
@@ -58,6 +60,33 @@ class ReplayReport:
         verdict = self.differences.verdict(factor)
         incomplete = self.end or self.unknown or self.strays or not self.differences.compared
         return Difference.INCOMPLETE if incomplete and verdict is not Difference.DIFFERENT else verdict
+
+
+class Publication:
+    """Makes the arrays of each step's messages, in their published types.
+
+    Args:
+        simulation: the stepped simulation.
+    """
+
+    def __init__(self, simulation: Simulation) -> None:
+        self._simulation, self._tables = simulation, tables_of(simulation.scene)
+
+    def values(self, result: StepResult, record: StepRecord, topics: Collection[str]) -> dict[str, Values]:
+        """Return the arrays of the last step's messages, by topic and field.
+
+        Args:
+            result: result of the last step.
+            record: record of the recorded step that was repeated.
+            topics: names without the node's name; topics for which the simulation has no arrays are left out.
+        """
+        step = Step(record=record, result=result, log_time=0, **observe(self._simulation, Demand()))
+        found = {topic: self._tables[topic].columns(step) for topic in topics if topic in self._tables}
+        if RECORD in topics:
+            outcomes = {name: getattr(result, name) for name in OUTCOME}
+            begun = {"step": record.step, "begin": record.begin, "dt": record.dt}
+            found[RECORD] = record_values(StepRecord(**begun, time=result.time, **outcomes))
+        return found
 
 
 class Replay:

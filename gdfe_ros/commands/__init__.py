@@ -1,2 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The subcommands of ``gdfe``, one module each: ``add_arguments(parser)`` and ``run(arguments) -> exit status``."""
+"""The subcommands of ``gdfe``.
+
+The module of one command has ``add_arguments(parser)`` and ``run(arguments) -> exit status``. A module of several has
+such pairs of functions in ``COMMANDS``.
+"""

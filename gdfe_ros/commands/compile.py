@@ -9,12 +9,9 @@ from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from multiprocessing import get_context
 
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-
-from gdfe_ros.commands.waiting import waiting
+from gdfe_ros.commands.waiting import progress_bar, waiting
 from gdfe_ros.scene import load_scene
 from gdfe_ros.scene.loader import loadable_names
-from gdfe_ros.terminal import PlainConsole
 
 FIRST = "bend5"
 """Scene that is compiled before all others, because they use the same kernels."""
@@ -42,11 +39,9 @@ def run(arguments: argparse.Namespace) -> int:
             with waiting(f"loading {name}"):
                 _compile(name, {})
         return 0
-    columns = TextColumn("{task.description}", markup=False), BarColumn(), TimeElapsedColumn()
-    with Progress(*columns, console=PlainConsole(stderr=True), transient=True) as progress:
-        task = progress.add_task("compiling", total=len(work()) + 1)
+    with progress_bar("compiling", len(work()) + 1) as update:
         for name in _compiled(max(1, arguments.jobs)):
-            progress.update(task, advance=1, description=f"compiling, {name} is ready")
+            update(advance=1, description=f"compiling, {name} is ready")
     return 0
 
 

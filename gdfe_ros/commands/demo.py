@@ -9,16 +9,15 @@ from datetime import datetime
 from pathlib import Path
 
 import numpy as np
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from gdfe_ros.analysis.bag_run import BagRun
-from gdfe_ros.commands.waiting import convergence, print_failures, waiting
+from gdfe_ros.commands.waiting import convergence, print_failures, progress_bar, waiting
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.recording.bag_info import IN_RUN
 from gdfe_ros.regular_file import path_inside
 from gdfe_ros.scene import Scene, load_scene
-from gdfe_ros.terminal import PlainConsole
+from gdfe_ros.terminal import QUANTITIES, PlainConsole, make_table
 
 FAILED = 1
 
@@ -56,12 +55,10 @@ def _play(scene: Scene, source: str, bag: Path, dt: float) -> float:
     """Send the program to a node, with a progress bar; return the time [s] from the node's start to its first step."""
     from gdfe_ros.testing.player import play_program
 
-    columns = TextColumn("{task.description}", markup=False), BarColumn(), TimeElapsedColumn()
-    with Progress(*columns, console=PlainConsole(stderr=True), transient=True) as progress:
-        task = progress.add_task(f"{scene.name}: starting the node", total=scene.program.duration)
+    with progress_bar(f"{scene.name}: starting the node", scene.program.duration) as update:
 
         def tell(moment: float) -> None:
-            progress.update(task, description=f"{scene.name}: commanding it over topics", completed=moment)
+            update(description=f"{scene.name}: commanding it over topics", completed=moment)
 
         return play_program(scene, source, bag=bag, dt=dt, tell=tell)
 
@@ -70,10 +67,8 @@ def _table(scene: Scene, bag: BagRun, first: float) -> Table:
     records = [record for record in bag.records if record.step > 0]
     times = np.array([record.wall_time for record in records])
     last, wrenches = records[-1], bag.last_wrenches()
-    table = Table(title=": ".join(filter(None, (scene.name, scene.description))), title_justify="left", min_width=64)
-    table.add_column("quantity")
-    table.add_column("value", justify="right")
-    table.add_column("unit")
+    title = ": ".join(filter(None, (scene.name, scene.description)))
+    table = make_table(title, QUANTITIES, right=("value",), min_width=64)
     table.add_row("vertices, cells", f"{scene.mesh.n_vertices}, {scene.mesh.n_cells}", "")
     table.add_row("node start to first step", f"{first:.2f}", "s")
     table.add_row("steps commanded, taken", f"{round(scene.program.duration / records[0].dt)}, {len(records)}", "")

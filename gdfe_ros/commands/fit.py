@@ -7,13 +7,11 @@ import argparse
 import time
 from pathlib import Path
 
-from rich.table import Table
-
 from gdfe_ros.commands.options import add_workers, open_client
 from gdfe_ros.commands.waiting import waiting
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.regular_file import path_inside
-from gdfe_ros.terminal import PlainConsole
+from gdfe_ros.terminal import PlainConsole, make_table
 
 LOSSES = ("linear", "soft_l1", "huber", "cauchy", "arctan")
 LAWS = (
@@ -115,10 +113,7 @@ def _fit_tensile(arguments: argparse.Namespace) -> int:
     out = arguments.out or Path(f"{name}_fit")
     out.mkdir(parents=True, exist_ok=True)
     console = PlainConsole(soft_wrap=True)
-    table = Table(title=f"{arguments.tensile}: {len(fit.strain)} points", title_justify="left", show_header=False)
-    for row in tensile_rows(fit):
-        table.add_row(*row)
-    console.print(table)
+    console.print(make_table(f"{arguments.tensile}: {len(fit.strain)} points", rows=tensile_rows(fit)))
     for text in [*curve.remarks, *tensile_remarks(fit)]:
         console.print(f"note: {text}", style="yellow", highlight=False)
     (out / "material.yaml").write_text(material_text(fit, name), encoding="utf-8")
@@ -129,10 +124,9 @@ def _fit_tensile(arguments: argparse.Namespace) -> int:
 
 def _fit_scene(arguments: argparse.Namespace) -> int:
     from gdfe_ros.analysis.difference_table import wide_console
-    from gdfe_ros.fitting.fit import fit_scene
+    from gdfe_ros.fitting.fit import fit_scene, read_recordings, split_held_out
     from gdfe_ros.fitting.fit_report import write_fit
     from gdfe_ros.fitting.parameter import read_parameters
-    from gdfe_ros.fitting.reading import read_recordings, split_held_out
     from gdfe_ros.scene import load_scene
 
     started = time.perf_counter()
@@ -169,19 +163,11 @@ def _print(console: PlainConsole, fit: object, elapsed: float) -> None:
     """Print values, misfits and warnings."""
     from gdfe_ros.fitting.fit_report import NOT_INCLUDED, match_rows, own_rows, parameter_rows
 
-    table = Table(title="parameters", title_justify="left")
-    for head in ("key", "value", "95 % interval", "correlations with those above"):
-        table.add_column(head, overflow="fold")
-    for row in parameter_rows(fit):
-        table.add_row(*row)
-    console.print(table)
+    heads = ("key", "value", "95 % interval", "correlations with those above")
+    console.print(make_table("parameters", heads, parameter_rows(fit), fold=True))
     console.print(NOT_INCLUDED, highlight=False)
-    table = Table(title="measured and simulated", title_justify="left")
-    for head in ("recording", "series", "", "values", "misfit, rms", "of the motion"):
-        table.add_column(head, overflow="fold")
-    for row in match_rows(fit):
-        table.add_row(*row)
-    console.print(table)
+    heads = ("recording", "series", "", "values", "misfit, rms", "of the motion")
+    console.print(make_table("measured and simulated", heads, match_rows(fit), fold=True))
     for name, text in own_rows(fit):
         console.print(f"{name}: {text}", highlight=False)
     for text in fit.warnings:

@@ -7,15 +7,13 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from rich.table import Table
-
 from gdfe_ros.commands.options import require_number, require_picture
 from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh.inspection import Inspection, inspect_file
 from gdfe_ros.mesh.mesh_input import require_file
 from gdfe_ros.mesh.quality import check_mesh
 from gdfe_ros.scene.mesh_schema import SCALE, SIZE
-from gdfe_ros.terminal import PlainConsole
+from gdfe_ros.terminal import QUANTITIES, PlainConsole, make_table
 
 DEFECTIVE = 1
 
@@ -60,7 +58,8 @@ def run(arguments: argparse.Namespace) -> int:
             raise MeshError("--picture", ["it draws one file, but several are given; remedy: one file at a time"])
         return _inspect_several(arguments.files, scale=arguments.scale, size=arguments.size)
     found = inspect_file(arguments.files[0], scale=arguments.scale, size=arguments.size)
-    PlainConsole().print(_table(found))
+    rows = [*found.facts, ("verdict", _verdict(found))]
+    PlainConsole().print(make_table(str(found.path), QUANTITIES[:2], rows, min_width=64))
     for defect in found.defects:
         PlainConsole(stderr=True).print(f"fix: {defect}", style="red")
     for remark in found.remarks:
@@ -89,16 +88,6 @@ def _inspect_several(paths: Sequence[Path], *, scale: float | None, size: float 
 
 def _verdict(found: Inspection) -> str:
     return "can be used as it is" if not found.defects else f"{len(found.defects)} to fix"
-
-
-def _table(found: Inspection) -> Table:
-    table = Table(title=str(found.path), title_justify="left", min_width=64)
-    table.add_column("quantity")
-    table.add_column("value")
-    for name, value in found.facts:
-        table.add_row(name, value)
-    table.add_row("verdict", _verdict(found))
-    return table
 
 
 def _draw(path: Path, found: Inspection) -> None:

@@ -13,7 +13,7 @@ from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
 from gdfe_ros.bounded_text import plain_lines
-from gdfe_ros.commands.options import read_overrides
+from gdfe_ros.commands.options import add_overrides, read_overrides
 from gdfe_ros.commands.waiting import waiting
 from gdfe_ros.entry import catch_endings, collect, without_collection
 from gdfe_ros.errors import GdfeError
@@ -62,9 +62,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--play", action="store_true", help="play the scene's program at once")
     parser.add_argument("--open", action="store_true", help="open the page in this machine's browser")
-    parser.add_argument(
-        "--set", action="append", default=[], metavar="KEY=VALUE", help="override a key, e.g. mesh.bar.cells=[25,2,2]"
-    )
+    add_overrides(parser, "override a key, e.g. mesh.bar.cells=[25,2,2]")
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -34,6 +34,11 @@ def require_number(option: str, value: float | None, quantity: Quantity) -> None
         raise GdfeError(f"{option} = {value:g}; {error}{hint}") from error
 
 
+def add_overrides(parser: argparse.ArgumentParser, text: str) -> None:
+    """Declare ``--set``, which may be given several times; ``text`` describes it."""
+    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help=text)
+
+
 def read_overrides(pairs: Iterable[str]) -> dict[str, str]:
     """Return dict from key to value of ``KEY=VALUE`` entries. Values remain text; the scene parses them as YAML.
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``gdfe replay``: repeat a recorded run, with or without ROS, and compare every published array."""
+"""``gdfe replay`` and ``gdfe compare``: repeat a recorded run, or take a second one, and compare every array."""
 
 from __future__ import annotations
 
@@ -8,19 +8,21 @@ import os
 from pathlib import Path
 
 from gdfe_ros.analysis.bag_run import BagRun
-from gdfe_ros.analysis.difference import Difference
+from gdfe_ros.analysis.difference import Comparison, Difference, compare_bags
 from gdfe_ros.analysis.difference_table import difference_table, wide_console
 from gdfe_ros.analysis.replay import Replay, ReplayReport
-from gdfe_ros.commands.options import read_overrides
+from gdfe_ros.commands.options import add_overrides, read_overrides
 from gdfe_ros.commands.waiting import waiting
 from gdfe_ros.recording.provenance import describe_machine
 from gdfe_ros.solver.settings import Policy
 
 DIFFERENT = 1
+_MOST = 20
+"""Largest number of listed keys by which two scenes differ."""
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the options."""
+def add_replay(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of ``replay``."""
     parser.add_argument("bags", nargs="+", type=Path, metavar="BAG", help="directories of bags that sim_node recorded")
     parser.add_argument(
         "--ros",
@@ -29,9 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--policy", choices=[policy.value for policy in Policy], help="policy instead of the run's")
     parser.add_argument("--tolerance", type=float, help="tolerance of the solver, instead of the run's")
-    parser.add_argument(
-        "--set", action="append", default=[], metavar="KEY=VALUE", help="override a key of the scene in the bag"
-    )
+    add_overrides(parser, "override a key of the scene in the bag")
     parser.add_argument(
         "--within",
         type=float,
@@ -42,7 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def run(arguments: argparse.Namespace) -> int:
+def replay(arguments: argparse.Namespace) -> int:
     """Replay bags; return 0 if every bag agrees with its replay, 1 if a bag differs or is not compared completely."""
     overrides = read_overrides(arguments.set)
     overrides |= {
@@ -123,3 +123,57 @@ def _machines(run: BagRun) -> list[str]:
     there, here = dict(run.reader.run.machine), describe_machine()
     changes = [f"{name} {there[name]} (here {here.get(name)})" for name in there if there[name] != here.get(name)]
     return [f"recorded with {'; '.join(changes)}"] if changes else []
+
+
+def add_compare(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of ``compare``."""
+    parser.add_argument(
+        "first", type=Path, metavar="A", help="directory of a bag that sim_node recorded, or of its run"
+    )
+    parser.add_argument("second", type=Path, metavar="B", help="directory of another bag, or of its run")
+    parser.add_argument(
+        "--within",
+        type=float,
+        default=0.0,
+        metavar="FACTOR",
+        help="also pass if no difference exceeds FACTOR times the solver tolerance of A (default: all arrays must be "
+        "bit-identical)",
+    )
+
+
+def compare(arguments: argparse.Namespace) -> int:
+    """Compare two runs and print the differences; return 0 if they agree, else 1."""
+    comparison = compare_bags(arguments.first, arguments.second)
+    differences, console = comparison.differences, wide_console()
+    verdict = comparison.verdict(arguments.within)
+    for text in _differ(comparison):
+        console.print(text)
+    if differences.differing:
+        console.print(difference_table(differences, factor=arguments.within))
+    passed = verdict in (Difference.IDENTICAL, Difference.WITHIN)
+    text = f"{verdict.value}: {differences.steps} steps, {differences.compared} arrays compared"
+    console.print(text, style="green" if passed else "red")
+    return 0 if passed else DIFFERENT
+
+
+def _differ(comparison: Comparison) -> list[str]:
+    """Return remarks on what else differs: scenes, steps and topics."""
+    remarks = []
+    if comparison.scene_changes:
+        changes = comparison.scene_changes
+        remarks = ["the scenes differ:", *(f"  {key}: {a} -> {b}" for key, (a, b) in [*changes.items()][:_MOST])]
+        if len(changes) > _MOST:
+            remarks.append(f"  and {len(changes) - _MOST} more keys")
+    for name, count in zip("AB", comparison.only, strict=True):
+        if count:
+            remarks.append(f"{count} steps of {name} have no step with the same stamp in the other bag")
+    for name, topics in zip("AB", comparison.foreign, strict=True):
+        if topics:
+            text = f"{', '.join(topics)} of {name}"
+            remarks.append(f"not compared, because the bag does not say which topics of the node they are: {text}")
+    if comparison.differences.unmatched:
+        remarks.append(f"arrays in only one of the bags: {dict(comparison.differences.unmatched)}")
+    return remarks
+
+
+COMMANDS = {"replay": (add_replay, replay), "compare": (add_compare, compare)}

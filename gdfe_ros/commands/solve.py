@@ -5,16 +5,18 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+import json
 import math
 import sys
 import time
 from pathlib import Path
 
+import numpy as np
 from rich.table import Table
 
+from gdfe_ros import __version__
 from gdfe_ros.actuators.actuator import Mode
-from gdfe_ros.analysis.result_file import write_result
-from gdfe_ros.commands.options import read_overrides, require_folder, require_picture
+from gdfe_ros.commands.options import add_overrides, read_overrides, require_folder, require_picture
 from gdfe_ros.commands.waiting import PlayProgress, convergence, print_failures, waiting
 from gdfe_ros.contacts import contact_points, total_forces
 from gdfe_ros.entry import INTERRUPTED
@@ -22,7 +24,7 @@ from gdfe_ros.scene import Scene, load_scene
 from gdfe_ros.simulation import Simulation
 from gdfe_ros.solver.result import StepResult
 from gdfe_ros.solver.settings import Policy, SolverSettings
-from gdfe_ros.terminal import PlainConsole
+from gdfe_ros.terminal import QUANTITIES, PlainConsole, make_table
 
 NOT_CONVERGED = 3
 
@@ -33,13 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--policy", choices=[policy.value for policy in Policy], help="policy instead of the scene's")
     parser.add_argument("--steps", type=int, help="number of equal load steps (default: chosen by the solver)")
     parser.add_argument("--tolerance", type=float, help="tolerance of the solver, instead of the scene's")
-    parser.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="KEY=VALUE",
-        help="override a key of the scene, e.g. mesh.bar.cells=[25,2,2]; may be given several times",
-    )
+    add_overrides(parser, "override a key of the scene, e.g. mesh.bar.cells=[25,2,2]; may be given several times")
     parser.add_argument(
         "--keep-going", action="store_true", help="go on after a step that did not converge (default: stop there)"
     )
@@ -139,12 +135,8 @@ def _table(simulation: Simulation, results: list[StepResult], wall_time: float) 
     failed = "" if last.converged else ": the last step did not converge, its values are no equilibrium"
     if _withdrawn(simulation, last):
         failed = ": the last step failed, the values are those of the last equilibrium before its command"
-    table = Table(
-        title=f"{simulation.scene.name}, policy {last.policy.value}{failed}", title_justify="left", min_width=64
-    )
-    table.add_column("quantity")
-    table.add_column("value", justify="right")
-    table.add_column("unit")
+    title = f"{simulation.scene.name}, policy {last.policy.value}{failed}"
+    table = make_table(title, QUANTITIES, right=("value",), min_width=64)
     table.add_row("vertices, cells", f"{mesh.n_vertices}, {mesh.n_cells}", "")
     table.add_row("steps", str(len(results)), "")
     table.add_row("iterations", str(sum(result.iterations for result in results)), "")
@@ -182,6 +174,55 @@ def _clean(values: object) -> list[float]:
     """Return values with rounding noise set to zero."""
     largest = max(abs(float(value)) for value in values)
     return [0.0 if abs(float(value)) < 1e-9 * largest else float(value) for value in values]
+
+
+def write_result(
+    path: Path, simulation: Simulation, result: StepResult, *, steps: int, wall_time: float, whole: bool = True
+) -> None:
+    """Write positions, element fields, reactions and metadata, SI units.
+
+    Keys: ``X, x`` (n, 3) undeformed and current vertices [m]; ``cells`` (m, 8 or 4); ``eps_eq, J, omega`` (m,);
+    ``energy`` [J]; ``reaction_<handle>`` (6,) force [N] and moment [N m] of the handle on the body, the moment about
+    the handle's deformed centre; ``actuator_<name>`` (3,) command, length [m] or volume [m^3], tension [N] or pressure
+    [Pa]; ``probe_<name>`` (3,) position [m]; ``meta``: JSON text, with ``converged``, and ``whole``: whether
+    the program was not interrupted.
+
+    Raises:
+        OSError: the file cannot be written.
+    """
+    fields = simulation.fields()
+    meta = {
+        "scene": simulation.scene.name,
+        "policy": result.policy.value,
+        "tolerance": simulation.settings.tolerance,
+        "converged": result.converged,
+        "error_estimate": result.error_estimate,
+        "steps": steps,
+        "whole": whole,
+        "wall_time": wall_time,
+        "min_det": result.min_det,
+        "message": result.message,
+        "actuators": {name: state.mode.value for name, state in result.actuators.items()},
+        "version": __version__,
+    }
+    with path.open("wb") as file:
+        np.savez_compressed(
+            file,
+            X=simulation.mesh.vertices,
+            x=result.positions,
+            cells=simulation.mesh.cells,
+            eps_eq=fields.eps_eq,
+            J=fields.J,
+            omega=fields.omega,
+            energy=result.energy,
+            meta=json.dumps(meta),
+            **{f"reaction_{name}": values for name, values in result.reactions.items()},
+            **{
+                f"actuator_{name}": [state.command, state.extent, state.effort]
+                for name, state in result.actuators.items()
+            },
+            **{f"probe_{name}": position for name, position in simulation.probe_positions().items()},
+        )
 
 
 def _draw(path: Path, simulation: Simulation, result: StepResult) -> None:

@@ -6,11 +6,9 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
 from gdfe_ros.analysis.sweep import Archive, Case, grid_cases, read_axes, read_list, run_cases
 from gdfe_ros.commands.options import add_workers
-from gdfe_ros.commands.waiting import waiting
+from gdfe_ros.commands.waiting import progress_bar, waiting
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.scene import load_scene
 from gdfe_ros.terminal import PlainConsole
@@ -47,7 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Run all cases and write the results; return 0, or 1 if a case failed or did not converge."""
     from gdfe_ros.analysis.export import write_parquet
-    from gdfe_ros.analysis.sweep_results import draw_results, flat_row
+    from gdfe_ros.analysis.sweep import draw_results, flat_row
 
     with waiting(f"loading {arguments.scene}"):
         scene = load_scene(arguments.scene)
@@ -82,20 +80,17 @@ def _cases(arguments: argparse.Namespace) -> list[Case]:
 def _complete(arguments: argparse.Namespace, scene: str, cases: list[Case], archive: Archive) -> None:
     """Run the cases that have no result in the archive and, with ``--retry``, the failed cases; store the results."""
     left = [case for case in cases if _is_left(archive, case, retry=arguments.retry)]
-    console = PlainConsole(stderr=True)
     if len(left) < len(cases):
-        console.print(f"{len(cases) - len(left)} of {len(cases)} cases are done already")
+        PlainConsole(stderr=True).print(f"{len(cases) - len(left)} of {len(cases)} cases are done already")
     if not left:
         return
-    columns = TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()
     with (
         connect(arguments.scheduler, arguments.workers) as client,
-        Progress(*columns, console=console, transient=True) as progress,
+        progress_bar("cases", len(left), counted=True) as update,
     ):
-        task = progress.add_task("cases", total=len(left))
         for case, result in run_cases(client, scene, left):
             archive.keep(case, result)
-            progress.advance(task)
+            update(advance=1)
 
 
 def _is_left(archive: Archive, case: Case, *, retry: bool) -> bool:

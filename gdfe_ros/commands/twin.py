@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gdfe_ros.bounded_text import plain_lines
-from gdfe_ros.commands.options import read_overrides
+from gdfe_ros.commands.options import add_overrides, read_overrides
 from gdfe_ros.commands.waiting import waiting
 from gdfe_ros.entry import catch_endings
 from gdfe_ros.errors import GdfeError
@@ -62,7 +62,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--patience", type=float, default=30.0, help="wait for the topics [s] (default: 30)")
     parser.add_argument("--port", type=int, default=8080, help="port of the page; 0: no page (default: 8080)")
     parser.add_argument("--dt", type=float, default=0.02, help="time of a step [s] (default: 0.02)")
-    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="override a key of the scene")
+    add_overrides(parser, "override a key of the scene")
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -1,87 +1,83 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A line of text that shows the present task of a command during a long wait."""
+"""Texts that show the present task of a command during a long wait."""
 
 from __future__ import annotations
 
-import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from threading import Event, Thread, Timer
-from types import TracebackType
-from typing import TYPE_CHECKING, Any, Protocol
+from functools import partial
+from threading import Event, Thread
+from typing import TYPE_CHECKING, Any, TypeAlias
 
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    SpinnerColumn,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
 
 from gdfe_ros.compilations import compilations
 from gdfe_ros.terminal import PlainConsole
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
+    from gdfe_ros.recording.step_record import StepRecord
+    from gdfe_ros.solver.result import StepResult
 
 SILENT = 1.0
 """Time [s] before the text appears at a terminal; most scenes are ready earlier."""
 INTERVAL = 10.0
 """Time [s] between two lines where standard error is no terminal."""
+TERMINAL_INTERVAL = 0.2
+"""Time [s] between two updates of the text at a terminal."""
 
 
 @contextmanager
 def waiting(
-    text: str, *, console: Console | None = None, silent: float = SILENT, interval: float = INTERVAL
+    text: str | Callable[[], str],
+    *,
+    console: Console | None = None,
+    silent: float = SILENT,
+    interval: float = INTERVAL,
+    share: Callable[[], float] | None = None,
 ) -> Iterator[None]:
     """Show a text and the elapsed time while the body of the `with` statement runs.
 
-    A terminal shows one line, which is removed at the end. A file or pipe receives a line every ten seconds. While
-    kernels are compiled, the line says so instead.
+    A terminal shows one line, which is removed at the end. A file or pipe receives a line every ten seconds. Both are
+    written by a separate thread, so that they are also shown during a step that takes minutes.
 
     Args:
-        text: what is being done, e.g. "loading gripper".
+        text: what is being done, e.g. "loading gripper"; while kernels are compiled, the line says so instead. Or a
+            function that returns the line.
         console: console to write to; by default that of standard error.
         silent: time before the text appears at a terminal [s].
         interval: time between two lines where the console is no terminal [s].
+        share: function that returns the completed part of the work, from 0 to 1, for a bar at a terminal; None: no bar.
     """
-    terminal = sys.stderr.isatty() if console is None else console.is_terminal
-    with _at_a_terminal(text, console, silent) if terminal else _in_a_file(text, console, interval):
-        yield
+    console = console or PlainConsole(stderr=True, soft_wrap=True)
+    describe = text if callable(text) else lambda: compilations.text() or text
+    ended, started = Event(), time.monotonic()
 
-
-@contextmanager
-def _at_a_terminal(text: str, console: Console | None, silent: float) -> Iterator[None]:
-    from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
-    from rich.text import Text
-
-    from gdfe_ros.terminal import PlainConsole
-
-    class Task(TextColumn):
-        """The text, or a line about kernels while they are compiled."""
-
-        def render(self, task: Any) -> Any:
-            return Text(compilations.text() or task.description)
-
-    columns = SpinnerColumn(), Task(""), TimeElapsedColumn()
-    progress = Progress(*columns, console=console or PlainConsole(stderr=True), transient=True)
-    progress.add_task(text, total=None)
-    timer = Timer(silent, progress.start)
-    timer.daemon = True
-    timer.start()
-    try:
-        yield
-    finally:
-        timer.cancel()
-        timer.join()
-        progress.stop()
-
-
-@contextmanager
-def _in_a_file(text: str, console: Console | None, interval: float) -> Iterator[None]:
-    ended, started, file = Event(), time.monotonic(), sys.stderr if console is None else console.file
+    def show() -> None:
+        head = (BarColumn(), TimeElapsedColumn()) if share else (SpinnerColumn(),)
+        columns = (*head, _column(), *(() if share else (TimeElapsedColumn(),)))
+        progress = Progress(*columns, console=console, transient=True)
+        task = progress.add_task(describe(), total=1.0 if share else None)
+        if not ended.wait(silent):
+            with progress:
+                while not ended.wait(TERMINAL_INTERVAL):
+                    progress.update(task, description=describe(), completed=share() if share else None)
 
     def write() -> None:
         while not ended.wait(interval):
-            print(f"{compilations.text() or text} ({time.monotonic() - started:.0f} s)", file=file, flush=True)
+            line = f"{describe()} ({time.monotonic() - started:.0f} s)"
+            console.print(line, highlight=False, soft_wrap=True)
 
-    thread = Thread(target=write, name="waiting", daemon=True)
+    thread = Thread(target=show if console.is_terminal else write, name="waiting", daemon=True)
     thread.start()
     try:
         yield
@@ -90,24 +86,32 @@ def _in_a_file(text: str, console: Console | None, interval: float) -> Iterator[
         thread.join()
 
 
+@contextmanager
+def progress_bar(text: str, total: float, *, counted: bool = False) -> Iterator[Callable[..., None]]:
+    """Show a bar on standard error while the body of the `with` statement runs.
+
+    Args:
+        text: text before the bar.
+        total: amount of work.
+        counted: whether the completed parts are counted, and the remaining time is estimated.
+
+    Yields:
+        Function that updates the bar: its arguments are ``completed``, ``advance`` and ``description``.
+    """
+    last = (MofNCompleteColumn(), TimeRemainingColumn()) if counted else (TimeElapsedColumn(),)
+    with Progress(_column(), BarColumn(), *last, console=PlainConsole(stderr=True), transient=True) as progress:
+        yield partial(progress.update, progress.add_task(text, total=total))
+
+
+def _column() -> TextColumn:
+    return TextColumn("{task.description}", markup=False)
+
+
 MOST_LINES = 3
 """Largest number of steps that are listed individually."""
 
 
-class StepOutcome(Protocol):
-    """Outcome of a step, as in results and step records."""
-
-    @property
-    def converged(self) -> bool:
-        """Whether the step reached its tolerance."""
-
-    @property
-    def time(self) -> float:
-        """Simulation time [s]."""
-
-    @property
-    def message(self) -> str:
-        """Reason why the step did not converge."""
+StepOutcome: TypeAlias = "StepResult | StepRecord"
 
 
 def convergence(steps: Sequence[StepOutcome]) -> str:
@@ -127,15 +131,8 @@ def print_failures(steps: Sequence[StepOutcome], *, first: int = 1) -> None:
         console.print(f"and {len(failed) - MOST_LINES} more", style="red")
 
 
-TERMINAL_INTERVAL = 0.2
-"""Time [s] between two updates of the text at a terminal."""
-
-
 class PlayProgress:
-    """Shows simulation time, steps, and the last step that did not converge, while a program is played.
-
-    A terminal shows a bar, which is removed at the end. A file or pipe receives a line every ten seconds. Both are
-    written by a separate thread, so that the progress is also shown during a step that takes minutes.
+    """Shows simulation time, steps, and the last step that did not converge, while a program is played (`waiting`).
 
     Args:
         name: the scene's name.
@@ -147,23 +144,17 @@ class PlayProgress:
     def __init__(
         self, name: str, *, duration: float, console: PlainConsole | None = None, interval: float = INTERVAL
     ) -> None:
-        self._name, self._duration = name, duration
-        self._console = console or PlainConsole(stderr=True, soft_wrap=True)
-        self._interval = interval
-        self._started = self._step_started = time.monotonic()
+        self._name, self._duration, self._interval = name, duration, interval
+        self._step_started = time.monotonic()
         self._time, self._steps, self._failed, self._reason = 0.0, 0, 0, ""
-        self._ended = Event()
-        self._thread = Thread(target=self._show, name="progress", daemon=True)
+        self._shown = waiting(self.text, console=console, silent=0.0, interval=interval, share=self._share)
 
     def __enter__(self) -> PlayProgress:
-        self._thread.start()
+        self._shown.__enter__()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._ended.set()
-        self._thread.join()
+    def __exit__(self, *error: Any) -> None:
+        self._shown.__exit__(*error)
 
     def add(self, step: StepOutcome) -> None:
         """Report a completed step."""
@@ -181,14 +172,5 @@ class PlayProgress:
             text += f"; {self._failed} did not converge, the last because: {self._reason}"
         return text
 
-    def _show(self) -> None:
-        if self._console.is_terminal:
-            columns = BarColumn(), TimeElapsedColumn(), TextColumn("{task.description}", markup=False)
-            with Progress(*columns, console=self._console, transient=True) as bar:
-                task = bar.add_task(self.text(), total=self._duration)
-                while not self._ended.wait(TERMINAL_INTERVAL):
-                    bar.update(task, completed=self._time, description=self.text())
-            return
-        while not self._ended.wait(self._interval):
-            elapsed = time.monotonic() - self._started
-            self._console.print(f"{self.text()} ({elapsed:.0f} s)", highlight=False)
+    def _share(self) -> float:
+        return self._time / self._duration if self._duration else 0.0

@@ -7,15 +7,13 @@ import argparse
 import time
 from pathlib import Path
 
-from rich.table import Table
-
 from gdfe_ros.actuators import Mode
-from gdfe_ros.commands.options import add_workers, open_client, read_overrides
+from gdfe_ros.commands.options import add_overrides, add_workers, open_client, read_overrides
 from gdfe_ros.commands.waiting import waiting
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.regular_file import path_inside
 from gdfe_ros.scene import load_scene
-from gdfe_ros.terminal import PlainConsole
+from gdfe_ros.terminal import PlainConsole, make_table
 
 UNREACHED = 3
 
@@ -39,9 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--count", type=int, default=200, help="approximate number of commands (default: 200)")
     add_workers(parser)
-    parser.add_argument(
-        "--set", action="append", default=[], metavar="KEY=VALUE", help="override a key, e.g. mesh.bar.cells=[25,2,2]"
-    )
+    add_overrides(parser, "override a key, e.g. mesh.bar.cells=[25,2,2]")
     parser.add_argument(
         "--out", type=Path, metavar="DIR", help="directory for the results (default: <scene>_workspace)"
     )
@@ -49,8 +45,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Compute the workspace; return 0, or 3 if no equilibrium was found for some commands."""
-    from gdfe_ros.analysis.workspace import command_samples, find_workspace, ranges
-    from gdfe_ros.analysis.workspace_report import draw_workspace, workspace_rows, write_workspace
+    from gdfe_ros.analysis.workspace import (
+        command_samples,
+        draw_workspace,
+        find_workspace,
+        ranges,
+        workspace_rows,
+        write_workspace,
+    )
 
     started = time.perf_counter()
     with waiting(f"loading {arguments.scene}"):
@@ -72,10 +74,7 @@ def run(arguments: argparse.Namespace) -> int:
     out.mkdir(parents=True, exist_ok=True)
     write_workspace(out / "workspace.csv", found)
     console = PlainConsole(soft_wrap=True)
-    table = Table(title=f"{scene.name}: where {probe} can be", title_justify="left", show_header=False)
-    for row in workspace_rows(found):
-        table.add_row(*row)
-    console.print(table)
+    console.print(make_table(f"{scene.name}: where {probe} can be", rows=workspace_rows(found)))
     if found.reached.any():
         draw_workspace(out / "workspace.png", found, title=f"{scene.name}: where {probe} can be")
     missing = [message for message in found.messages if message]

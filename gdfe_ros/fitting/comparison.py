@@ -11,8 +11,7 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
 from gdfe_ros.errors import GdfeError
-from gdfe_ros.fitting.observable import POSITIONS, QuantityKind
-from gdfe_ros.fitting.recording import Recording
+from gdfe_ros.fitting.recording import POSITIONS, QuantityKind, Recording
 from gdfe_ros.fitting.trajectory import Trajectory
 
 Own = NDArray[np.float64]

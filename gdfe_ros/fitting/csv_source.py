@@ -147,7 +147,8 @@ class CsvSource:
 
     def series(self) -> tuple[Series, ...]:
         """Return the measured series."""
-        return tuple(self._series(name, model) for name, model in self._compared().items())
+        compared = self._source.match.compare or dict(self._named())
+        return tuple(self._series(name, model) for name, model in compared.items())
 
     def tracks(self) -> tuple[Track, ...]:
         """Return the tracks of commands."""
@@ -162,14 +163,11 @@ class CsvSource:
                 text = f"{self._source.path} has no column of time, but the scene has dynamics"
                 raise GdfeError(f"{text}; remedy: name it `time`, or name it in the match file; columns: {columns}")
             return np.arange(1.0, self._rows.size + 1.0)
-        times = self._column(name, self._source.match.time_unit)
+        times = self._mean(name, self._source.match.time_unit)
         if not (np.diff(times) > 0.0).all():
             row = int(self._rows[np.argmax(~(np.diff(times) > 0.0)) + 1]) + 1
             raise GdfeError(f"{self._source.path}: times must ascend; row {row} of column {name!r} does not")
         return times
-
-    def _compared(self) -> dict[str, CompareModel]:
-        return self._source.match.compare or dict(self._named())
 
     def _named(self) -> Iterator[tuple[str, CompareModel]]:
         """Yield each probe whose position columns are in the file, with the names of these columns."""
@@ -220,16 +218,13 @@ class CsvSource:
         if not isinstance(model, CommandModel):
             return constant(name, model)
         if model.column:
-            return Track(name, self.times, self._column(model.column, model.unit)[:, None])
+            return Track(name, self.times, self._mean(model.column, model.unit)[:, None])
         zero = np.zeros(self.times.size)
         columns = [self._mean(model.columns[axis], model.unit) if axis in model.columns else zero for axis in AXES]
         return Track(name, self.times, np.stack(columns, axis=1))
 
     def _unit_of(self, column: str | tuple[str, ...]) -> str:
         return self._table.units.get(column if isinstance(column, str) else column[0], "1")
-
-    def _column(self, name: str, unit: str | None) -> NDArray[np.float64]:
-        return self._table.column(name, unit)[self._rows]
 
     def _mean(self, names: str | tuple[str, ...], unit: str | None) -> NDArray[np.float64]:
         return self._table.mean(names, unit)[self._rows]

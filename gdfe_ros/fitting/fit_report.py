@@ -7,6 +7,7 @@ import csv
 import json
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from html import escape
 from pathlib import Path
 from typing import Any
@@ -16,12 +17,13 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from plotly.offline import get_plotlyjs
 
-from gdfe_ros.analysis.report.template import fill, read_file, to_json
+from gdfe_ros.analysis.report.charts import numbers_of
+from gdfe_ros.analysis.report.template import fill, read_file, tabulate, to_json
 from gdfe_ros.bounded_text import quoted
 from gdfe_ros.fitting.comparison import predicted
 from gdfe_ros.fitting.fit import Fit
 from gdfe_ros.fitting.problem import FitPoint, FitProblem
-from gdfe_ros.fitting.recording import ROW, Recording
+from gdfe_ros.fitting.recording import ROW
 from gdfe_ros.fitting.statistics import percent
 from gdfe_ros.scene.report import unit_of
 
@@ -56,9 +58,9 @@ Promise.all(drawn).then(() => { document.body.dataset.ready = "yes"; });
 def fit_page(fit: Fit, shown: Sequence[ComparedColumn]) -> str:
     """Return the HTML text of a fit's page; ``shown`` are the columns that have charts."""
     tables = [
-        _table("Parameters", ("key", "value", "95 % interval", "correlations"), parameter_rows(fit)),
+        tabulate("Parameters", parameter_rows(fit), ("key", "value", "95 % interval", "correlations")),
         f"<section><p>{escape(NOT_INCLUDED)}</p></section>",
-        _table("Recordings", ("recording", "series", "", "values", "misfit", "of the motion"), match_rows(fit)),
+        tabulate("Recordings", match_rows(fit), ("recording", "series", "", "values", "misfit", "of the motion")),
     ]
     if fit.warnings:
         notes = "".join(f"<li>{escape(text)}</li>" for text in fit.warnings)
@@ -74,20 +76,20 @@ def fit_page(fit: Fit, shown: Sequence[ComparedColumn]) -> str:
     return fill(_PAGE, parts)
 
 
-def _table(heading: str, head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    top = "".join(f"<th>{escape(name)}</th>" for name in head)
-    body = "".join(f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in rows)
-    return f"<section><h2>{escape(heading)}</h2><table><tr>{top}</tr>{body}</table></section>"
-
-
 def _chart(curve: ComparedColumn) -> dict[str, Any]:
     """Return a chart of measured and simulated values over time, with the residual below."""
-    times = _list(curve.times)
+    times = numbers_of(curve.times)
     word = "predicted" if curve.held_out else "fitted"
     traces = [
-        {"x": times, "y": _list(curve.measured), "name": "measured", "mode": "markers", "marker": {"size": 4}},
-        {"x": times, "y": _list(curve.simulated), "name": word, "mode": "lines"},
-        {"x": times, "y": _list(curve.simulated - curve.measured), "name": RESIDUAL, "yaxis": "y2", "mode": "lines"},
+        {"x": times, "y": numbers_of(curve.measured), "name": "measured", "mode": "markers", "marker": {"size": 4}},
+        {"x": times, "y": numbers_of(curve.simulated), "name": word, "mode": "lines"},
+        {
+            "x": times,
+            "y": numbers_of(curve.simulated - curve.measured),
+            "name": RESIDUAL,
+            "yaxis": "y2",
+            "mode": "lines",
+        },
     ]
     unit = f" [{curve.unit}]" if curve.unit else ""
     ticks = {"tick0": 0, "dtick": max(1, len(times) // 10)} if curve.over == ROW else {}
@@ -100,10 +102,6 @@ def _chart(curve: ComparedColumn) -> dict[str, Any]:
         "legend": {"orientation": "h", "y": 1.02, "yanchor": "bottom"},
     }
     return {"title": f"{curve.series} of recording {curve.recording} ({word})", "data": traces, "layout": layout}
-
-
-def _list(values: NDArray[np.float64]) -> list[float | None]:
-    return [float(f"{value:.7g}") if np.isfinite(value) else None for value in values]
 
 
 NOT_INCLUDED = "The intervals do not include the error of the mesh; repeat the fit with twice as many cells to see it."
@@ -138,11 +136,8 @@ def match_rows(fit: Fit) -> list[tuple[str, str, str, str, str, str]]:
 
 def own_rows(fit: Fit) -> list[tuple[str, str]]:
     """Return a row for each recording with a fitted time shift or frame: its name, and a text with the values."""
-    pairs = [(fit.problem, fit.solved.point)]
-    if fit.held_out is not None:
-        pairs.append((fit.held_out, fit.prediction))
     rows = []
-    for problem, point in pairs:
+    for problem, point in _parts(fit):
         for recording, own in zip(problem.recordings, point.own, strict=True):
             rest = list(own)
             words = []
@@ -188,44 +183,41 @@ class ComparedColumn:
 
 def curves(fit: Fit) -> list[ComparedColumn]:
     """Return every measured column with its simulated values; a cloud has one column of root mean square distances."""
-    found = list(_curves(fit.problem, fit.solved.point, held_out=False))
-    if fit.held_out is not None:
-        found += _curves(fit.held_out, fit.prediction, held_out=True)
-    return found
+    return [column for problem, point in _parts(fit) for column in _curves(problem, point, problem is fit.held_out)]
 
 
-def _curves(problem: FitProblem, point: FitPoint, *, held_out: bool) -> Iterator[ComparedColumn]:
+def _parts(fit: Fit) -> list[tuple[FitProblem, FitPoint]]:
+    """Return the problem of the fitted recordings with its solution, then that of the held-out ones, if any."""
+    held_out = [(fit.held_out, fit.prediction)] if fit.held_out is not None else []
+    return [(fit.problem, fit.solved.point), *held_out]
+
+
+def _curves(problem: FitProblem, point: FitPoint, held_out: bool) -> Iterator[ComparedColumn]:
     parts = problem.series_residuals(point)
     for number, recording in enumerate(problem.recordings):
         values = predicted(recording, point.trajectories[number], point.own[number])
         for place, series in enumerate(recording.series):
-            unit = series.observable.unit
-            common = (recording, held_out, series.times)
+            make = partial(
+                ComparedColumn,
+                recording=recording.name,
+                unit=series.observable.unit,
+                held_out=held_out,
+                times=series.times,
+                over=recording.over,
+            )
             if len(series.labels) != series.values.shape[-1] or series.values.ndim == 3:
                 distance = _distance(parts[number][place] * problem.sigmas[number][place])
-                yield _curve(*common, f"{series.name}, distance", unit, np.zeros(distance.size), distance)
+                yield make(series=f"{series.name}, distance", measured=np.zeros(distance.size), simulated=distance)
                 continue
             for column, label in enumerate(series.labels):
                 name = f"{series.name}.{label}" if label else series.name
-                yield _curve(*common, name, unit, series.values[:, column], values[place][:, column])
+                yield make(series=name, measured=series.values[:, column], simulated=values[place][:, column])
 
 
 def _distance(residual: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the root mean square (m,) of the residuals at each time."""
     flat = residual.reshape(residual.shape[0], -1)
     return np.sqrt(np.nanmean(flat**2, axis=1))
-
-
-def _curve(
-    recording: Recording,
-    held_out: bool,
-    times: NDArray[np.float64],
-    series: str,
-    unit: str,
-    measured: NDArray[np.float64],
-    simulated: NDArray[np.float64],
-) -> ComparedColumn:
-    return ComparedColumn(recording.name, series, unit, held_out, times, measured, simulated, recording.over)
 
 
 MOST_DRAWN = 12

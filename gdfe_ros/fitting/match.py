@@ -15,7 +15,7 @@ from pydantic import Discriminator, Field, Tag, ValidationError, model_validator
 from gdfe_ros.actuators import Cable, Chamber
 from gdfe_ros.bounded_text import LARGEST_TEXT
 from gdfe_ros.errors import DefectsError, GdfeError, MeshError
-from gdfe_ros.fitting.observable import CLOUDS, POSITIONS, Observable, QuantityKind, require_known
+from gdfe_ros.fitting.recording import CLOUDS, POSITIONS, Observable, QuantityKind, require_known
 from gdfe_ros.mesh import select_vertices
 from gdfe_ros.mesh.selection import Where
 from gdfe_ros.quantity import Quantity, Vector

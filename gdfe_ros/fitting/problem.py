@@ -12,10 +12,15 @@ from scipy.optimize import least_squares
 
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.fitting.comparison import Own, SurfaceDistances, first_own, residuals
-from gdfe_ros.fitting.observable import POSITIONS
 from gdfe_ros.fitting.parameter import FittedParameter
-from gdfe_ros.fitting.recording import Recording
-from gdfe_ros.fitting.trajectory import NotSimulatedError, Simulations, Trajectory, trajectory_columns
+from gdfe_ros.fitting.recording import POSITIONS, Recording
+from gdfe_ros.fitting.trajectory import (
+    NotSimulatedError,
+    Simulations,
+    Trajectory,
+    require_simulated,
+    trajectory_columns,
+)
 
 SHARE = 0.01
 """Assumed standard deviation of a series that states none, divided by the largest range of the series with its unit."""
@@ -52,9 +57,9 @@ class FitProblem:
         parameters: parameters to fit.
         recordings: recordings to fit.
         surface: function for distances from the surface; None if no cloud is compared with the surface.
-        sigmas: standard deviation of each series of each recording; None: those of `standard_deviations`.
 
     Attributes:
+        sigmas: standard deviation of each series of each recording (`standard_deviations`).
         horizons: for each recording, the simulation time [s] up to which it is compared.
     """
 
@@ -65,11 +70,10 @@ class FitProblem:
         recordings: Sequence[Recording],
         *,
         surface: SurfaceDistances | None = None,
-        sigmas: Sequence[Sequence[float]] | None = None,
     ) -> None:
         self.parameters, self.recordings = tuple(parameters), tuple(recordings)
         self._simulations, self._surface = simulations, surface
-        self.sigmas = sigmas or standard_deviations(recordings)
+        self.sigmas = standard_deviations(recordings)
         self.horizons = [np.inf] * len(self.recordings)
         self._known: tuple[tuple[object, ...], list[Trajectory | NotSimulatedError]] | None = None
 
@@ -118,11 +122,7 @@ class FitProblem:
             NotSimulatedError: a recording cannot be simulated.
         """
         values, own = self._split(unknowns)
-        trajectories = self.trajectories(values)
-        for item in trajectories:
-            if isinstance(item, NotSimulatedError):
-                raise item
-        return FitPoint(values, own, tuple(trajectories))
+        return FitPoint(values, own, tuple(require_simulated(self.trajectories(values))))
 
     def trajectories(self, values: tuple[float, ...]) -> list[Trajectory | NotSimulatedError]:
         """Return the simulation of each recording with given values, or its error; the last result is cached."""

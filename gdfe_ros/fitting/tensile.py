@@ -11,12 +11,12 @@ from typing import Any
 
 import numpy as np
 import yaml
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.optimize import least_squares
 
 from gdfe_ros.errors import GdfeError
-from gdfe_ros.fitting.invariant_fit import INVARIANT_LAWS, invariant_candidates
-from gdfe_ros.fitting.tensile_data import TestData, prepare
+from gdfe_ros.fitting.invariant_fit import INVARIANT_LAWS, Found, invariant_candidates
+from gdfe_ros.fitting.tensile_data import TestData, Vector, prepare
 from gdfe_ros.materials import Curve, CurveData, Law, Linear, Material, NeoHookean, Ogden, StableNeoHookean
 
 FLOOR = 0.01
@@ -67,9 +67,9 @@ class TensileFit:
 
     material: Material
     entry: Mapping[str, Any]
-    strain: NDArray[np.float64]
-    stress: NDArray[np.float64]
-    misfit: NDArray[np.float64]
+    strain: Vector
+    stress: Vector
+    misfit: Vector
     remarks: tuple[str, ...]
     refused: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
@@ -138,7 +138,7 @@ def fit_tensile(
     return fit
 
 
-def _checked(strain: ArrayLike, stress: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _checked(strain: ArrayLike, stress: ArrayLike) -> tuple[Vector, Vector]:
     """Return strains and stresses of the points with nonzero strain; raise GdfeError if they are no tensile test."""
     e, s = np.asarray(strain, dtype=np.float64), np.asarray(stress, dtype=np.float64)
     if e.ndim != 1 or e.shape != s.shape or not (np.isfinite(e).all() and np.isfinite(s).all()):
@@ -153,20 +153,15 @@ def _checked(strain: ArrayLike, stress: ArrayLike) -> tuple[NDArray[np.float64],
     return e[moved], s[moved]
 
 
-def _weights(data: TestData) -> NDArray[np.float64]:
+def _weights(data: TestData) -> Vector:
     """Return the factor [1/Pa] from the error of each stress to its misfit."""
     least = max(FLOOR * np.abs(data.stress).max(initial=0.0), SURE / GOOD * data.scatter)
     return 1.0 / np.maximum(np.abs(data.stress), least)
 
 
 def _linear_in_parameters(
-    e: NDArray[np.float64],
-    s: NDArray[np.float64],
-    weights: NDArray[np.float64],
-    law: Law,
-    degree: int,
-    common: Mapping[str, Any],
-) -> tuple[Material, dict[str, Any]]:
+    e: Vector, s: Vector, weights: Vector, law: Law, degree: int, common: Mapping[str, Any]
+) -> Found:
     """Fit a law whose stress is linear in its parameters, by linear least squares; return the law and its entry."""
     kinds = {Law.LINEAR: Linear, Law.NEO_HOOKEAN: NeoHookean, Law.STABLE_NEO_HOOKEAN: StableNeoHookean}
     if law is Law.CURVE:
@@ -189,9 +184,7 @@ def _linear_in_parameters(
     return kinds[law](young=young, **common), {"young": young}
 
 
-def _invariant(
-    e: NDArray[np.float64], s: NDArray[np.float64], weights: NDArray[np.float64], law: Law, common: Mapping[str, Any]
-) -> TensileFit:
+def _invariant(e: Vector, s: Vector, weights: Vector, law: Law, common: Mapping[str, Any]) -> TensileFit:
     """Fit a law of the invariants; if the best one is unstable, the best one without negative coefficients."""
     refused = []
     for found in invariant_candidates(e, s, weights, law, common):
@@ -204,13 +197,7 @@ def _invariant(
     raise GdfeError(f"no stable law {name}: {why}; remedy: check the signs of the columns, or --law ogden")
 
 
-def _ogden(
-    e: NDArray[np.float64],
-    s: NDArray[np.float64],
-    weights: NDArray[np.float64],
-    terms: int | None,
-    common: Mapping[str, Any],
-) -> TensileFit:
+def _ogden(e: Vector, s: Vector, weights: Vector, terms: int | None, common: Mapping[str, Any]) -> TensileFit:
     """Fit Ogden's law with ``terms`` terms.
 
     None means the least number for which a stable law has a misfit below `GOOD` at every point, or the number of the
@@ -239,16 +226,10 @@ def _ogden(
     return replace(min(stable, key=lambda item: item.largest), refused=tuple(refused))
 
 
-def _ogden_terms(
-    e: NDArray[np.float64],
-    s: NDArray[np.float64],
-    weights: NDArray[np.float64],
-    count: int,
-    common: Mapping[str, Any],
-) -> tuple[Material, dict[str, Any]]:
+def _ogden_terms(e: Vector, s: Vector, weights: Vector, count: int, common: Mapping[str, Any]) -> Found:
     """Fit the exponents by a trust-region method, and the moduli for each trial by linear least squares."""
 
-    def moduli(alpha: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def moduli(alpha: Vector) -> tuple[Vector, Vector]:
         alpha = np.where(np.abs(alpha) < FAINT, FAINT, alpha)
         stretch, half = 1.0 + e[:, None], -0.5 * alpha
         columns = 2.0 / alpha * (stretch ** (alpha - 1.0) - stretch ** (half - 1.0)) * weights[:, None]
@@ -269,12 +250,7 @@ def _ogden_terms(
     return Ogden(mu=tuple(entry["mu"]), alpha=tuple(entry["alpha"]), **common), entry
 
 
-def _assess(
-    e: NDArray[np.float64],
-    s: NDArray[np.float64],
-    weights: NDArray[np.float64],
-    found: tuple[Material, dict[str, Any]],
-) -> TensileFit:
+def _assess(e: Vector, s: Vector, weights: Vector, found: Found) -> TensileFit:
     """Return the fit of a law: its misfit at each point, and remarks on its stability."""
     material, parameters = found
     entry = {"law": material.law.name.lower(), **parameters, "poisson": material.poisson}

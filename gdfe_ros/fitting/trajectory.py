@@ -183,11 +183,16 @@ def trajectory_columns(
         if any(isinstance(item, NotSimulatedError) for item in changed):
             length = -step
             changed = simulations.run([(_changed(parameters, values, place, length), *pair) for pair in pairs])
-        for item in changed:
-            if isinstance(item, NotSimulatedError):
-                raise item
-        columns.append([_quotient(item, own, length) for item, own in zip(changed, base, strict=True)])
+        columns.append([_quotient(*both, length) for both in zip(require_simulated(changed), base, strict=True)])
     return columns
+
+
+def require_simulated(results: list[Trajectory | NotSimulatedError]) -> list[Trajectory]:
+    """Return the results of simulations; raise the first error among them."""
+    for item in results:
+        if isinstance(item, NotSimulatedError):
+            raise item
+    return results
 
 
 def _step(parameter: FittedParameter, value: float) -> float:

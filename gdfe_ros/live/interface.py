@@ -83,12 +83,15 @@ class ShownRun(Protocol):
     """A run that is drawn and commanded.
 
     Attributes:
-        abilities: the supported requests.
         failure: exception that ended the run; None if there was none.
     """
 
-    abilities: frozenset[Ability]
-    failure: Exception | None
+    failure: Exception | None = None
+
+    @property
+    def abilities(self) -> frozenset[Ability]:
+        """Supported requests: all, but playback only if the scene has a program."""
+        return frozenset(Ability) - ({Ability.PLAY} if self.scene.program is None else frozenset())
 
     @property
     def title(self) -> str:
@@ -119,7 +122,7 @@ class ShownRun(Protocol):
         """Path of the bag that is being written, or None."""
 
     def watch(self, wanted: bool) -> None:
-        """Inform the run whether there are viewers."""
+        """Inform the run whether there are viewers; a run that needs not know it does nothing."""
 
     def doing(self) -> tuple[str, bool]:
         """Return a text about the run's activity, and whether it is a problem; empty while it only makes steps."""

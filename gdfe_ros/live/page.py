@@ -119,7 +119,7 @@ class Page:
         self._status = Status(session)
         self._session = session
         self._leading = Leading(session, self.say)
-        self._panel = Panel(gui, session, say=self.say, guarded=self._guarded)
+        self._panel = Panel(gui, session, say=self.say, guard=self._guard)
         self._add_looks()
         self._plots = Plots(gui, self._history, below=self._side)
         self._thread.start()
@@ -195,18 +195,18 @@ class Page:
                 self.say(_BUILT)
             self._early = True
         else:
-            self._guarded(lambda: self._session.command(name, order))
+            self._guard(lambda: self._session.command(name, order))
 
     def _aim(self, probe: str, goal: NDArray[np.float64]) -> None:
         if self._leading is not None:
-            self._guarded(lambda: self._leading.aim(probe, goal))
+            self._guard(lambda: self._leading.aim(probe, goal))
 
     def _look_again(self) -> None:
         """Request that the present step is drawn again."""
         self._again = True
         self._changed.set()
 
-    def _guarded(self, action: Callable[[], Any]) -> None:
+    def _guard(self, action: Callable[[], Any]) -> None:
         try:
             action()
         except GdfeError as error:

@@ -34,7 +34,7 @@ class Panel:
         gui: controls of the page.
         session: commanded run.
         say: function that shows a text to every viewer.
-        guarded: function that carries out an action and shows its GdfeError to every viewer.
+        guard: function that carries out an action and shows its GdfeError to every viewer.
     """
 
     def __init__(
@@ -43,9 +43,9 @@ class Panel:
         session: ShownRun,
         *,
         say: Callable[[str], None],
-        guarded: Callable[[Callable[[], Any]], None],
+        guard: Callable[[Callable[[], Any]], None],
     ) -> None:
-        self._gui, self._session, self._say, self._guarded = gui, session, say, guarded
+        self._gui, self._session, self._say, self._guard = gui, session, say, guard
         self._sliders: dict[str, _Slider] = {}
         self._buttons: dict[Ability, viser.GuiButtonHandle] = {}
         self._moduli = dict(session.moduli)
@@ -77,7 +77,7 @@ class Panel:
 
         @button.on_click
         async def _(event: viser.GuiEvent) -> None:
-            self._guarded(lambda: self._await(action()))
+            self._guard(lambda: self._await(action()))
 
     def _await(self, answer: Future[Any] | None) -> None:
         """Show the text or the error of a ``Future`` to viewers once it is complete."""
@@ -87,7 +87,7 @@ class Panel:
                 self._say(text)
 
         if answer is not None:
-            answer.add_done_callback(lambda done: self._guarded(lambda: tell(done)))
+            answer.add_done_callback(lambda done: self._guard(lambda: tell(done)))
 
     def _label(self, ability: Ability, text: str) -> None:
         if ability in self._buttons:
@@ -115,7 +115,7 @@ class Panel:
             if event.client is None:  # set by `refresh`, not by a viewer
                 return
             slider.touched = monotonic()
-            self._guarded(lambda: self._session.command(name, ActuatorOrder({name: float(control.value)})))
+            self._guard(lambda: self._session.command(name, ActuatorOrder({name: float(control.value)})))
 
     def _add_moduli(self) -> None:
         """Add a number field for each modulus, and the button that applies the numbers."""

@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from gdfe_ros.checkpoint import save_state
 from gdfe_ros.constraints import Pose
 from gdfe_ros.errors import GdfeError
-from gdfe_ros.live.interface import Ability, View
+from gdfe_ros.live.interface import Ability, ShownRun, View
 from gdfe_ros.node.orders import ActuatorOrder, Inbox, Order, PoseOrder, require_order
 from gdfe_ros.node.pace import ClockMode, FastPace, Timing, WallPace
 from gdfe_ros.node.refusals import RefusalLog
@@ -107,7 +107,7 @@ class RestingPace(WallPace):
         return super().begin()
 
 
-class LiveSession:
+class LiveSession(ShownRun):
     """Steps a simulation and passes on each step; owner of the simulation for `SteppingThread` and `CommandAssembler`.
 
     Args:
@@ -168,11 +168,6 @@ class LiveSession:
         return None if self._bag is None else str(self._bag.path)
 
     @property
-    def abilities(self) -> frozenset[Ability]:
-        """Supported requests: all, but playback only if the scene has a program."""
-        return frozenset(Ability) - ({Ability.PLAY} if self.scene.program is None else frozenset())
-
-    @property
     def title(self) -> str:
         """The scene's name."""
         return self.scene.name
@@ -196,9 +191,6 @@ class LiveSession:
     def paused(self) -> bool:
         """Whether only `advance` makes steps."""
         return self.stepper.paused
-
-    def watch(self, wanted: bool) -> None:
-        """Do nothing: steps are passed on even without viewers, because later viewers see them in the plots."""
 
     def doing(self) -> tuple[str, bool]:
         """Return a text about the activity and whether it is a problem; empty while idle or following commands."""

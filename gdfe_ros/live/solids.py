@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 import viser
@@ -58,8 +59,8 @@ class Solids:
                 cell = self._size / 10.0
                 foot = np.round((positions.mean(axis=0) - origin) @ axes / cell) * cell
                 origin = origin + axes[:, :2] @ foot[:2]
-            node, (x, y, z, w) = self._nodes[thing.name], Rotation.from_matrix(axes).as_quat()
-            node.position, node.wxyz = self._scale * origin, np.array([w, x, y, z])
+            node = self._nodes[thing.name]
+            node.position, node.wxyz = self._scale * origin, turn_of(Rotation.from_matrix(axes))
 
     def _add(self, path: str, thing: Obstacle) -> viser.SceneNodeHandle:
         if isinstance(thing.form, Plane):
@@ -76,19 +77,21 @@ class Solids:
                 plane_opacity=_OBSTACLE_OPACITY,
                 shadow_opacity=0.0,
             )
-        faces = form_faces(thing.form)
-        count, corners = faces.shape[:2]
-        fan = np.array([[0, place, place + 1] for place in range(1, corners - 1)])
-        free = isinstance(thing, RigidBody)
-        return self._space.add_mesh_simple(
-            path,
-            (self._scale * faces).reshape(-1, 3),
-            (corners * np.arange(count)[:, None, None] + fan).reshape(-1, 3),
-            color=_BODY if free else _OBSTACLE,
-            opacity=_BODY_OPACITY if free else _OBSTACLE_OPACITY,
-            flat_shading=True,
-            side="double",
-        )
+        colour, opacity = (_BODY, _BODY_OPACITY) if isinstance(thing, RigidBody) else (_OBSTACLE, _OBSTACLE_OPACITY)
+        return _add_faces(self._space, path, self._scale * form_faces(thing.form), color=colour, opacity=opacity)
+
+
+def turn_of(rotation: Rotation) -> NDArray[np.float64]:
+    """Return the quaternion (w, x, y, z) of a rotation, as viser has it."""
+    return np.roll(rotation.as_quat(), 1)
+
+
+def _add_faces(space: viser.SceneApi, path: str, faces: NDArray[np.floating], **look: Any) -> viser.SceneNodeHandle:
+    """Add faces (f, k, 3) in the units of the view as a mesh."""
+    count, corners = faces.shape[:2]
+    fan = np.array([[0, place, place + 1] for place in range(1, corners - 1)])
+    triangles = (corners * np.arange(count)[:, None, None] + fan).reshape(-1, 3)
+    return space.add_mesh_simple(path, faces.reshape(-1, 3), triangles, flat_shading=True, side="double", **look)
 
 
 _GREY = (0.72, 0.74, 0.78)
@@ -123,20 +126,12 @@ class Arms:
     def _place(self, arm: Arm, q: np.ndarray) -> None:
         frames = arm.dynamics.frames(q)
         for link, node in self._nodes[arm.name]:
-            x, y, z, w = Rotation.from_matrix(frames[link].axes).as_quat()
-            node.position, node.wxyz = self._scale * frames[link].origin, np.array([w, x, y, z])
+            node.position = self._scale * frames[link].origin
+            node.wxyz = turn_of(Rotation.from_matrix(frames[link].axes))
 
     def _add(self, path: str, shape: Visual) -> viser.SceneNodeHandle:
-        count, corners = shape.faces.shape[:2]
-        fan = np.array([[0, place, place + 1] for place in range(1, corners - 1)])
-        return self._space.add_mesh_simple(
-            path,
-            (self._scale * shape.faces).reshape(-1, 3),
-            (corners * np.arange(count)[:, None, None] + fan).reshape(-1, 3),
-            color=tuple(round(255 * part) for part in shape.colour or _GREY),
-            flat_shading=True,
-            side="double",
-        )
+        colour = tuple(round(255 * part) for part in shape.colour or _GREY)
+        return _add_faces(self._space, path, self._scale * shape.faces, color=colour)
 
 
 _LONGEST = 0.35

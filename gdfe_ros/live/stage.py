@@ -7,6 +7,7 @@ import math
 from collections import deque
 from collections.abc import Callable, Mapping
 from time import monotonic
+from typing import Any
 
 import numpy as np
 import viser
@@ -20,7 +21,7 @@ from gdfe_ros.constraints.obstacle import ArmLink, Obstacle
 from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.contacts import contact_names
 from gdfe_ros.live.interface import View
-from gdfe_ros.live.solids import Arms, Arrows, Chambers, Solids
+from gdfe_ros.live.solids import Arms, Arrows, Chambers, Solids, turn_of
 from gdfe_ros.live.surface import AlternatingBody, DrawnSurface, RealRobot
 from gdfe_ros.mesh import HexMesh
 from gdfe_ros.node.interface.scene_topics import is_commanded
@@ -178,9 +179,8 @@ class Stage:
         """Move the controls of handles to their targets, except those that a viewer drags."""
         for name, target in targets.items():
             if name in self._controls and monotonic() - self._touched.get(name, -math.inf) > _TOUCHED:
-                x, y, z, w = Rotation.from_rotvec(target.rotation).as_quat()
                 self._controls[name].position = self._scale * (self._rests[name] + target.translation)
-                self._controls[name].wxyz = np.array([w, x, y, z])
+                self._controls[name].wxyz = turn_of(Rotation.from_rotvec(target.rotation))
 
     @property
     def groups(self) -> tuple[str, ...]:
@@ -228,40 +228,43 @@ class Stage:
     def _control(self, handle: Handle) -> viser.TransformControlsHandle:
         """Add a control that moves a handle or obstacle, or teleports a rigid body."""
         name, kind = handle.name, TeleportOrder if isinstance(handle, RigidBody) else PoseOrder
-        control = self._space.add_transform_controls(
-            f"/handles/{name}",
-            scale=CONTROL * self._size,
-            disable_sliders=True,
-            depth_test=False,
-            position=self._scale * self._rests[name],
-        )
-        self._space.add_label(f"/handles/{name}/label", name)
 
-        @control.on_update
-        async def _(event: viser.TransformControlsEvent) -> None:
-            self._touched[name] = monotonic()
-            w, x, y, z = (float(value) for value in event.target.wxyz)
-            moved = np.asarray(event.target.position) / self._scale - self._rests[name]
+        def drag(control: viser.TransformControlsHandle) -> None:
+            w, x, y, z = (float(value) for value in control.wxyz)
+            moved = np.asarray(control.position) / self._scale - self._rests[name]
             self._dragged(name, kind(name, tuple(moved.tolist()), (x, y, z, w)))
 
+        control = self._add_control(f"/handles/{name}", name, self._rests[name], drag, scale=CONTROL * self._size)
+        self._space.add_label(f"/handles/{name}/label", name)
         return control
 
     def _goal(self, name: str, place: NDArray[np.float64]) -> viser.TransformControlsHandle:
         """Add a control at a probe; if a viewer drags the control, the actuators move the probe there."""
+
+        def aim(control: viser.TransformControlsHandle) -> None:
+            self._aimed(name, np.asarray(control.position) / self._scale)
+
+        look = {"scale": GOAL * self._size, "disable_rotations": True, "opacity": _FAINT}
+        return self._add_control(f"/probes/goals/{name}", _goal_of(name), place, aim, **look)
+
+    def _add_control(
+        self,
+        path: str,
+        name: str,
+        place: NDArray[np.float64],
+        moved: Callable[[viser.TransformControlsHandle], None],
+        **look: Any,
+    ) -> viser.TransformControlsHandle:
+        """Add a control at a place (3,) [m]; each drag by a viewer is noted under ``name`` and passed to ``moved``."""
+        where = self._scale * place
         control = self._space.add_transform_controls(
-            f"/probes/goals/{name}",
-            scale=GOAL * self._size,
-            disable_sliders=True,
-            disable_rotations=True,
-            depth_test=False,
-            opacity=_FAINT,
-            position=self._scale * place,
+            path, disable_sliders=True, depth_test=False, position=where, **look
         )
 
         @control.on_update
         async def _(event: viser.TransformControlsEvent) -> None:
-            self._touched[_goal_of(name)] = monotonic()
-            self._aimed(name, np.asarray(event.target.position) / self._scale)
+            self._touched[name] = monotonic()
+            moved(event.target)
 
         return control
 

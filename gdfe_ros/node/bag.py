@@ -12,7 +12,7 @@ from gdfe_ros.node.outputs import TopicOutputs
 from gdfe_ros.node.pace import ClockMode
 from gdfe_ros.node.run import Run
 from gdfe_ros.recording.provenance import RunInfo
-from gdfe_ros.recording.recorder import BackPressure, QueueOptions, Recorder, RecorderStatus
+from gdfe_ros.recording.recorder import Recorder, RecorderStatus
 from gdfe_ros.regular_file import path_inside
 from gdfe_ros.scene.scene import Scene
 
@@ -64,7 +64,7 @@ class Bags:
             _directory(scene, parameters["bag_path"]),
             topics,
             run=RunInfo.of(scene, node=parameters, state=state),
-            queue=QueueOptions(back_pressure=BackPressure.BLOCK if waits else BackPressure.DROP, block_seconds=30.0),
+            waits=waits,
             failed=self._say_failed,
         )
         self._attach(self.recorder)

@@ -13,12 +13,12 @@ from typing import Any
 from rclpy.qos import DurabilityPolicy
 from rclpy.serialization import serialize_message
 
+from gdfe_ros.node.interface import Delivery, TopicSpec
 from gdfe_ros.node.managed import ManagedNode
-from gdfe_ros.node.qos import interface_class, qos_profile
-from gdfe_ros.node.specification import Delivery, TopicSpec
+from gdfe_ros.node.ros_types import interface_class, qos_profile
+from gdfe_ros.recording.bag_info import Qos, TopicInfo
 from gdfe_ros.recording.recorder import Recorder
 from gdfe_ros.recording.step import Step
-from gdfe_ros.recording.topic import Qos, TopicInfo
 from gdfe_ros.threads import COURIER, show_name
 
 _WAITING = 2

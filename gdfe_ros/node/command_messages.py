@@ -28,7 +28,7 @@ from gdfe_ros.node.orders import (
     TwistOrder,
     require_near,
 )
-from gdfe_ros.node.refusals import Reason, Refusal, require_finite, require_unit
+from gdfe_ros.node.refusals import Reason, Refusal, require_finite, require_place
 from gdfe_ros.real_number import require_command
 
 UNIT_SLACK = 1e-3
@@ -81,22 +81,8 @@ def require_pose(pose: PoseMessage) -> Placement:
     Raises:
         Refusal: a number is not finite, or the quaternion is not of unit length.
     """
-    _checked(pose)
+    require_place(pose.position, pose.orientation, UNIT_SLACK)
     return Placement.of(pose.position, pose.orientation)
-
-
-def _checked(pose: PoseMessage) -> tuple[Vector, Quaternion]:
-    """Check a pose message and return its translation [m] and its quaternion (x, y, z, w).
-
-    Raises:
-        Refusal: a number is not finite, or the quaternion is not of unit length.
-    """
-    position, orientation = pose.position, pose.orientation
-    translation = (position.x, position.y, position.z)
-    quaternion = (orientation.x, orientation.y, orientation.z, orientation.w)
-    require_finite(position=translation, orientation=quaternion)
-    require_unit(UNIT_SLACK, orientation=quaternion)
-    return translation, quaternion
 
 
 def twist_order(message: TwistStamped, handle: Handle, *, size: float, frames: Frames) -> TwistOrder:
@@ -128,7 +114,7 @@ def _given(message: PoseStamped, handle: Handle, size: float, frames: Frames) ->
     place = frames.relative(message.header.frame_id, handle.name)
     if place is not None:
         return _near(place @ require_pose(message.pose), size)
-    translation, quaternion = _checked(message.pose)
+    translation, quaternion = require_place(message.pose.position, message.pose.orientation, UNIT_SLACK)
     require_near(translation, size)
     return translation, quaternion
 

@@ -71,6 +71,10 @@ class Slew:
 
     Args:
         actuators: actuators of the scene; commands of grips, and of actuators without a finite range, are not limited.
+
+    Attributes:
+        goals: dict from actuator name to goal, for commands that have not reached their goals.
+        share: present fraction of the full rate.
     """
 
     def __init__(self, actuators: Iterable[Actuator]) -> None:
@@ -81,31 +85,21 @@ class Slew:
 
     def clear(self) -> None:
         """Drop the goals of all commands, and return to the full rate."""
-        self._goals: dict[str, float] = {}
+        self.goals: dict[str, float] = {}
         self._good: dict[str, float] = {}
         self._given: dict[str, float] = {}
-        self._phase, self._share, self._effort = _Phase.GO, 1.0, 0
+        self._phase, self.share, self._effort = _Phase.GO, 1.0, 0
         self._leaping = self._missed = False
 
     @property
     def moving(self) -> bool:
         """Whether a command still changes towards its goal."""
-        return bool(self._goals) and not self.stopped
+        return bool(self.goals) and not self.stopped
 
     @property
     def stopped(self) -> bool:
         """Whether commands stay short of their goals because no further step converged within its deadline."""
         return self._phase is _Phase.STOP
-
-    @property
-    def goals(self) -> Mapping[str, float]:
-        """Dict from actuator name to goal, for commands that have not reached their goals."""
-        return dict(self._goals)
-
-    @property
-    def share(self) -> float:
-        """Present fraction of the full rate."""
-        return self._share
 
     def limit(self, command: Command, present: Mapping[str, float], *, dt: float, slew_time: float) -> Command:
         """Return the limited command of a step.
@@ -116,20 +110,20 @@ class Slew:
             dt: duration of the change [s].
             slew_time: time in which an actuator's command crosses its range [s]; 0: any change is made at once.
         """
-        if not self._goals and not command.actuators:
+        if not self.goals and not command.actuators:
             self._given = {}
             return command
         limited = self._ranges.keys() if slew_time > 0.0 else ()
-        wanted = {**self._goals, **command.actuators}
+        wanted = {**self.goals, **command.actuators}
         goals = {name: goal for name, goal in wanted.items() if name in limited}
-        if not self._goals:
+        if not self.goals:
             self._good = {}
         self._good = {name: self._good.get(name, present[name]) for name in goals}
-        if self.stopped and goals != self._goals:
-            self._phase, self._share, self._leaping = _Phase.GO, _SLOWEST, False
-        self._goals, self._given = goals, {}
+        if self.stopped and goals != self.goals:
+            self._phase, self.share, self._leaping = _Phase.GO, _SLOWEST, False
+        self.goals, self._given = goals, {}
         for name, goal in goals.items() if not self.stopped else ():
-            reach = self._share * self._ranges[name] * dt / slew_time
+            reach = self.share * self._ranges[name] * dt / slew_time
             self._given[name] = self._next(name, goal, present[name], reach)
         unlimited = {name: value for name, value in wanted.items() if name not in goals}
         return replace(command, actuators={**unlimited, **self._given})
@@ -152,21 +146,21 @@ class Slew:
             self._try_again()
         elif converged or not cut:
             self._good |= self._given
-            self._goals = {name: goal for name, goal in self._goals.items() if self._given[name] != goal}
+            self.goals = {name: goal for name, goal in self.goals.items() if self._given[name] != goal}
             self._phase, self._leaping = _Phase.GO, False
-            self._share = min(1.0, _FASTER * self._share)
+            self.share = min(1.0, _FASTER * self.share)
         elif self._phase is _Phase.GO:
-            self._phase, self._leaping = _Phase.HOLD, self._leaping or self._share < 1.01 * _SLOWEST
-            self._share = self._share if self._leaping else max(_SLOWEST, _SLOWER * self._share)
+            self._phase, self._leaping = _Phase.HOLD, self._leaping or self.share < 1.01 * _SLOWEST
+            self.share = self.share if self._leaping else max(_SLOWEST, _SLOWER * self.share)
         elif self._phase is _Phase.HOLD and self._effort >= _HELD:
-            self._phase, self._effort, self._missed = _Phase.BACK, 0, self._given == self._goals
+            self._phase, self._effort, self._missed = _Phase.BACK, 0, self._given == self.goals
         elif self._phase is _Phase.BACK and self._effort >= _BACK:
-            self._phase, self._share, self._leaping = _Phase.FREE, 1.0, False
+            self._phase, self.share, self._leaping = _Phase.FREE, 1.0, False
 
     def _try_again(self) -> None:
         """Choose the change after a return to the last converged command: smaller, larger to pass a limit, or none."""
         self._phase = _Phase.STOP if self._leaping and self._missed else _Phase.GO
-        self._share *= 2.0 if self._leaping else 1.0
+        self.share *= 2.0 if self._leaping else 1.0
 
 
 class Settings(Protocol):

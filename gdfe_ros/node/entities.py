@@ -7,7 +7,8 @@ from collections import deque
 from collections.abc import Callable, Iterable
 from concurrent.futures import Future
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from functools import partial
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -18,8 +19,9 @@ from gdfe_ros.node.interface import services
 from gdfe_ros.node.managed import ManagedNode
 from gdfe_ros.node.orders import require_near
 from gdfe_ros.node.refusals import Refusal
+from gdfe_ros.node.remodelling import build_simulation
 from gdfe_ros.node.session import SimulationSession
-from gdfe_ros.node.standard_answers import Refused, ResultCode, done, failed, later
+from gdfe_ros.node.standard_answers import Refused, ResultCode, answer_standard
 from gdfe_ros.node.things import EntityRequest, Thing, placement_of, things_of
 from gdfe_ros.node.transforms import Placement
 from gdfe_ros.scene.entity import with_body, without_bodies
@@ -29,13 +31,6 @@ from gdfe_ros.simulation import Simulation
 
 MOST_SPAWNED = 100
 """Largest number of bodies in one request."""
-
-
-class Spawned(NamedTuple):
-    """A body that was added: its name in the scene, and a remark on it, which may be empty."""
-
-    name: str
-    remark: str
 
 
 class Entities:
@@ -88,7 +83,7 @@ class Entities:
         """Return the entities of the present scene; raise `Refused` if there is none."""
         return things_of(self.session().scene, self._inner)
 
-    def named(self, name: str) -> Thing:
+    def find(self, name: str) -> Thing:
         """Return the entity of a name.
 
         Raises:
@@ -101,89 +96,76 @@ class Entities:
             )
         return known[name]
 
-    def _spawn(self, request: Any, response: Any) -> Future[Any]:
-        def fill(response: Any, found: Spawned) -> None:
-            response.entity_name, response.result.error_message = found
-
-        return later(self._added(request), response, fill)
-
-    def _spawn_all(self, request: Any, response: Any) -> Any:
+    def _spawn_all(self, request: Any, response: Any) -> Future[None]:
         """Add the bodies of a request in turn; each waits for the one before it, so that names can be made unique."""
-        wanted = request.spawn_requests
+        wanted, work = request.spawn_requests, Future()
         if len(wanted) > MOST_SPAWNED:
             text = f"spawn_requests has {len(wanted)} entries; allowed: up to {MOST_SPAWNED}"
-            return failed(response, ResultCode.FAILED, text)
-        kind, answer = type(response).get_fields_and_field_types()["results"], Future()
-        results = [_message(kind) for _ in wanted]
-        response.results = results
+            raise Refused(ResultCode.FAILED, text)
+        kind = type(response).get_fields_and_field_types()["results"]
+        response.results = results = [_message(kind) for _ in wanted]
 
         def conclude() -> None:
             wrong = [i for i, each in enumerate(results) if each.result.result != ResultCode.OK]
             if wrong:
                 text = f"{len(wanted) - len(wrong)} of {len(wanted)} joined; results[{wrong[0]}] has the first reason"
-                failed(response, ResultCode.SPAWN_FAILED, text)
-            answer.set_result(done(response) if not wrong else response)
+                work.set_exception(Refused(ResultCode.SPAWN_FAILED, text))
+            else:
+                work.set_result(None)
 
         def go_on(number: int) -> None:
             if number == len(wanted):
                 conclude()
                 return
-            try:
-                work = self._added(wanted[number])
-            except Refused as error:
-                failed(results[number], error.code, str(error))
+            answer = answer_standard(self._spawn, wanted[number], results[number])
+            if isinstance(answer, Future):
+                answer.add_done_callback(lambda _: go_on(number + 1))
+            else:
                 go_on(number + 1)
-                return
-
-            def fill(result: Any, found: Spawned) -> None:
-                result.entity_name, result.result.error_message = found
-
-            later(work, results[number], fill).add_done_callback(lambda _: go_on(number + 1))
 
         go_on(0)
-        return answer
+        return work
 
-    def _added(self, request: Any) -> Future[Spawned]:
-        """Add the body of a request; return a ``Future`` of its name.
+    def _spawn(self, request: Any, response: Any) -> Future[None]:
+        """Add the body of a request.
 
         Raises:
             Refused: the request has a defect that shows at once.
         """
-        session, wanted = self.session(), EntityRequest.of(request)
+        session, wanted = self.session(), EntityRequest(request)
         if session.scene.dynamics is None:
             raise Refused(ResultCode.FAILED, f"scene {session.scene.name!r} has no `dynamics`, which free bodies need")
         outer = placement_of(wanted.pose, session.run.frames)
         require_place_near(outer.origin, session)
-        found: list[Spawned] = []
+        name = remark = ""
 
         def add(scene: Scene) -> Scene:
             """Read the resource; called in the thread of the exchange, because reading may take long."""
+            nonlocal name, remark
             entity = wanted.entity()
-            found[:] = [Spawned(wanted.unique_name(entity, _names(scene)), entity.remark or _remark(scene, entity))]
-            return with_body(scene, found[0].name, entity, origin=outer.origin, turn=outer.turn)
+            name, remark = wanted.unique_name(entity, _names(scene)), entity.remark or _remark(scene, entity)
+            return with_body(scene, name, entity, origin=outer.origin, turn=outer.turn)
 
-        answer: Future[Spawned] = Future()
         self._adding += 1
 
         def conclude(work: Future[Scene]) -> None:
             self._adding -= 1
-            if (error := work.exception()) is not None:
-                answer.set_exception(error)
-                return
-            self._inner[found[0].name] = _inner(work.result(), found[0].name, outer)
-            answer.set_result(found[0])
+            if work.exception() is None:
+                self._inner[name] = _inner(work.result(), name, outer)
+                response.entity_name, response.result.error_message = name, remark
 
-        self._exchange.request(add).add_done_callback(conclude)
-        return answer
+        work = self._exchange.request(add)
+        work.add_done_callback(conclude)
+        return work
 
-    def _delete(self, request: Any, response: Any) -> Future[Any]:
-        name = self.named(request.entity).name
+    def _delete(self, request: Any, response: Any) -> Future[Scene]:
+        name = self.find(request.entity).name
         if name not in self._inner:
             remedy = f"spawned: {', '.join(self._inner) or 'none'}"
             raise Refused(
                 ResultCode.FAILED, f"body {name!r} belongs to the scene file; only spawned ones can go; {remedy}"
             )
-        return later(self._remove((name,), anew=False), response)
+        return self._remove((name,), anew=False)
 
     def _remove(self, names: tuple[str, ...] | None, *, anew: bool) -> Future[Scene]:
         """Remove spawned bodies; None: all that are spawned when the change begins."""
@@ -262,14 +244,12 @@ class _Change:
         make: function that returns the new scene from the present one.
         anew: whether the new simulation starts at rest at time 0; otherwise it continues the motion.
         outcome: of the change: the new scene.
-        built: the new simulation, or the exception that prevented it.
         before: the scene from which it was built.
     """
 
     make: Callable[[Scene], Scene]
     anew: bool
     outcome: Future[Scene] = field(default_factory=Future)
-    built: Simulation | Exception | None = None
     before: Scene | None = None
 
 
@@ -315,19 +295,15 @@ class SceneExchange:
             return
         self._busy, change.before = change, session.scene
 
-        def build() -> None:
-            try:
-                change.built = Simulation(change.make(change.before))
-                change.built.warm_up()
-            except Exception as error:
-                change.built = error
+        def build() -> Simulation:
+            return build_simulation(change.make(change.before))
 
-        self._node.in_background(build, lambda: self._finish(change), name="exchange")
+        self._node.in_background(build, partial(self._finish, change), name="exchange")
 
-    def _finish(self, change: _Change) -> None:
+    def _finish(self, change: _Change, built: Simulation | Exception) -> None:
         self._busy = None
         try:
-            found = self._exchange(change)
+            found = self._exchange(change, built)
         except Exception as error:
             change.outcome.set_exception(error)
         else:
@@ -337,14 +313,13 @@ class SceneExchange:
                 change.outcome.set_result(found)
         self._begin()
 
-    def _exchange(self, change: _Change) -> Scene | None:
+    def _exchange(self, change: _Change, built: Simulation | Exception) -> Scene | None:
         """Carry out a change and return the new scene; None if the present scene is another one meanwhile."""
-        if isinstance(change.built, Exception):
-            raise change.built
+        if isinstance(built, Exception):
+            raise built
         session = self._session()
         if session is None:
             raise GdfeError("the node was cleaned up before the scene was changed")
         session.bags.require_none()
-        if session.walk is not None and session.walk.going:
-            raise GdfeError(f"a request has made {session.walk}; wait for its end, or end it with ~/pause true")
-        return change.built.scene if self._replace(change.built, change.before, change.anew) else None
+        session.require_no_walk("wait for its end, or end it with ~/pause true")
+        return built.scene if self._replace(built, change.before, change.anew) else None

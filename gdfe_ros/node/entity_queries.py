@@ -4,26 +4,26 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import Future
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from geometry_msgs.msg import Vector3
 
 from gdfe_ros.constraints import Pose
 from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.constraints.rigid_body import RigidBody
-from gdfe_ros.node import messages
 from gdfe_ros.node.entities import Entities, require_place_near, rest_place
 from gdfe_ros.node.interface import services
 from gdfe_ros.node.managed import ManagedNode
+from gdfe_ros.node.messages import by_axis, header, pose_message
+from gdfe_ros.node.ros_types import interface_class
 from gdfe_ros.node.session import SimulationSession
-from gdfe_ros.node.standard_answers import Refused, ResultCode, done, later
-from gdfe_ros.node.things import BOX, EMPTY, OBJECT, SPHERE, EntityMotion, Thing, placement_of, within
+from gdfe_ros.node.standard_answers import Refused, ResultCode
+from gdfe_ros.node.things import BOX, EMPTY, OBJECT, SPHERE, Thing, placement_of, within
 from gdfe_ros.node.transforms import Placement
 from gdfe_ros.scene.scene import Scene
-from gdfe_ros.simulation import Simulation
 
 _REPEATED_GROUP = re.compile(r"(?<!\\)\)[*+{]")
 _REPETITION = re.compile(r"[*+?{]")
@@ -33,14 +33,6 @@ _MOST_REPETITIONS, _LONGEST_FILTER = 3, 100
 
 _ALL = 1
 """Mode of a filter that needs all tags."""
-
-
-class NamedPose(NamedTuple):
-    """A pose of the scene: name, kind (``handle``, ``obstacle`` or ``probe``), and the initial placement."""
-
-    name: str
-    kind: str
-    place: Placement
 
 
 class EntityQueries:
@@ -64,73 +56,59 @@ class EntityQueries:
         }
         node.offer_standard(offered)
 
-    def _list(self, request: Any, response: Any) -> Any:
-        chosen = self._chosen(request.filters)
+    def _list(self, request: Any, response: Any) -> Future[None] | None:
+        chosen = self._choose(request.filters)
 
-        def fill(response: Any, found: list[Thing]) -> None:
-            response.entities = [each.name for each in found]
+        def write(near: list[Thing]) -> None:
+            response.entities = [each.name for each in near]
 
         if request.filters.bounds.type == EMPTY:  # no reason to wait for the step in progress
-            fill(response, chosen)
-            return done(response)
-        return self._after_step(lambda near, _: near, chosen, request.filters, response, fill)
+            return write(chosen)
+        return self._after_step(write, chosen, request.filters)
 
-    def _get_states(self, request: Any, response: Any) -> Any:
-        session, chosen = self._entities.session(), self._chosen(request.filters)
+    def _get_states(self, request: Any, response: Any) -> Future[None]:
+        session, kind = self._entities.session(), interface_class("simulation_interfaces/msg/EntityState")
 
-        def measure(near: list[Thing], simulation: Simulation) -> list[tuple[Thing, EntityMotion]]:
-            return [(each, each.motion(simulation)) for each in near]
+        def write(near: list[Thing]) -> None:
+            response.entities, response.states = [each.name for each in near], [kind() for _ in near]
+            for each, state in zip(near, response.states, strict=True):
+                _write_state(state, session, each)
 
-        def fill(response: Any, found: list[tuple[Thing, EntityMotion]]) -> None:
-            kind, response.entities = _state_class(), [each.name for each, _ in found]
-            response.states = [_written(kind(), session, motion) for _, motion in found]
+        return self._after_step(write, self._choose(request.filters), request.filters)
 
-        return self._after_step(measure, chosen, request.filters, response, fill)
-
-    def _chosen(self, filters: Any) -> list[Thing]:
+    def _choose(self, filters: Any) -> list[Thing]:
         """Return the bodies that pass the filters for names, categories and tags."""
         passes, wanted = _name_filter(filters.filter), {each.category for each in filters.categories}
         _require_bounds(filters.bounds)
         chosen = [each for each in self._entities.all() if passes(each.name) and (not wanted or OBJECT in wanted)]
         return [each for each in chosen if _has_tags(each.tags, filters.tags)]
 
-    def _after_step(
-        self,
-        measure: Callable[[list[Thing], Simulation], Any],
-        chosen: list[Thing],
-        filters: Any,
-        response: Any,
-        fill: Callable[[Any, Any], None],
-    ) -> Future[Any]:
-        """Answer by what ``measure`` returns of the bodies of ``chosen`` within the bounds, after the present step."""
+    def _after_step(self, write: Callable[[list[Thing]], None], chosen: list[Thing], filters: Any) -> Future[None]:
+        """Let ``write`` answer after the present step, with those bodies of ``chosen`` that are within the bounds."""
         session = self._entities.session()
 
-        def look() -> Any:
+        def look() -> None:
             near = chosen
             if filters.bounds.type != EMPTY:
                 world = Placement()
                 near = [each for each in chosen if within(each.bounds(session.simulation, world), filters.bounds)]
-            return measure(near, session.simulation)
+            write(near)
 
-        return later(session.stepper.post(look), response, fill)
+        return session.stepper.post(look)
 
-    def _get_state(self, request: Any, response: Any) -> Future[Any]:
-        session, thing = self._entities.session(), self._entities.named(request.entity)
+    def _get_state(self, request: Any, response: Any) -> Future[None]:
+        session, thing = self._entities.session(), self._entities.find(request.entity)
+        return session.stepper.post(lambda: _write_state(response.state, session, thing))
 
-        def fill(response: Any, found: EntityMotion) -> None:
-            _written(response.state, session, found)
-
-        return later(session.stepper.post(lambda: thing.motion(session.simulation)), response, fill)
-
-    def _set_state(self, request: Any, response: Any) -> Future[Any]:
-        session, thing = self._entities.session(), self._entities.named(request.entity)
+    def _set_state(self, request: Any, response: Any) -> Future[None] | None:
+        session, thing = self._entities.session(), self._entities.find(request.entity)
         twist = request.state.twist
         values = [getattr(part, axis) for part in (twist.linear, twist.angular) for axis in "xyz"]
         if getattr(request, "set_twist", any(values)) and any(values):
             text = "a velocity cannot be set, because the record of a step has none, so that a replay would differ"
             raise Refused(ResultCode.UNSUPPORTED, f"{text}; remedy: a pose only, after which the body is not moving")
         if not getattr(request, "set_pose", True):
-            return done(response)
+            return None
         outer = placement_of(request.state, session.run.frames)
         pose = _from_rest(thing, outer @ thing.inner)
         require_place_near(pose.translation, session)
@@ -139,55 +117,44 @@ class EntityQueries:
             session.simulation.put({thing.name: pose})  # raises an error if the place is not free
             session.stepper.drive.place({thing.name: pose})
 
-        return later(session.stepper.post(put), response)
+        return session.stepper.post(put)
 
-    def _get_info(self, request: Any, response: Any) -> Any:
-        thing = self._entities.named(request.entity)
+    def _get_info(self, request: Any, response: Any) -> None:
+        thing = self._entities.find(request.entity)
         response.info.category.category = OBJECT
         response.info.description, response.info.tags = thing.description, list(thing.tags)
-        return done(response)
 
-    def _get_bounds(self, request: Any, response: Any) -> Future[Any]:
-        session, thing = self._entities.session(), self._entities.named(request.entity)
+    def _get_bounds(self, request: Any, response: Any) -> Future[None]:
+        session, thing = self._entities.session(), self._entities.find(request.entity)
+        response.bounds.type = BOX
 
-        def fill(response: Any, found: NDArray[np.float64]) -> None:
-            from geometry_msgs.msg import Vector3
+        def look() -> None:
+            corners = thing.bounds(session.simulation, thing.place(session.simulation))
+            response.bounds.points = [Vector3(**by_axis(corner)) for corner in corners[::-1]]
 
-            response.bounds.type = BOX
-            response.bounds.points = [Vector3(x=x, y=y, z=z) for x, y, z in found[::-1].tolist()]
+        return session.stepper.post(look)
 
-        def look() -> NDArray[np.float64]:
-            return thing.bounds(session.simulation, thing.place(session.simulation))
-
-        return later(session.stepper.post(look), response, fill)
-
-    def _get_poses(self, request: Any, response: Any) -> Any:
+    def _get_poses(self, request: Any, response: Any) -> None:
         import simulation_interfaces.msg
 
-        for each in named_poses(self._entities.session().scene):
-            if not _has_tags((each.kind,), request.tags):
+        for name, kind, place in _named_poses(self._entities.session().scene):
+            if not _has_tags((kind,), request.tags):
                 continue
-            message = simulation_interfaces.msg.NamedPose(name=each.name, tags=[each.kind])
-            message.description = f"rest pose of the {each.kind}" if each.kind != "probe" else "undeformed place"
-            _write(message.pose.position, each.place.origin)
-            _write(message.pose.orientation, each.place.turn.as_quat())
+            message = simulation_interfaces.msg.NamedPose(name=name, tags=[kind])
+            message.description = f"rest pose of the {kind}" if kind != "probe" else "undeformed place"
+            message.pose = pose_message(place.origin, place.turn.as_quat())
             response.poses.append(message)
-        return done(response)
 
 
-def named_poses(scene: Scene) -> list[NamedPose]:
-    """Return the initial poses of handles, obstacles and probes, in the node's frame."""
-    found = []
+def _named_poses(scene: Scene) -> Iterator[tuple[str, str, Placement]]:
+    """Yield name, kind (``handle``, ``obstacle`` or ``probe``) and initial placement in the node's frame."""
     for each in scene.handles:
-        if isinstance(each, RigidBody):
-            continue
-        if isinstance(each, Obstacle):
-            found.append(NamedPose(each.name, "obstacle", rest_place(each)))
-        else:
-            found.append(NamedPose(each.name, "handle", Placement(each.centre(scene.mesh.vertices))))
+        if isinstance(each, Obstacle) and not isinstance(each, RigidBody):
+            yield each.name, "obstacle", rest_place(each)
+        elif not isinstance(each, RigidBody):
+            yield each.name, "handle", Placement(each.centre(scene.mesh.vertices))
     for name, point in scene.probes.items():
-        found.append(NamedPose(name, "probe", Placement(point.at(scene.mesh.vertices)[0])))
-    return found
+        yield name, "probe", Placement(point.at(scene.mesh.vertices)[0])
 
 
 def _has_tags(tags: tuple[str, ...], asked: Any) -> bool:
@@ -240,22 +207,9 @@ def _from_rest(thing: Thing, place: Placement) -> Pose:
     return Pose(tuple(place.origin - rest.origin), tuple((place.turn * rest.turn.inv()).as_rotvec()))
 
 
-def _state_class() -> type:
-    import simulation_interfaces.msg
-
-    return simulation_interfaces.msg.EntityState
-
-
-def _written(state: Any, session: SimulationSession, motion: EntityMotion) -> Any:
-    """Write a motion into an ``EntityState``, and return the message."""
-    state.header = messages.header(session.run.now(), session.run.frames.frame_id)
-    _write(state.pose.position, motion.place.origin)
-    _write(state.pose.orientation, motion.place.turn.as_quat())
-    _write(state.twist.linear, motion.linear)
-    _write(state.twist.angular, motion.angular)
-    return state
-
-
-def _write(message: Any, values: NDArray[np.float64]) -> None:
-    for name, value in zip("xyzw", values, strict=False):
-        setattr(message, name, float(value))
+def _write_state(state: Any, session: SimulationSession, thing: Thing) -> None:
+    """Write the present motion of a body into an ``EntityState``; called between steps."""
+    motion = thing.motion(session.simulation)
+    state.header = header(session.run.now(), session.run.frames.frame_id)
+    state.pose = pose_message(motion.place.origin, motion.place.turn.as_quat())
+    state.twist.linear, state.twist.angular = (Vector3(**by_axis(each)) for each in (motion.linear, motion.angular))

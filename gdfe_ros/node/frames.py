@@ -43,58 +43,48 @@ class Frames:
         self.positions: Callable[[], NDArray[np.float64]] = lambda: scene.mesh.vertices
         self.poses: Callable[[], Mapping[str, Pose]] = dict
 
+    def full_name(self, name: str) -> str:
+        """Return the name of one of the node's own frames, with the part that tells robots apart.
+
+        Its ``name`` is: ``<handle>_rest``, at the rest centre of a handle or obstacle, its frame of pose and target;
+        ``<handle>_centre``, at its present centre, with the node's axes, the frame of its wrench; ``<handle>``, which
+        moves and rotates with it; ``<probe>_probe``, which moves and rotates with a material point; ``<probe>_imu``,
+        which rotates with the cell around it; ``<sensor>_sensor``, at the present centre of a contact sensor, with the
+        node's axes; ``<mesh>_mesh``, which moves and turns with one of several meshes, as best fits its vertices; or
+        the name of an arm's link.
+        """
+        return f"{self._prefix}{name}"
+
     def rest(self, handle: str) -> str:
-        """Return the name of the frame at the rest centre of a handle or obstacle: the frame of its pose and target."""
-        return f"{self._prefix}{handle}_rest"
-
-    def centre(self, handle: str) -> str:
-        """Return the name of the frame of a handle's wrench: at its present centre, with the node's axes."""
-        return f"{self._prefix}{handle}_centre"
-
-    def handle(self, handle: str) -> str:
-        """Return the name of the frame that moves and rotates with a handle or obstacle, at its centre."""
-        return f"{self._prefix}{handle}"
-
-    def probe(self, probe: str) -> str:
-        """Return the name of the frame that moves and rotates with a material point."""
-        return f"{self._prefix}{probe}_probe"
-
-    def imu(self, probe: str) -> str:
-        """Return the name of the frame that moves with a material point and rotates with the cell around it."""
-        return f"{self._prefix}{probe}_imu"
-
-    def mesh(self, mesh: str) -> str:
-        """Return the name of the frame that moves and turns with one of several meshes, as best fits its vertices."""
-        return f"{self._prefix}{mesh}_mesh"
-
-    def link(self, link: str) -> str:
-        """Return the name of the frame of an arm's link."""
-        return f"{self._prefix}{link}"
-
-    def sensor(self, sensor: str) -> str:
-        """Return the name of the frame at the present centre of a contact sensor, with the node's axes."""
-        return f"{self._prefix}{sensor}_sensor"
+        """Return the name of the frame at the rest centre of a handle or obstacle."""
+        return self.full_name(f"{handle}_rest")
 
     @property
     def moving(self) -> list[str]:
         """Names of the moving frames, in the order of ``places``."""
-        units = map(self.imu, self._scene.probes if self._scene.dynamics else ())
-        handles = [name(handle.name) for handle in self._framed for name in (self.centre, self.handle)]
-        points = [*map(self.probe, self._scene.probes), *units, *map(self.sensor, self._scene.sensors)]
-        return [*handles, *points, *map(self.mesh, self._scene.mesh.parts), *map(self.link, self._links)]
+        scene = self._scene
+        handles = [name for handle in self._framed for name in (f"{handle.name}_centre", handle.name)]
+        probes = [f"{name}_probe" for name in scene.probes]
+        units = [f"{name}_imu" for name in scene.probes if scene.dynamics]
+        parts = [*(f"{name}_sensor" for name in scene.sensors), *(f"{name}_mesh" for name in scene.mesh.parts)]
+        return list(map(self.full_name, [*handles, *probes, *units, *parts, *self._links]))
 
     @property
     def parents(self) -> list[str]:
         """Names of the parents of the ``moving`` frames: a link's parent link, and for all others the node's frame."""
         own = len(self.moving) - len(self._links)
-        return [self.frame_id] * own + [self.link(each) if each else self.frame_id for each in self._links.values()]
+        return [self.frame_id] * own + [
+            self.full_name(each) if each else self.frame_id for each in self._links.values()
+        ]
 
     def remarks(self) -> list[str]:
         """Return a text for each root link of an arm that has the name of the node's frame, but lies elsewhere."""
         found = []
         for arm in self._scene.arms:
             root, base = arm.dynamics.description.root, arm.dynamics.base
-            if self.link(root) == self.frame_id and (base.origin.any() or not np.array_equal(base.axes, np.eye(3))):
+            if self.full_name(root) == self.frame_id and (
+                base.origin.any() or not np.array_equal(base.axes, np.eye(3))
+            ):
                 text = f"link {root!r} of arm {arm.name!r} has the name of the node's frame (frame_id)"
                 found.append(f"{text}, but another place, and is not on /tf; remedy: another frame_id, e.g. world")
         return found
@@ -108,9 +98,9 @@ class Frames:
         for arm in scene.arms:
             joints = arm.dynamics.description.parents
             for link in arm.dynamics.description.links:
-                if self.link(link) != self.frame_id:
+                if self.full_name(link) != self.frame_id:
                     parent = joints[link].parent if link in joints else ""
-                    found[link] = "" if self.link(parent) == self.frame_id else parent
+                    found[link] = "" if self.full_name(parent) == self.frame_id else parent
         return found
 
     @property
@@ -204,10 +194,12 @@ class Frames:
         for handle in self._framed:
             obstacle = isinstance(handle, Obstacle)
             place = self._moved(handle, poses.get(handle.name, Pose())) if obstacle else self._turned(handle, now)
-            own[self.centre(handle.name)] = self.frame_id, Placement(place.origin)
-            own[self.handle(handle.name)] = self.frame_id, place
+            own[self.full_name(f"{handle.name}_centre")] = self.frame_id, Placement(place.origin)
+            own[self.full_name(handle.name)] = self.frame_id, place
         centres = {name: sensor.centre(now) for name, sensor in self._scene.sensors.items()}
-        return own | {self.sensor(name): (self.frame_id, Placement(centre)) for name, centre in centres.items()}
+        return own | {
+            self.full_name(f"{name}_sensor"): (self.frame_id, Placement(centre)) for name, centre in centres.items()
+        }
 
     def _moved(self, handle: Handle, pose: Pose) -> Placement:
         """Return the placement of the frame of a handle or obstacle with a pose relative to rest."""

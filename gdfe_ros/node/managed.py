@@ -23,11 +23,10 @@ from rclpy.service import Service
 from rclpy.subscription import Subscription
 from rclpy.timer import Timer
 
-from gdfe_ros.node.bounded_requests import LARGEST, bounded_service, unread_size
+from gdfe_ros.node.interface import ServiceSpec
 from gdfe_ros.node.plain_log import PlainLog, Throttle, log_throttle
-from gdfe_ros.node.qos import available, interface_class
-from gdfe_ros.node.specification import ServiceSpec
-from gdfe_ros.node.standard_answers import Refused, ResultCode, failed
+from gdfe_ros.node.ros_types import LARGEST, available, bounded_service, interface_class, unread_size
+from gdfe_ros.node.standard_answers import ResultCode, answer_after, answer_standard, failed
 
 NO_PUBLISHER_EVENTS = PublisherEventCallbacks(use_default_callbacks=False)
 NO_SUBSCRIPTION_EVENTS = SubscriptionEventCallbacks(use_default_callbacks=False)
@@ -89,10 +88,12 @@ class ManagedNode(EventlessNode, LifecycleNode):
 
     Attributes:
         faults: counts of exceptions in callbacks.
+        prepared: result of ``prepare`` for ``on_configure``, or the exception that ended it; None: it has not run.
     """
 
     def __init__(self, name: str, **options: Any) -> None:
         self._preparation: threading.Thread | None = None
+        self.prepared: Any = None
         self._destroyed = False
         self._turns, self._log_throttle = 0, log_throttle()
         self._destroyed_last: deque[tuple[int, Subscription | Timer]] = deque()
@@ -130,14 +131,14 @@ class ManagedNode(EventlessNode, LifecycleNode):
         self._shield(self.create_service(kind, name, callback))
 
     def offer_standard(self, offered: Mapping[ServiceSpec, Callable[[Any, Any], Any]]) -> None:
-        """Offer those services whose types are installed; a `Refused` of their functions becomes the answer."""
+        """Offer those services whose types are installed; `answer_standard` says what their functions return."""
         for spec, action in offered.items():
             if available(spec.type):
-                self.offer(interface_class(spec.type), spec.name, partial(_answer_or_refuse, action))
+                self.offer(interface_class(spec.type), spec.name, partial(answer_standard, action))
 
     def create_timer(self, timer_period_sec: float, callback: Callable[[], None], *more: Any, **options: Any) -> Any:
         """Create a timer, as rclpy does, that survives exceptions in its callback."""
-        return super().create_timer(timer_period_sec, self.guarded(callback, "a timer"), *more, **options)
+        return super().create_timer(timer_period_sec, self.guard(callback, "a timer"), *more, **options)
 
     def create_lifecycle_publisher(self, *arguments: Any, **options: Any) -> Any:
         """Create a publisher of a lifecycle node, as rclpy does, without handlers of QoS events."""
@@ -147,7 +148,7 @@ class ManagedNode(EventlessNode, LifecycleNode):
         self, msg_type: type, topic: str, callback: Callable[..., None], *more: Any, **options: Any
     ) -> Any:
         """Create a subscription, as rclpy does, that survives exceptions in its callback."""
-        guarded = self.guarded(callback, f"the subscription of {topic}")
+        guarded = self.guard(callback, f"the subscription of {topic}")
         return super().create_subscription(msg_type, topic, guarded, *more, **options)
 
     def destroy_subscription(self, subscription: Subscription) -> bool:
@@ -201,7 +202,7 @@ class ManagedNode(EventlessNode, LifecycleNode):
             self._destroyed = True
             self._state_machine.destroy_when_not_in_use()
 
-    def guarded(self, callback: Callable[..., None], place: str) -> Callable[..., None]:
+    def guard(self, callback: Callable[..., None], place: str) -> Callable[..., None]:
         """Return a callback that calls ``callback``, and counts and logs its exceptions as faults of ``place``."""
 
         @wraps(callback)
@@ -245,7 +246,7 @@ class ManagedNode(EventlessNode, LifecycleNode):
 
         service.callback, service.send_response = answer, send_now_or_later
 
-    def prepare(self) -> None:
+    def prepare(self) -> Any:
         """Do the slow part of ``on_configure``; called in a separate thread, so it must not use ROS."""
 
     def configure_later(self) -> Future[TransitionCallbackReturn]:
@@ -257,28 +258,33 @@ class ManagedNode(EventlessNode, LifecycleNode):
         self._state_machine.trigger_transition_by_id(Transition.TRANSITION_CONFIGURE, True)
         future: Future = Future()
 
-        def finish() -> None:
+        def finish(prepared: Any) -> None:
+            self.prepared = prepared
             future.set_result(self._conclude(self.on_configure(before), before))
 
         self._preparation = self.in_background(self.prepare, finish, name="prepare")
         return future
 
-    def in_background(self, work: Callable[[], object], finish: Callable[[], object], *, name: str) -> threading.Thread:
-        """Run ``work`` in a new thread, and then ``finish`` once in the executor's thread; return the thread."""
-        finished = False
+    def in_background(
+        self, work: Callable[[], object], finish: Callable[[Any], object], *, name: str
+    ) -> threading.Thread:
+        """Run ``work`` in a new thread, and then ``finish`` once in the executor's thread; return the thread.
+
+        The argument of ``finish`` is the result of ``work``, or the exception that ended it.
+        """
+        outcome: list[Any] = []
 
         def finish_once() -> None:
-            nonlocal finished
             self.destroy_timer(finisher)
-            if not finished:  # an executor may have queued the timer's callback twice
-                finished = True
-                finish()
+            if outcome:  # an executor may have queued the timer's callback twice
+                finish(outcome.pop())
 
         def run() -> None:
             try:
-                work()
-            finally:
-                finisher.reset()
+                outcome.append(work())
+            except Exception as error:
+                outcome.append(error)
+            finisher.reset()
 
         finisher = self.create_timer(0.0, finish_once, clock=Clock(clock_type=ClockType.STEADY_TIME), autostart=False)
         thread = threading.Thread(target=run, name=name, daemon=True)
@@ -291,14 +297,11 @@ class ManagedNode(EventlessNode, LifecycleNode):
             self._preparation.join()
 
     def _configured(self, response: Any) -> Future:
-        answer: Future = Future()
-
-        def respond(done: Future[TransitionCallbackReturn]) -> None:
+        def respond(done: Future[TransitionCallbackReturn]) -> Any:
             response.success = done.result() is TransitionCallbackReturn.SUCCESS
-            answer.set_result(response)
+            return response
 
-        self.configure_later().add_done_callback(respond)
-        return answer
+        return answer_after(self.configure_later(), respond)
 
     def _conclude(self, code: TransitionCallbackReturn, before: LifecycleState) -> TransitionCallbackReturn:
         """Complete a transition with its result code, as rclpy does, and return the code."""
@@ -358,11 +361,3 @@ def _failure(request: Any, response: Any, text: str) -> Any:
     elif hasattr(response, "result") and hasattr(response.result, "error_message"):
         failed(response, ResultCode.FAILED, text)
     return response
-
-
-def _answer_or_refuse(action: Callable[[Any, Any], Any], request: Any, response: Any) -> Any:
-    """Return the answer of ``action``, or the refusal that it raised."""
-    try:
-        return action(request, response)
-    except Refused as error:
-        return failed(response, error.code, str(error))

@@ -10,17 +10,16 @@ from typing import Any
 import numpy as np
 import yaml
 
+from gdfe_ros.analysis.message_values import cloud_kind
 from gdfe_ros.bounded_text import load_yaml, plain_lines
 from gdfe_ros.errors import GdfeError
-from gdfe_ros.node.qos import interface_class
+from gdfe_ros.node.ros_types import interface_class
 from gdfe_ros.spelling import did_you_mean
 
 MOST_SHOWN = 16
 """Largest number of shown values of an array. A longer array is shown by its first values and its length."""
 _LONGEST_SHOWN = 200
 """Largest number of characters of a text that an error shows."""
-_KINDS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
-"""numpy's type of each data type of a field of a cloud of points."""
 _ARRAY = re.compile(r"sequence<(?P<kind>[^,]+)(, \d+)?>|(?P<fixed>.+)\[(?P<count>\d+)\]")
 _TEXT = re.compile(r"w?string(<\d+>)?")
 
@@ -132,27 +131,18 @@ def _plain(value: Any) -> Any:
 
 def _points(message: Any) -> list[Any] | None:
     """Return the points of a cloud as mappings from field to number; None for another message, or a defective cloud."""
-    kind = _layout(message) if type(message).__name__ == "PointCloud2" else None
-    if kind is None:
+    if type(message).__name__ != "PointCloud2" or any(field.count != 1 for field in message.fields):
         return None
-    count = message.width * message.height
+    size, count = message.row_step, message.width * message.height
+    try:
+        kind = cloud_kind(message)
+    except (KeyError, ValueError):
+        return None
+    if size != message.width * message.point_step or len(message.data) < message.height * size:
+        return None
     points = np.frombuffer(bytes(message.data), kind, min(count, MOST_SHOWN))
     shown = [{name: _rounded(point[name]) for name in kind.names} for point in points]
     return shown if count <= MOST_SHOWN else [*shown, f"... {count} points"]
-
-
-def _layout(cloud: Any) -> np.dtype | None:
-    """Return numpy's type of the points of a cloud; None if its sizes contradict each other."""
-    order, step = ">" if cloud.is_bigendian else "<", cloud.point_step
-    if any(each.count != 1 or each.datatype not in _KINDS for each in cloud.fields):
-        return None
-    names = [each.name for each in cloud.fields]
-    formats, offsets = [order + _KINDS[each.datatype] for each in cloud.fields], [each.offset for each in cloud.fields]
-    whole = cloud.row_step == cloud.width * step and len(cloud.data) >= cloud.height * cloud.row_step
-    try:
-        return np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": step}) if whole else None
-    except ValueError:  # a field ends beyond the point, or two have one name
-        return None
 
 
 def _rounded(number: Any) -> Any:

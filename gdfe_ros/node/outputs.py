@@ -10,22 +10,18 @@ from functools import cached_property, partial
 from typing import Any
 
 from rosgraph_msgs.msg import Clock
-from std_msgs.msg import String
 
-from gdfe_ros.constraints.obstacle import ArmLink
 from gdfe_ros.contacts import contact_names, contact_points
 from gdfe_ros.node import messages
 from gdfe_ros.node.channel import Channel
-from gdfe_ros.node.frames import Frames
 from gdfe_ros.node.interface import topics
 from gdfe_ros.node.interface.scene_topics import state_topics
-from gdfe_ros.node.markers import ContactMarkers, SurfaceMarker
-from gdfe_ros.node.messages import Packer, TransformPacker
+from gdfe_ros.node.messages import ContactMarkers, SurfaceMarker, TransformPacker
 from gdfe_ros.node.run import Run
-from gdfe_ros.recording.published import Table, material_pose, tables_of
+from gdfe_ros.recording.packing import pack_text, packing
+from gdfe_ros.recording.published import material_pose, tables_of
 from gdfe_ros.recording.recorder import Recorder
 from gdfe_ros.recording.step import Demand, Step, to_nanoseconds
-from gdfe_ros.scene.scene import Scene
 
 _PARTS = ("messages", "fields", "poses", "actuators", "imus")
 """Attributes of `Demand`."""
@@ -39,56 +35,36 @@ class Output:
         pack: function that returns the message of a step, or its bytes.
         part: attribute of `Step` without which there is no message.
         needs: parts of the `Demand` that the message needs, besides ``part``.
+        period: function that returns the shortest wall time between two messages [s], for a topic with a message for
+            few steps; None: each step has one.
     """
 
     def __init__(
-        self, channel: Channel, pack: Callable[[Step], Any], *, part: str = "result", needs: tuple[str, ...] = ()
+        self,
+        channel: Channel,
+        pack: Callable[[Step], Any],
+        *,
+        part: str = "result",
+        needs: tuple[str, ...] = (),
+        period: Callable[[], float] | None = None,
     ) -> None:
         self.channel, self._pack, self._part = channel, pack, part
         self.needs = {"messages", part, *needs} & set(_PARTS)
-
-    @property
-    def wanted(self) -> bool:
-        """Whether a subscriber or a bag needs the message of the next step."""
-        return self.channel.wanted
-
-    def publish(self, step: Step) -> None:
-        """Publish and record the message of a step, if it is due."""
-        if getattr(step, self._part) and self._is_due(step):
-            self._send(step)
-
-    def _send(self, step: Step) -> None:
-        self.channel.send_step(step, self._pack(step))
-
-    def _is_due(self, step: Step) -> bool:
-        return self.channel.due(step)
-
-
-class SlowOutput(Output):
-    """A topic with a message for few steps.
-
-    Args:
-        channel, pack, part: as for `Output`.
-        period: function that returns the shortest wall time between two messages [s].
-    """
-
-    def __init__(
-        self, channel: Channel, pack: Callable[[Step], Any], *, period: Callable[[], float], part: str = "result"
-    ) -> None:
-        super().__init__(channel, pack, part=part)
         self._period, self._next = period, 0.0
 
     @property
     def wanted(self) -> bool:
-        """Whether a subscriber needs the message of the next step, and the last one is long enough ago."""
+        """Whether a subscriber or a bag needs the message of the next step, and the last one is long enough ago."""
         return time.monotonic() >= self._next and self.channel.wanted
 
-    def _is_due(self, step: Step) -> bool:
-        return self.channel.due(step) if step.again else self.wanted
-
-    def _send(self, step: Step) -> None:
-        self._next = time.monotonic() + self._period()
-        super()._send(step)
+    def publish(self, step: Step) -> None:
+        """Publish and record the message of a step, if it is due."""
+        seldom = self._period is not None and not step.again
+        if not getattr(step, self._part) or not (self.wanted if seldom else self.channel.due(step)):
+            return
+        if self._period is not None:
+            self._next = time.monotonic() + self._period()
+        self.channel.send_step(step, self._pack(step))
 
 
 class TopicOutputs:
@@ -143,11 +119,11 @@ class TopicOutputs:
     def publish_scene(self, log_time: int) -> None:
         """Publish the latched topics; ``log_time`` is their log time in the bag [ns]."""
         self._topology.send(messages.topology(self._scene.mesh.cells), log_time)
-        self._scene_text.send(String(data=self._run.scene.source), log_time)  # its moduli may have changed
+        self._scene_text.send(pack_text(self._run.scene.source), log_time)  # its moduli may have changed
         if self._contact_names is not None:
-            self._contact_names.send(String(data=json.dumps(self._contacts)), log_time)
+            self._contact_names.send(pack_text(json.dumps(self._contacts)), log_time)
         for arm, channel in self._robots:
-            channel.send(String(data=arm.text), log_time)
+            channel.send(pack_text(arm.text), log_time)
         if self._tf_static is not None:
             rests = self._frames.rests()
             packer = TransformPacker(list(rests), [self._frame_id] * len(rests))
@@ -173,13 +149,13 @@ class TopicOutputs:
         scene, parameters = self._scene, self._run.parameters
         if parameters["publish_clock"]:
             yield Output(channel(topics.CLOCK), _pack_clock)
-        yield Output(channel(topics.STEP_RECORD), lambda step: String(data=step.record.to_json()))
+        yield Output(channel(topics.STEP_RECORD), lambda step: pack_text(step.record.to_json()))
         tables, specs = tables_of(scene), state_topics(scene)
         specs |= {key: topics.HANDLE_SENSOR for key in tables if key.endswith("/force_torque")}
-        headers = _header_frames(scene, self._frames)
+        rows = [*(each.name for each in scene.actuators), *(joint.name for arm in scene.arms for joint in arm.joints)]
         for key, table in tables.items():
-            pack = self._packing(key, table, headers.get(key, self._frame_id))
-            yield Output(channel(specs[key], key=key), pack, part=table.part)
+            frame_id = self._frames.full_name(table.frame) if table.frame else self._frame_id
+            yield Output(channel(specs[key], key=key), packing(table, frame_id, rows), part=table.part)
         if self._publishes_tf:
             packer = TransformPacker(self._frames.moving, self._frames.parents)
             pack = partial(self._pack_transforms, packer)
@@ -190,19 +166,8 @@ class TopicOutputs:
 
         if self._contacts:
             pack = partial(self._pack_contacts, ContactMarkers(scene))
-            yield SlowOutput(channel(topics.CONTACT_MARKERS), pack, period=period)
-        yield SlowOutput(channel(topics.MARKERS), self._pack_surface, period=period, part="fields")
-
-    def _packing(self, key: str, table: Table, frame_id: str) -> Callable[[Step], Any]:
-        """Return the function that makes the message of a table."""
-        if table.write is not None:
-            packer = Packer(table.kind, frame_id, table.count)
-            return lambda step: packer.pack(step.record.stamp, partial(table.write, step))
-        if key == topics.CONTACTS.key():
-            return lambda step: messages.cloud(messages.header(step.record.stamp, frame_id), table.make(step))
-        return lambda step: messages.joint_states(
-            messages.header(step.record.stamp, frame_id), (*step.actuators, *step.joints), table.make(step)
-        )
+            yield Output(channel(topics.CONTACT_MARKERS), pack, period=period)
+        yield Output(channel(topics.MARKERS), self._pack_surface, period=period, part="fields")
 
     def _pack_transforms(self, packer: TransformPacker, step: Step) -> bytes:
         """Return the message with the frames of handles, obstacles, probes and links."""
@@ -227,16 +192,3 @@ class TopicOutputs:
 
 def _pack_clock(step: Step) -> Clock:
     return Clock(clock=messages.to_time(to_nanoseconds(step.record.time)))
-
-
-def _header_frames(scene: Scene, frames: Frames) -> dict[str, str]:
-    """Return dict from topic, without the node's name, to the frame of its messages, if it is not the node's."""
-    found = {}
-    for handle in scene.handles:
-        if isinstance(handle, ArmLink):
-            continue  # pieces of links have no frames of their own: the frames of links are on TF
-        topic = f"{handle.section}/{handle.name}"
-        found[f"{topic}/pose"], found[f"{topic}/wrench"] = frames.rest(handle.name), frames.centre(handle.name)
-        found[f"{topic}/force_torque"] = frames.handle(handle.name)
-    found |= {f"sensors/{name}/wrench": frames.sensor(name) for name in scene.sensors}
-    return found | {f"probe/{name}/imu": frames.imu(name) for name in scene.probes}

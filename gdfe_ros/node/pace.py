@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 from gdfe_ros.node.plain_log import Throttle
 
@@ -48,42 +48,23 @@ class Timing:
     ticking: bool
 
 
-class Pace(Protocol):
-    """Decides when to step.
+class _OwnPace:
+    """A pace without an external clock. A pace decides when to step.
+
+    Each pace has three methods: `delay`, which returns the wall time to wait before the next step [s], 0 to step now,
+    None to wait for an event, given whether orders are ``pending``, and whether the state is ``settled``, i.e. stays
+    constant without new orders; `begin`, which records that a step begins now, and returns the simulation time that it
+    covers [s]; and `restart`, which ignores the wall time that has passed, e.g. in a pause.
+
+    Args:
+        timing: function that returns the present values of the parameters.
+        now: function that returns the time on a monotonic clock [s].
 
     Attributes:
         overruns: number of steps that should have begun while an earlier step was still running.
         late: sum of the delays of steps that ended too late [s]; 0 without the wall clock.
         moment: time of the external clock at the end of the latest step [ns]; 0 without external clock.
         behind: time by which the external clock is ahead of ``moment`` [s]; 0 without external clock.
-    """
-
-    overruns: int
-    late: float
-    moment: int
-    behind: float
-
-    def delay(self, *, pending: bool, settled: bool) -> float | None:
-        """Return the wall time to wait before the next step [s]: 0 to step now, None to wait for an event.
-
-        Args:
-            pending: whether orders for a step are waiting.
-            settled: whether the state stays constant without new orders.
-        """
-
-    def begin(self) -> float:
-        """Record that a step begins now and return the simulation time that it covers [s]."""
-
-    def restart(self) -> None:
-        """Ignore the wall time that has passed, e.g. in a pause."""
-
-
-class _OwnPace:
-    """A pace without an external clock.
-
-    Args:
-        timing: function that returns the present values of the parameters.
-        now: function that returns the time on a monotonic clock [s].
     """
 
     moment, behind = 0, 0.0
@@ -248,6 +229,9 @@ class ExternalPace:
         return max(0, (now - self.moment) // round(1e9 * self._timing().dt))
 
 
+Pace = WallPace | FastPace | LockstepPace | ExternalPace
+
+
 def make_pace(
     mode: ClockMode,
     timing: Callable[[], Timing],
@@ -267,20 +251,11 @@ _FAR = 1.0
 """A warning is given if the simulation lags behind an external clock by more than this time [s]."""
 
 
-@dataclass(frozen=True)
-class _Mark:
-    """Counters of a pace at one moment."""
-
-    steps: int = 0
-    overruns: int = 0
-    late: float = 0.0
-
-
 class Lateness:
     """Watches the pace of a session, and describes its lateness at most once in five seconds."""
 
     def __init__(self) -> None:
-        self._throttle, self._mark = Throttle(), _Mark()
+        self._throttle, self._mark = Throttle(), (0, 0, 0.0)
 
     def look(self, pace: Pace | None, *, steps: int, rate: float, at: float, slewing: bool = False) -> str | None:
         """Return the text of a warning; None if the steps are not late, or a warning was given a moment ago.
@@ -294,12 +269,12 @@ class Lateness:
         """
         if pace is None:
             return None
-        last, self._mark = self._mark, _Mark(steps, pace.overruns, pace.late)
+        (before, overruns, late), self._mark = self._mark, (steps, pace.overruns, pace.late)
         if pace.behind > _FAR:
             text = f"is {pace.behind:.3f} s behind the clock it follows: its steps take longer than dt"
             return self._told("behind", at, text)
-        made, late = max(1, steps - last.steps), pace.late - last.late
-        if pace.overruns <= last.overruns or late <= 0.0:
+        made, late = max(1, steps - before), pace.late - late
+        if pace.overruns <= overruns or late <= 0.0:
             return None
         reached = made / (made / rate + late)
         figures = f"rate asked {rate:.4g} Hz, reached {reached:.4g} Hz, late by {pace.late:.3f} s so far"

@@ -18,11 +18,11 @@ from rclpy.lifecycle import LifecycleNode
 from rclpy.parameter import Parameter
 
 from gdfe_ros.errors import GdfeError
+from gdfe_ros.node.interface import Changeable, ParameterSpec
 from gdfe_ros.node.interface.parameters import MODULUS, PARAMETERS
 from gdfe_ros.node.managed import ManagedNode
 from gdfe_ros.node.plain_log import require_plain
 from gdfe_ros.node.remodelling import moduli_of
-from gdfe_ros.node.specification import Changeable, ParameterSpec
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.spelling import did_you_mean
 
@@ -156,7 +156,7 @@ class Moduli:
         self._node, self._locked, self._changed = node, locked, changed
         self._materials = _materials(scene)
         for parameter, name in self._materials.items():
-            node.declare_parameter(parameter, scene.materials[name].young, _modulus_descriptor(), ignore_override=True)
+            node.declare_parameter(parameter, scene.materials[name].young, _descriptor(MODULUS), ignore_override=True)
         node.add_on_set_parameters_callback(self._check)
         node.add_post_set_parameters_callback(self._apply)
 
@@ -204,9 +204,3 @@ def _materials(scene: Scene) -> dict[str, str]:
 
 def _require_modulus(name: str, value: object) -> None:
     require_allowed(replace(MODULUS, name=name), value)
-
-
-def _modulus_descriptor() -> ParameterDescriptor:
-    bounds = FloatingPointRange(from_value=MODULUS.least, to_value=MODULUS.most)
-    text = f"{MODULUS.meaning} [{MODULUS.unit}]"
-    return ParameterDescriptor(description=text, floating_point_range=[bounds], dynamic_typing=True)

@@ -9,12 +9,10 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
-import rclpy
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.duration import Duration
 from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from rclpy.signals import SignalHandlerOptions
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 from std_msgs.msg import String
 
@@ -23,8 +21,8 @@ from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.interface.topics import TF
 from gdfe_ros.node.message_text import fill
 from gdfe_ros.node.plain_log import shorten
-from gdfe_ros.node.process import make_executor
-from gdfe_ros.node.qos import installed, interface_class
+from gdfe_ros.node.process import LoneNode
+from gdfe_ros.node.ros_types import installed, interface_class
 from gdfe_ros.spelling import did_you_mean
 
 PATIENCE = 10.0
@@ -45,18 +43,12 @@ _LONGEST = 300
 """Largest number of shown characters of a name of another node."""
 
 
-class Peer:
-    """A node and its executor.
+class Peer(LoneNode):
+    """A node that finds others."""
 
-    Args:
-        context: ROS context.
-    """
-
-    def __init__(self, context: rclpy.Context) -> None:
-        self._node = rclpy.create_node(f"gdfe_terminal_{os.getpid()}", context=context)
-        self._domain, self._patience = context.get_domain_id(), PATIENCE
-        self._executor = make_executor(context)
-        self._executor.add_node(self._node)
+    def __init__(self) -> None:
+        super().__init__(f"gdfe_terminal_{os.getpid()}")
+        self._domain, self._patience = self.context.get_domain_id(), PATIENCE
 
     def publish(self, topic: str, values: object) -> tuple[int, list[str]]:
         """Publish one message; once each subscriber has received it, wait for refusals.
@@ -72,9 +64,9 @@ class Peer:
             GdfeError: no node subscribes, a field is wrong, or a subscriber does not acknowledge.
         """
         topic = full_name(topic)
-        others, kind = self._endpoints(topic, self._node.get_subscriptions_info_by_topic, "subscribes to")
+        others, kind = self._endpoints(topic, self.node.get_subscriptions_info_by_topic, "subscribes to")
         message, heard = fill(kind(), values), self._refusals(topic)
-        publisher = self._node.create_publisher(kind, topic, matching_qos(others, offered=True))
+        publisher = self.node.create_publisher(kind, topic, matching_qos(others, offered=True))
         if not self._wait(lambda: publisher.get_subscription_count() >= len(others)):
             count = publisher.get_subscription_count()
             raise GdfeError(f"{topic}: only {count} of {len(others)} subscribers were connected")
@@ -91,9 +83,9 @@ class Peer:
         heard = list[str]()
 
         def reporting() -> list[str]:  # the names of the nodes are discovered after their subscriptions
-            others = self._node.get_subscriptions_info_by_topic(topic)
+            others = self.node.get_subscriptions_info_by_topic(topic)
             names = {f"{other.node_namespace.rstrip('/')}/{other.node_name}/refused" for other in others}
-            return [name for name in names if self._node.count_publishers(name)]
+            return [name for name in names if self.node.count_publishers(name)]
 
         def hear(message: String) -> None:
             try:
@@ -107,7 +99,7 @@ class Peer:
         if not (names := self._wait(reporting, REFUSING)):
             return None
         for name in names:
-            self._node.create_subscription(String, name, hear, QoSProfile(depth=100))
+            self.node.create_subscription(String, name, hear, QoSProfile(depth=100))
         self._wait(lambda: False, SETTLING)  # the nodes discover the subscription, too
         return heard
 
@@ -122,8 +114,8 @@ class Peer:
             GdfeError: no node publishes, or no message comes.
         """
         topic, received = full_name(topic), list[Any]()
-        others, kind = self._endpoints(topic, self._node.get_publishers_info_by_topic, "publishes")
-        self._node.create_subscription(kind, topic, received.append, matching_qos(others, offered=False))
+        others, kind = self._endpoints(topic, self.node.get_publishers_info_by_topic, "publishes")
+        self.node.create_subscription(kind, topic, received.append, matching_qos(others, offered=False))
         self._wait(lambda: received, patience)
         self._wait(lambda: False, GREETING)
         del received[:-1]  # a late subscriber receives the last ten, but the caller wants the latest only
@@ -149,7 +141,7 @@ class Peer:
         service = full_name(service)
         kind = self._service_class(service)
         request = fill(kind.Request(), values)
-        client = self._node.create_client(kind, service)
+        client = self.node.create_client(kind, service)
         if not self._wait(client.service_is_ready):
             raise GdfeError(f"service {service} was not ready within {self._patience:g} s")
         future = client.call_async(request)
@@ -168,32 +160,32 @@ class Peer:
             GdfeError: no node publishes, or no message comes.
         """
         topic, times = full_name(topic), list[float]()
-        others, kind = self._endpoints(topic, self._node.get_publishers_info_by_topic, "publishes")
+        others, kind = self._endpoints(topic, self.node.get_publishers_info_by_topic, "publishes")
         qos = matching_qos(others, offered=False)
         qos.durability = DurabilityPolicy.VOLATILE  # stored messages arrive at once
-        self._node.create_subscription(kind, topic, lambda _: times.append(time.monotonic()), qos, raw=True)
+        self.node.create_subscription(kind, topic, lambda _: times.append(time.monotonic()), qos, raw=True)
         yield from self._taken(times, topic, patience)
 
     def nodes(self) -> list[str]:
         """Return the full names of the other nodes, sorted; a name of two nodes is there twice."""
 
         def names() -> list[str]:
-            found = self._node.get_node_names_and_namespaces()
-            others = (f"{space.rstrip('/')}/{name}" for name, space in found if name != self._node.get_name())
+            found = self.node.get_node_names_and_namespaces()
+            others = (f"{space.rstrip('/')}/{name}" for name, space in found if name != self.node.get_name())
             return sorted(shorten(name, _LONGEST) for name in others)
 
         return self._settled(names)
 
     def topics(self) -> list[tuple[str, str, int, int]]:
         """Return name, type, and numbers of publishers and subscriptions of each topic of other nodes, sorted."""
-        own = self._node.get_name()
+        own = self.node.get_name()
 
         def others(endpoints: list[TopicEndpointInfo]) -> int:
             return sum(each.node_name != own for each in endpoints)
 
         def entries() -> list[tuple[str, str, int, int]]:
-            look = self._node.get_publishers_info_by_topic, self._node.get_subscriptions_info_by_topic
-            found = self._node.get_topic_names_and_types()
+            look = self.node.get_publishers_info_by_topic, self.node.get_subscriptions_info_by_topic
+            found = self.node.get_topic_names_and_types()
             rows = [(name, ", ".join(types), *(others(each(name)) for each in look)) for name, types in found]
             return sorted((*(shorten(text, _LONGEST) for text in row[:2]), *row[2:]) for row in rows if any(row[2:]))
 
@@ -212,16 +204,11 @@ class Peer:
             raise GdfeError(f"no other node was found in ROS domain {self._domain} within {self._patience:g} s")
         return known
 
-    def close(self) -> None:
-        """Destroy the node."""
-        self._executor.shutdown()
-        self._node.destroy_node()
-
     def _wait(self, done: Callable[[], Any], patience: float | None = None) -> Any:
         """Spin until ``done`` returns a true value, at most for the patience [s]; return its last value."""
         end = time.monotonic() + (self._patience if patience is None else patience)
         while not (found := done()) and time.monotonic() < end:
-            self._executor.spin_once(timeout_sec=0.02)
+            self.executor.spin_once(timeout_sec=0.02)
         return found
 
     def _discover(self, look: Callable[[], Any], names: Callable[[], list[str]]) -> Any:
@@ -248,7 +235,7 @@ class Peer:
         """
 
         def names() -> list[str]:
-            own, topics = self._node.get_name(), self._node.get_topic_names_and_types()
+            own, topics = self.node.get_name(), self.node.get_topic_names_and_types()
             return sorted(name for name, _ in topics if any(other.node_name != own for other in look(name)))
 
         found = self._discover(lambda: look(topic), names)
@@ -264,8 +251,8 @@ class Peer:
         """
 
         def kinds() -> dict[str, list[str]]:
-            own = f"/{self._node.get_name()}/"
-            return {name: of for name, of in self._node.get_service_names_and_types() if not name.startswith(own)}
+            own = f"/{self.node.get_name()}/"
+            return {name: of for name, of in self.node.get_service_names_and_types() if not name.startswith(own)}
 
         found = self._discover(lambda: kinds().get(service), lambda: sorted(kinds()))
         if not found:
@@ -304,14 +291,11 @@ class _Unchanged:
 @contextmanager
 def open_peer() -> Iterator[Peer]:
     """Yield a peer in a ROS context of its own."""
-    context = rclpy.Context()
-    rclpy.init(context=context, signal_handler_options=SignalHandlerOptions.NO)
-    peer = Peer(context)
+    peer = Peer()
     try:
         yield peer
     finally:
         peer.close()
-        rclpy.shutdown(context=context)
 
 
 def full_name(name: str) -> str:

@@ -22,7 +22,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from gdfe_ros.entry import NODE_ENDINGS, catch_endings
 from gdfe_ros.errors import GdfeError
-from gdfe_ros.node.managed import Faults, ManagedNode
+from gdfe_ros.node.managed import EventlessNode, Faults, ManagedNode
 
 _WAIT = 0.5
 """Longest wait of the executor [s]; a signal ends the wait at once."""
@@ -55,6 +55,36 @@ def make_executor(context: rclpy.Context | None = None) -> Executor:
         return EventsExecutor(context=context)
     except (ImportError, io.UnsupportedOperation):
         return MultiThreadedExecutor(num_threads=2, context=context)
+
+
+class LoneNode:
+    """A ROS node with an executor in a ROS context of its own, beside which the process may have others.
+
+    Signals are not handled.
+
+    Args:
+        name: name of the node.
+        context: context of the node; None: a new one.
+        options: further options of rclpy's node, e.g. ``namespace``.
+
+    Attributes:
+        node: the ROS node.
+        executor: executor of the node.
+        context: context of the node.
+    """
+
+    def __init__(self, name: str, *, context: rclpy.Context | None = None, **options: Any) -> None:
+        self.context = context or rclpy.Context()
+        rclpy.init(context=self.context, signal_handler_options=SignalHandlerOptions.NO)
+        self.node = EventlessNode(name, context=self.context, **options)
+        self.executor = make_executor(self.context)
+        self.executor.add_node(self.node)
+
+    def close(self) -> None:
+        """Destroy the node and shut down its context."""
+        self.executor.shutdown()
+        self.node.destroy_node()
+        rclpy.try_shutdown(context=self.context)
 
 
 def run(make_node: Callable[[threading.Event], Any], args: list[str] | None = None) -> int:

@@ -8,7 +8,7 @@ import threading
 from collections import Counter
 from collections.abc import Callable, Collection
 from enum import Enum
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.plain_log import Throttle, shorten
@@ -119,6 +119,26 @@ def require_unit(slack: float, **quaternion: tuple[float, float, float, float]) 
     if abs(length - 1.0) > slack:
         text = f"{name} (x, y, z, w) {value} has length {length:.6g}; allowed: 1 +- {slack:g}"
         raise Refusal(Reason.NOT_UNIT, text)
+
+
+def require_place(
+    origin: Any, turn: Any, slack: float, names: tuple[str, str] = ("position", "orientation")
+) -> tuple[tuple[float, float, float], tuple[float, float, float, float]]:
+    """Return the x, y, z [m] and the quaternion x, y, z, w of a message's place, after a check.
+
+    Args:
+        origin: part of the message with x, y, z.
+        turn: part of the message with x, y, z, w.
+        slack: largest allowed deviation of the quaternion's length from 1.
+        names: names of the two parts, for messages.
+
+    Raises:
+        Refusal: a number is not finite, or the quaternion is not of unit length.
+    """
+    given = (origin.x, origin.y, origin.z), (turn.x, turn.y, turn.z, turn.w)
+    require_finite(**dict(zip(names, given, strict=True)))
+    require_unit(slack, **{names[1]: given[1]})
+    return given
 
 
 class Freshness:

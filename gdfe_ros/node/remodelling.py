@@ -41,6 +41,13 @@ def _with(scene: Scene, moduli: Mapping[str, float]) -> Scene:
     return scene_from_text(scene.source, origin=scene.name, overrides=overrides)
 
 
+def build_simulation(scene: Scene) -> Simulation:
+    """Return a simulation of a scene with factored matrices and compiled kernels; it takes long."""
+    simulation = Simulation(scene)
+    simulation.warm_up()
+    return simulation
+
+
 def with_moduli(
     old: Simulation, moduli: Mapping[str, float], *, interrupted: Callable[[], bool] | None = None
 ) -> Simulation:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import Future
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,12 +16,12 @@ from std_srvs.srv import SetBool, Trigger
 
 from gdfe_ros.checkpoint import load_state, save_state, write_state
 from gdfe_ros.errors import GdfeError
-from gdfe_ros.node.interface import services
+from gdfe_ros.node.interface import ServiceSpec, services
 from gdfe_ros.node.managed import ManagedNode
 from gdfe_ros.node.parameters import NodeParameters
-from gdfe_ros.node.qos import interface_class
+from gdfe_ros.node.ros_types import interface_class
 from gdfe_ros.node.session import SimulationSession
-from gdfe_ros.node.specification import ServiceSpec
+from gdfe_ros.node.standard_answers import answer_after
 from gdfe_ros.recording.step_record import Begin
 from gdfe_ros.regular_file import read_bytes
 from gdfe_ros.simulation import Simulation
@@ -41,8 +42,8 @@ class Services:
         self._node, self._parameters, self._find = node, parameters, session
         actions = {
             services.RESET: self._reset,
-            services.RESET_COMMANDS: self._reset_commands,
-            services.RESET_BODIES: self._reset_bodies,
+            services.RESET_COMMANDS: lambda _: self._post(SimulationSession.reset_commands),
+            services.RESET_BODIES: lambda _: self._post(SimulationSession.reset_bodies),
             services.RESET_SHAPE: self._reset_shape,
             services.RESET_ARMS: self._reset_arms,
             services.PAUSE: self._pause,
@@ -70,25 +71,11 @@ class Services:
     def _reset(self, request: Trigger.Request) -> Future[str]:
         session = self._session()
         session.interrupt("~/reset ended it")
+        return session.stepper.post(session.reset, urgent=True)
 
-        def reset() -> str:
-            session.reset()
-            return "at rest, time 0"
-
-        return session.stepper.post(reset, urgent=True)
-
-    def _reset_commands(self, request: Trigger.Request) -> Future[str]:
+    def _post(self, reset: Callable[[SimulationSession], str]) -> Future[str]:
         session = self._session()
-
-        def reset() -> str:
-            session.reset_commands()
-            return "the next step goes back to the commands of rest"
-
-        return session.stepper.post(reset)
-
-    def _reset_bodies(self, request: Trigger.Request) -> Future[str]:
-        session = self._session()
-        return session.stepper.post(session.reset_bodies)
+        return session.stepper.post(partial(reset, session))
 
     def _reset_shape(self, request: Trigger.Request) -> Future[str]:
         reset = Simulation.reset_shape
@@ -197,8 +184,6 @@ class Services:
             if isinstance(outcome, str):
                 response.success, response.message = True, outcome
                 return response
-            answer: Future = Future()
-            outcome.add_done_callback(lambda done: answer.set_result(respond(response, done)))
-            return answer
+            return answer_after(outcome, partial(respond, response))
 
         return callback

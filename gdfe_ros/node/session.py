@@ -89,7 +89,7 @@ class SimulationSession:
         self._transforms = Transforms(node, lambda: self.inputs.followers.look(), **told) if listening else None
         self.run = run = Run(node, parameters, simulation, refusals, ending, self._transforms)
         self.outputs = TopicOutputs(run)
-        store = node.guarded(partial(self._deliver_again, stored=True), "publishing a step for later subscribers")
+        store = node.guard(partial(self._deliver_again, stored=True), "publishing a step for later subscribers")
         self.stepper = SteppingThread(run, self.outputs.demand, deliver=self._deliver, store=store)
         self.inputs = Inputs(run, leaders)
         self.bags = Bags(run, self.inputs, self.outputs)
@@ -136,7 +136,7 @@ class SimulationSession:
             pace = before.pace
             inbox.take_over(before.inbox, self._bodies)
         self.run.pace = pace
-        self.courier = Courier(self.run.node.guarded(self.outputs.publish_step, "publishing a step"))
+        self.courier = Courier(self.run.node.guard(self.outputs.publish_step, "publishing a step"))
         # Before the first state is published, because a client may send commands as soon as it has received it.
         self.inputs.inbox = inbox
         self.stepper.start(pace, inbox, paused=paused or (before is not None and before.paused))
@@ -213,7 +213,7 @@ class SimulationSession:
         """Publish the last state again if there are subscribers without it; ``thorough``: see `Channel.missed`."""
         if self.outputs.missed(thorough=thorough) and self.stepper.running and not self._telling:
             self._telling = True
-            self.stepper.post_reading(self.run.node.guarded(self._deliver_again, "publishing to late subscribers"))
+            self.stepper.post_reading(self.run.node.guard(self._deliver_again, "publishing to late subscribers"))
 
     def waiting(self) -> str:
         """Return a text with the inputs that a lockstep step waits for."""
@@ -243,30 +243,34 @@ class SimulationSession:
         Raises:
             GdfeError: a request of ~/step is in progress; the clock's own steps would interfere with it.
         """
-        if self.walk is not None and self.walk.going:
-            raise GdfeError(
-                f"a request has made {self.walk}; cancel it, or end it with ~/pause true or ~/reset, and try again"
-            )
+        self.require_no_walk("cancel it, or end it with ~/pause true or ~/reset, and try again")
         self.stepper.pause(False)
 
-    def reset(self) -> None:
-        """Set the simulation to its initial state at time 0; followers then go to their leaders.
+    def require_no_walk(self, remedy: str) -> None:
+        """Raise a GdfeError with a remedy if a request of ~/step is in progress."""
+        if self.walk is not None and self.walk.going:
+            raise GdfeError(f"a request has made {self.walk}; {remedy}")
+
+    def reset(self) -> str:
+        """Set the simulation to its initial state at time 0, and return a message; followers then go to their leaders.
 
         Called between steps.
         """
         self.stepper.reset()
         self.forget_commands("the simulation was reset")
         self.flush()
+        return "at rest, time 0"
 
-    def reset_commands(self) -> None:
-        """Set all commands to their initial values with the next step; followers stay with their leaders.
+    def reset_commands(self) -> str:
+        """Set all commands to their initial values with the next step, and return a message.
 
-        Called between steps.
+        Followers stay with their leaders. Called between steps.
         """
         self.stepper.drive.rest()
         if self.inputs.inbox is not None:
             self.inputs.inbox.clear()
         self.forget_commands("the commands were reset")
+        return "the next step goes back to the commands of rest"
 
     def forget_commands(self, why: str) -> None:
         """End trajectories for the reason ``why``, accept any stamp, and send followers to their leaders again."""
@@ -314,8 +318,7 @@ class SimulationSession:
         """
         if self.mode is not ClockMode.LOCKSTEP and not self.stepper.paused:
             raise GdfeError(f"clock {self.mode.value} is running; pause it with ~/pause, or use clock lockstep")
-        if self.walk is not None and self.walk.going:
-            raise GdfeError(f"a request has made {self.walk}; ~/pause or ~/reset ends it")
+        self.require_no_walk("~/pause or ~/reset ends it")
         self.walk = Walk(self.run, self.stepper, self.flush, count, told)
         return self.walk.begin()
 
@@ -384,7 +387,7 @@ class SimulationSession:
         # Later commands are consumed after the change. The steps wait for it, but the node's other callbacks do not.
         parameters = ", ".join(f"{MODULUS.name.format(material=name)}={young:g}" for name, young in moduli.items())
         what = f"going to the equilibrium with {parameters}"
-        self.stepper.post(self.run.node.guarded(swap, "a change of moduli"), what)
+        self.stepper.post(self.run.node.guard(swap, "a change of moduli"), what)
 
     def _command_set(self) -> list[str]:
         keys = self.run.parameters.entries("command_set")

@@ -14,7 +14,6 @@ from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 
 from gdfe_ros.errors import GdfeError
-from gdfe_ros.node import messages
 from gdfe_ros.node.channel import Channel
 from gdfe_ros.node.diagnostics import Diagnostics
 from gdfe_ros.node.entities import Entities, SceneExchange
@@ -22,9 +21,10 @@ from gdfe_ros.node.entity_queries import EntityQueries
 from gdfe_ros.node.interface import NODE_NAME, topics
 from gdfe_ros.node.interface.parameters import PARAMETERS
 from gdfe_ros.node.managed import ManagedNode
+from gdfe_ros.node.messages import pack_refusal
 from gdfe_ros.node.parameters import NodeParameters, given_moduli
 from gdfe_ros.node.refusals import Refusal, RefusalLog
-from gdfe_ros.node.remodelling import take_over
+from gdfe_ros.node.remodelling import build_simulation, take_over
 from gdfe_ros.node.services import Services
 from gdfe_ros.node.session import SimulationSession
 from gdfe_ros.node.standard import StandardServices
@@ -51,9 +51,7 @@ def prepare(parameters: NodeParameters, given: Mapping[str, object]) -> Simulati
     moduli = given_moduli(given, scene)
     if moduli:
         scene = load_scene(parameters["scene"], overrides={**overrides, **moduli})
-    simulation = Simulation(scene)
-    simulation.warm_up()
-    return simulation
+    return build_simulation(scene)
 
 
 def _overrides(entries: list[str]) -> Mapping[str, str]:
@@ -97,7 +95,6 @@ class SimNode(ManagedNode):
         self.session: SimulationSession | None = None
         self.status = 0
         self._problem = ""
-        self._prepared: Simulation | Exception | None = None
         self._settings = NodeParameters(self)
         logger = self.get_logger()
         self._refused = Channel(self, topics.REFUSED)
@@ -170,23 +167,16 @@ class SimNode(ManagedNode):
         self.close()
         super().destroy_node()
 
-    def prepare(self) -> None:
+    def prepare(self) -> Simulation:
         """Load the scene, factor its matrices and compile the kernels for the transition ``configure``."""
-        self._prepared = self._try_to_prepare()
-
-    def _try_to_prepare(self) -> Simulation | Exception:
-        """Return a simulation that is ready to step, or the exception that prevented it."""
         self.get_logger().info(
             f"configuring scene {self._settings['scene']!r}; kernels that no scene has used before are compiled first, "
             "which may take a minute"
         )
-        try:
-            return prepare(self._settings, self.given_parameters)
-        except Exception as error:
-            return error
+        return prepare(self._settings, self.given_parameters)
 
     def _configure(self) -> None:
-        prepared, self._prepared = self._prepared or self._try_to_prepare(), None
+        prepared, self.prepared = self.prepared or self.prepare(), None
         if isinstance(prepared, Exception):
             raise prepared
         self.session = SimulationSession(self, self._settings, prepared, self.refusals, ending=self._interrupted)
@@ -217,9 +207,9 @@ class SimNode(ManagedNode):
                 take_over(old.simulation, simulation)
             old.close()
             try:
-                self.session = self._opened(simulation, old, anew=anew)
+                self.session = self._open(simulation, old, anew=anew)
             except Exception:
-                self.session = self._opened(old.simulation, old, anew=False)
+                self.session = self._open(old.simulation, old, anew=False)
                 raise
             self._await_connections(known)
             return True
@@ -228,7 +218,7 @@ class SimNode(ManagedNode):
                 super().on_activate(LifecycleState(State.PRIMARY_STATE_ACTIVE, "active"))
                 self.session.start(handover)
 
-    def _opened(self, simulation: Simulation, old: SimulationSession, *, anew: bool) -> SimulationSession:
+    def _open(self, simulation: Simulation, old: SimulationSession, *, anew: bool) -> SimulationSession:
         """Return a session of ``simulation`` in place of ``old``, which has been closed."""
         session = SimulationSession(self, self._settings, simulation, self.refusals, ending=self._interrupted)
         session.stepper.restart(Begin.REST if anew else Begin.LOADED)
@@ -254,7 +244,7 @@ class SimNode(ManagedNode):
             GdfeError: a transition failed; the text is that of its error.
         """
         self._unload()
-        self._prepared, self._starts_paused = simulation, True
+        self.prepared, self._starts_paused = simulation, True
         try:
             for change in (self.trigger_configure, self.trigger_activate):
                 if change() is not TransitionCallbackReturn.SUCCESS:
@@ -319,7 +309,7 @@ class SimNode(ManagedNode):
     def _tell_refusal(self, source: str, refusal: Refusal) -> None:
         """Publish a refusal for clients that wait for the step of the refused command."""
         if self._refused.wanted:
-            self._refused.send(messages.refused(source, refusal), 0)
+            self._refused.send(pack_refusal(source, refusal), 0)
 
     def _greet(self) -> None:
         session = self.session  # another thread may call `close`

@@ -16,9 +16,9 @@ from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.entities import Entities
 from gdfe_ros.node.interface import services
 from gdfe_ros.node.managed import ManagedNode
-from gdfe_ros.node.qos import available, installed, interface_class
+from gdfe_ros.node.ros_types import available, installed, interface_class
 from gdfe_ros.node.session import SimulationSession
-from gdfe_ros.node.standard_answers import ResultCode, done, failed, later
+from gdfe_ros.node.standard_answers import Refused, ResultCode, done, failed
 
 
 class _State(IntEnum):
@@ -103,7 +103,7 @@ class StandardServices:
         """Answer that the simulation is stopped, not paused, as long as it stays at time 0."""
         self._at_start = True
 
-    def _features(self, request: Any, response: Any) -> Any:
+    def _features(self, request: Any, response: Any) -> None:
         # The message's only field, which versions of the package name differently.
         features = getattr(response, next(iter(response.get_fields_and_field_types())))
         offered = [codes for spec, codes in _FEATURES.items() if available(spec.type)]
@@ -111,12 +111,9 @@ class StandardServices:
         features.custom_info = (
             "soft bodies, which can be spawned, too; a world is a scene; see also ~/step, ~/save_state"
         )
-        return response
 
-    def _get_state(self, request: Any, response: Any) -> Any:
+    def _get_state(self, request: Any, response: Any) -> None:
         response.state.state = int(self._state())
-        response.result.result = int(ResultCode.OK)
-        return response
 
     def _state(self) -> _State:
         """Return the simulation state; stopped means not active, or paused at time 0 by a request to stop."""
@@ -132,45 +129,43 @@ class StandardServices:
             return _State.PLAYING
         return _State.STOPPED if self._at_start and session.simulation.time == 0.0 else _State.PAUSED
 
-    def _set_state(self, request: Any, response: Any) -> Any:
+    def _set_state(self, request: Any, response: Any) -> Future[Any] | None:
         wanted, session = request.state.state, self._session()
         if wanted == _State.QUITTING and self._quit is not None:
-            self._quit.set()
-            return done(response)
+            return self._quit.set()
         if wanted not in (_State.STOPPED, _State.PLAYING, _State.PAUSED):
-            return failed(response, ResultCode.UNSUPPORTED, f"state {wanted} cannot be set here")
+            raise Refused(ResultCode.UNSUPPORTED, f"state {wanted} cannot be set here")
         if session is None or not session.stepper.running:
-            return failed(response, ResultCode.INCORRECT_STATE, self._inactive())
+            raise Refused(ResultCode.INCORRECT_STATE, self._inactive())
         if wanted == self._state():
-            return failed(response, ResultCode.ALREADY, f"the simulation is {_State(wanted).name.lower()} already")
+            raise Refused(ResultCode.ALREADY, f"the simulation is {_State(wanted).name.lower()} already")
         if wanted == _State.PLAYING:
-            return self._play(session, response)
+            return self._play(session)
         session.interrupt("set_simulation_state ended it")
         session.stepper.pause(True)
         self._at_start = wanted == _State.STOPPED
-        return later(self._restarted(session, spawned=True), response) if self._at_start else done(response)
+        return self._restarted(session, spawned=True) if self._at_start else None
 
-    def _play(self, session: SimulationSession, response: Any) -> Any:
+    def _play(self, session: SimulationSession) -> None:
         try:
             session.play()
         except GdfeError as error:
-            return failed(response, ResultCode.INCORRECT_STATE, str(error))
-        return done(response)
+            raise Refused(ResultCode.INCORRECT_STATE, str(error)) from error
 
-    def _reset(self, request: Any, response: Any) -> Any:
+    def _reset(self, request: Any, response: Any) -> Future[Any] | None:
         session, scope = self._session(), request.scope or _ALL
         if session is None:
-            return failed(response, ResultCode.INCORRECT_STATE, self._inactive())
+            raise Refused(ResultCode.INCORRECT_STATE, self._inactive())
         if scope != _ALL and scope & ~(_TIME | _STATE | _SPAWNED):
-            return failed(response, ResultCode.UNSUPPORTED, f"scope {scope} has unknown bits; allowed: 1, 2, 4")
+            raise Refused(ResultCode.UNSUPPORTED, f"scope {scope} has unknown bits; allowed: 1, 2, 4")
         whole = scope & (_TIME | _STATE)
         if whole not in (0, _TIME | _STATE):
-            return failed(response, ResultCode.UNSUPPORTED, f"scope {scope}: time and state are reset together only")
+            raise Refused(ResultCode.UNSUPPORTED, f"scope {scope}: time and state are reset together only")
         if not whole:
             removes = scope & _SPAWNED and self._entities.any_spawned
-            return later(self._entities.remove_all(anew=False), response) if removes else done(response)
+            return self._entities.remove_all(anew=False) if removes else None
         session.interrupt("reset_simulation ended it")
-        return later(self._restarted(session, spawned=bool(scope & _SPAWNED)), response)
+        return self._restarted(session, spawned=bool(scope & _SPAWNED))
 
     def _restarted(self, session: SimulationSession, *, spawned: bool) -> Future[Any]:
         """Go back to rest at time 0; ``spawned``: without the spawned bodies."""
@@ -178,11 +173,8 @@ class StandardServices:
             return self._entities.remove_all(anew=True)
         return session.stepper.post(session.reset, urgent=True)
 
-    def _step(self, request: Any, response: Any) -> Any:
-        try:
-            return later(self._walk(request.steps), response)
-        except GdfeError as error:
-            return failed(response, ResultCode.FAILED, str(error))
+    def _step(self, request: Any, response: Any) -> Future[str]:
+        return self._walk(request.steps)
 
     def _walk(self, steps: int, told: Callable[[int], None] | None = None) -> Future[str]:
         session = self._session()

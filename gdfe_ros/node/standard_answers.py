@@ -57,8 +57,9 @@ class Refused(GdfeError):
 
 
 def done(response: Any) -> Any:
-    """Return the response with the code of success."""
-    response.result.result = int(ResultCode.OK)
+    """Return the response with the code of success; a response without a result, with nothing."""
+    if hasattr(response, "result"):
+        response.result.result = int(ResultCode.OK)
     return response
 
 
@@ -71,26 +72,36 @@ def failed(response: Any, code: int, text: str) -> Any:
     return response
 
 
-def later(work: Future[Any], response: Any, fill: Callable[[Any, Any], None] | None = None) -> Future[Any]:
-    """Return a ``Future`` of the response, which is complete when ``work`` is done.
+def refused(response: Any, error: BaseException) -> Any:
+    """Return the response with the text of an error, and the code of a `Refused`."""
+    code = error.code if isinstance(error, Refused) else ResultCode.FAILED
+    text = str(error) if isinstance(error, GdfeError) else repr(error)  # a KeyError's text is only its key
+    return failed(response, code, text)
+
+
+def answer_after(work: Future[Any], respond: Callable[[Future[Any]], Any]) -> Future[Any]:
+    """Return a ``Future`` of the response that ``respond`` makes of ``work`` when this is done."""
+    answer: Future = Future()
+    work.add_done_callback(lambda done: answer.set_result(respond(done)))
+    return answer
+
+
+def answer_standard(action: Callable[[Any, Any], Future[Any] | None], request: Any, response: Any) -> Any:
+    """Return the answer of a standard service, or a ``Future`` of it.
 
     Args:
-        work: its exception, if any, becomes the answer's text; that of `Refused` also its code.
-        response: the response.
-        fill: function that writes the result of ``work``, its second argument, into the response.
+        action: function that writes its results into the response, or raises `Refused` or another GdfeError. It may
+            return a ``Future``: its exception, if any, becomes the answer.
+        request: request of the service.
+        response: empty response.
     """
-    answer: Future = Future()
 
-    def respond(found: Future[Any]) -> None:
-        error = found.exception()
-        if error is not None:
-            code = error.code if isinstance(error, Refused) else ResultCode.FAILED
-            text = str(error) if isinstance(error, GdfeError) else repr(error)  # a KeyError's text is only its key
-            answer.set_result(failed(response, code, text))
-            return
-        if fill is not None:
-            fill(response, found.result())
-        answer.set_result(done(response))
+    def respond(work: Future[Any]) -> Any:
+        error = work.exception()
+        return done(response) if error is None else refused(response, error)
 
-    work.add_done_callback(respond)
-    return answer
+    try:
+        work = action(request, response)
+    except GdfeError as error:
+        return refused(response, error)
+    return done(response) if work is None else answer_after(work, respond)

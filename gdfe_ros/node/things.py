@@ -148,31 +148,20 @@ LONGEST = 60
 """Largest number of letters of a body's name, which becomes a part of the names of topics."""
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
 class EntityRequest:
-    """A request to spawn a body.
+    """A request to spawn a body, of any version of ``simulation_interfaces``.
+
+    Args:
+        request: the request.
+
+    Raises:
+        Refused: it asks for a namespace, or its resource is too large.
 
     Attributes:
-        name: wanted name; empty: the name in the resource.
-        renames: whether another name may be given if this one is taken.
-        uri: file of the resource; empty: ``text`` is the resource.
-        text: the resource itself.
         pose: initial pose, with the frame in its header.
     """
 
-    name: str
-    renames: bool
-    uri: str
-    text: str
-    pose: Any
-
-    @classmethod
-    def of(cls, request: Any) -> EntityRequest:
-        """Return the contents of a request of any version of ``simulation_interfaces``.
-
-        Raises:
-            Refused: it asks for a namespace, or its resource is too large.
-        """
+    def __init__(self, request: Any) -> None:
         resource = getattr(request, "entity_resource", request)  # version 2.1 has a message of its own for it
         if request.entity_namespace:
             text = f"entity_namespace is {request.entity_namespace!r}; allowed: empty, the topics of a body are below "
@@ -180,13 +169,8 @@ class EntityRequest:
         if (size := len(resource.resource_string)) > LARGEST:
             text = f"resource_string has {size} characters; allowed: up to {LARGEST}"
             raise Refused(ResultCode.PARSE_ERROR, text)
-        return cls(
-            name=request.name,
-            renames=request.allow_renaming,
-            uri=resource.uri,
-            text=resource.resource_string,
-            pose=request.initial_pose,
-        )
+        self._name, self._renames, self.pose = request.name, request.allow_renaming, request.initial_pose
+        self._uri, self._text = resource.uri, resource.resource_string
 
     def entity(self) -> Entity:
         """Return the body that the resource describes.
@@ -194,10 +178,10 @@ class EntityRequest:
         Raises:
             Refused: there is no resource, it cannot be read, or it has defects.
         """
-        if not (self.uri or self.text):
+        if not (self._uri or self._text):
             raise Refused(ResultCode.NO_RESOURCE, "uri and resource_string are empty; one of them must state the body")
         try:
-            return read_entity(_read(self.uri) if self.uri else self.text, where=self.uri or "resource_string")
+            return read_entity(_read(self._uri) if self._uri else self._text, where=self._uri or "resource_string")
         except (ArmError, SceneError) as error:
             raise Refused(ResultCode.PARSE_ERROR, str(error)) from error
 
@@ -207,13 +191,13 @@ class EntityRequest:
         Raises:
             Refused: there is no name, it is no valid name, or it is taken and must not be changed.
         """
-        name = self.name or entity.name or ("body" if self.renames else "")
+        name = self._name or entity.name or ("body" if self._renames else "")
         if not NAME.fullmatch(name) or len(name) > LONGEST:
             text = f"name is {name[: LONGEST + 1]!r}; allowed: up to {LONGEST} letters, digits and _, a letter first"
             raise Refused(ResultCode.NAME_INVALID, text)
         if name not in taken:
             return name
-        if not self.renames:
+        if not self._renames:
             text = f"the name {name!r} is taken; remedy: another one, or allow_renaming"
             raise Refused(ResultCode.NAME_NOT_UNIQUE, text)
         number = 2

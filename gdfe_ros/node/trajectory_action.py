@@ -11,13 +11,12 @@ from numpy.typing import NDArray
 from trajectory_msgs.msg import JointTrajectoryPoint
 
 from gdfe_ros.errors import GdfeError
-from gdfe_ros.node.bounded_requests import LARGEST, bounded_action, unread_size
 from gdfe_ros.node.inputs import Code, Pursuit, Tolerances
 from gdfe_ros.node.interface.services import FOLLOW_TRAJECTORY
 from gdfe_ros.node.managed import ManagedNode
 from gdfe_ros.node.messages import header
-from gdfe_ros.node.qos import installed, interface_class
 from gdfe_ros.node.refusals import Reason, Refusal
+from gdfe_ros.node.ros_types import LARGEST, bounded_action, installed, interface_class, unread_size
 from gdfe_ros.node.session import SimulationSession
 
 _CODES = {Reason.UNKNOWN: Code.INVALID_JOINTS, Reason.STALE: Code.OLD_HEADER_TIMESTAMP}

@@ -17,8 +17,8 @@ from scipy.spatial.transform import Rotation
 from gdfe_ros.node.drive import Settings
 from gdfe_ros.node.interface import topics
 from gdfe_ros.node.managed import ManagedNode
-from gdfe_ros.node.qos import installed, interface_class, qos_profile
-from gdfe_ros.node.refusals import Freshness, Reason, Refusal, require_finite, require_small, require_unit
+from gdfe_ros.node.refusals import Freshness, Reason, Refusal, require_place, require_small
+from gdfe_ros.node.ros_types import installed, interface_class, qos_profile
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,26 +174,14 @@ class Transforms:
             Refusal: a number is not finite, the quaternion is not of unit length, or the stamp is too old, ahead, or
                 before the frame's last stamp.
         """
-        place = _checked(told.transform)
+        origin, turn = told.transform.translation, told.transform.rotation
+        require_place(origin, turn, _UNIT_SLACK, ("translation", "rotation"))
         if told.child_frame_id not in self._parents and len(self._parents) >= _MOST_FRAMES:
             raise Refusal(Reason.QUEUE_FULL, f"{_MOST_FRAMES} frames are known; further ones are refused")
         if moving:
             ages = {"max_age": self._limits["command_max_age"], "max_lead": self._limits["command_max_lead"]}
             self._freshness.check([told.child_frame_id], told.header.stamp, now=arrived, **ages)
-        self._parents[told.child_frame_id] = told.header.frame_id, place
-
-
-def _checked(transform: Any) -> Placement:
-    """Check a transform and return its placement.
-
-    Raises:
-        Refusal: a number is not finite, or the quaternion is not of unit length.
-    """
-    origin, turn = transform.translation, transform.rotation
-    translation, quaternion = (origin.x, origin.y, origin.z), (turn.x, turn.y, turn.z, turn.w)
-    require_finite(translation=translation, rotation=quaternion)
-    require_unit(_UNIT_SLACK, rotation=quaternion)
-    return Placement.of(origin, turn)
+        self._parents[told.child_frame_id] = told.header.frame_id, Placement.of(origin, turn)
 
 
 def _chain_up(frame: str, parents: Mapping[str, tuple[str, Placement]]) -> dict[str, Placement]:

@@ -13,8 +13,9 @@ from urllib.parse import unquote, urlparse
 from gdfe_ros.errors import GdfeError, SceneError
 from gdfe_ros.node.interface import services
 from gdfe_ros.node.managed import ManagedNode
+from gdfe_ros.node.remodelling import build_simulation
 from gdfe_ros.node.session import SimulationSession
-from gdfe_ros.node.standard_answers import Refused, ResultCode, done, failed, later
+from gdfe_ros.node.standard_answers import Refused, ResultCode
 from gdfe_ros.regular_file import read_text
 from gdfe_ros.scene.entity import LARGEST
 from gdfe_ros.scene.loader import load_scene, scene_from_text, scene_names
@@ -70,7 +71,7 @@ def offer_spawnables(node: ManagedNode) -> None:
     node.offer_standard({services.GET_SPAWNABLES: _list_spawnables})
 
 
-def _list_spawnables(request: Any, response: Any) -> Any:
+def _list_spawnables(request: Any, response: Any) -> None:
     import simulation_interfaces.msg
 
     own = sorted((share_dir() / "config" / "bodies").glob("*.yaml"))
@@ -80,7 +81,6 @@ def _list_spawnables(request: Any, response: Any) -> Any:
         uri = path.absolute().as_uri()
         response.spawnables.append(simulation_interfaces.msg.Spawnable(uri=uri, description=text))
     response.result.error_message = wrong
-    return done(response)
 
 
 _LONGEST = 1_000_000
@@ -130,27 +130,21 @@ class Worlds:
         if not (uri or text):
             raise Refused(ResultCode.WORLD_NO_RESOURCE, "uri and resource_string are empty; one must state the scene")
         self.loading, work = True, Future()
-        built: list[Simulation | Exception] = []
 
-        def build() -> None:
-            try:
-                built.append(Simulation(_scene(uri, text)))
-                built[0].warm_up()
-            except Exception as error:
-                built[:] = [error]
-
-        def finish() -> None:
+        def finish(built: Simulation | Exception) -> None:
             self.loading = False
             try:
-                work.set_result(self._replace(built.pop()))
+                self._replace(built)
+                _describe(response.world, built.scene)
+                work.set_result(None)
             except Exception as error:
                 work.set_exception(error)
 
-        self._node.in_background(build, finish, name="world")
-        return later(work, response, lambda response, scene: _describe(response.world, scene))
+        self._node.in_background(lambda: build_simulation(_scene(uri, text)), finish, name="world")
+        return work
 
-    def _replace(self, built: Simulation | Exception) -> Scene:
-        """Start a session of a new simulation, and return its scene; raise the exception that prevented it."""
+    def _replace(self, built: Simulation | Exception) -> None:
+        """Start a session of a new simulation; raise the exception that prevented it."""
         if isinstance(built, SceneError):
             raise Refused(ResultCode.WORLD_PARSE_ERROR, str(built)) from built
         if isinstance(built, Exception):
@@ -161,16 +155,13 @@ class Worlds:
         if session is not None:
             session.interrupt("load_world ended it")
         self._start(built)
-        return built.scene
 
-    def _unload(self, request: Any, response: Any) -> Any:
+    def _unload(self, request: Any, response: Any) -> None:
         self._require_world().interrupt("unload_world ended it")
         self._end()
-        return done(response)
 
-    def _get_current(self, request: Any, response: Any) -> Any:
+    def _get_current(self, request: Any, response: Any) -> None:
         _describe(response.world, self._require_world().scene)
-        return done(response)
 
     def _require_world(self) -> SimulationSession:
         session = self._session()
@@ -179,7 +170,7 @@ class Worlds:
             raise Refused(ResultCode.NO_WORLD, text)
         return session
 
-    def _get_available(self, request: Any, response: Any) -> Any:
+    def _get_available(self, request: Any, response: Any) -> None:
         import simulation_interfaces.msg
 
         sources = getattr(request, "additional_sources", None) or getattr(request, "sources", ())
@@ -191,9 +182,8 @@ class Worlds:
                 _resource(world).uri = path.absolute().as_uri()
                 response.worlds.append(world)
         if wrong and not getattr(request, "continue_on_error", True):
-            return failed(response, ResultCode.SOURCES_FAILED, wrong)
+            raise Refused(ResultCode.SOURCES_FAILED, wrong)
         response.result.error_message = wrong
-        return done(response)
 
 
 def _scene(uri: str, text: str) -> Scene:

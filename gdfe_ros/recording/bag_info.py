@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""rosbag2's description of a bag (``metadata.yaml``, version 9), made from the counts of the bag's files."""
+"""rosbag2's description of a bag (``metadata.yaml``, version 9): its topics, its files and their counts."""
 
 from __future__ import annotations
 
 import os
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 from pathlib import Path
@@ -15,11 +15,14 @@ import yaml
 
 from gdfe_ros.bounded_text import load_yaml
 from gdfe_ros.errors import RecordingError
-from gdfe_ros.recording.topic import TopicInfo
 from gdfe_ros.regular_file import read_text
 
 METADATA_FILE = "metadata.yaml"
 ROOT_KEY = "rosbag2_bagfile_information"
+RUN_RECORD, RECORDING_RECORD = "gdfe_ros", "gdfe_ros_recording"
+"""Names of our metadata records in an MCAP file: the origin of the run, and the status of the recording."""
+ROLE_KEY = "gdfe_ros_role"
+"""Key of ``TopicInfo.role`` in a channel's metadata."""
 IN_RUN = "bag"
 """Name of the bag's folder in the folder of a run; the run's folder also contains a picture."""
 
@@ -33,9 +36,101 @@ def _has_bag(path: Path) -> bool:
     return (path / METADATA_FILE).is_file() or any(path.glob("*.mcap"))
 
 
+# rosbag2 writes "no deadline" as the largest rmw_time_t.
+_INFINITE = {"sec": 9223372036, "nsec": 854775807}
+_POLICIES = {
+    "reliability": ("reliable", "best_effort", "system_default", "best_available", "unknown"),
+    "durability": ("volatile", "transient_local", "system_default", "best_available", "unknown"),
+    "history": ("keep_last", "keep_all", "system_default", "unknown"),
+}
+"""Names of the policies, as ROS 2 writes them since Jazzy."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Qos:
+    """Quality of service of a publisher; rosbag2 stores it, and ``ros2 bag play`` offers it again.
+
+    Args:
+        reliability: whether lost messages are resent: ``reliable``, ``best_effort``, ...
+        durability: ``transient_local`` for a latched topic, whose late subscribers receive the last messages.
+        history: whether the publisher's queue contains the last messages (``keep_last``) or all (``keep_all``).
+        depth: number of messages in the queue under ``keep_last``, at least 0.
+
+    Raises:
+        ValueError: the depth is negative, or a policy has another name.
+    """
+
+    reliability: str = "reliable"
+    durability: str = "volatile"
+    history: str = "keep_last"
+    depth: int = 10
+
+    def __post_init__(self) -> None:
+        if self.depth < 0:
+            raise ValueError(f"qos depth is {self.depth}; allowed: 0 or more")
+        for name, known in _POLICIES.items():
+            if getattr(self, name) not in known:
+                raise ValueError(f"{name} is {getattr(self, name)!r}; allowed: {', '.join(known)}")
+
+    @classmethod
+    def from_rclpy(cls, profile: Any) -> Qos:
+        """Return the profile of an ``rclpy.qos.QoSProfile``, by the names of its policies; rclpy is not imported."""
+        return cls(**{name: getattr(profile, name).name.lower() for name in _POLICIES}, depth=profile.depth)
+
+    @classmethod
+    def from_rosbag2(cls, entry: Mapping[str, Any]) -> Qos:
+        """Return the profile from a mapping as in metadata.yaml, version 9.
+
+        Raises:
+            RecordingError: a policy is not one of the names that ROS 2 has written since Jazzy.
+        """
+        try:
+            return cls(**{name: entry[name] for name in (*_POLICIES, "depth")})
+        except (KeyError, ValueError) as error:
+            raise RecordingError(
+                f"quality of service {dict(entry)} is not as ROS 2 writes it since Jazzy: {error!r}"
+            ) from error
+
+    def to_rosbag2(self) -> dict[str, Any]:
+        """Return the profile as a mapping as in metadata.yaml, version 9."""
+        return {
+            "history": self.history,
+            "depth": self.depth,
+            "reliability": self.reliability,
+            "durability": self.durability,
+            "deadline": dict(_INFINITE),
+            "lifespan": dict(_INFINITE),
+            "liveliness": "automatic",
+            "liveliness_lease_duration": dict(_INFINITE),
+            "avoid_ros_namespace_conventions": False,
+        }
+
+
+@dataclass(frozen=True, kw_only=True)
+class TopicInfo:
+    """One topic of a bag.
+
+    Args:
+        name: full topic name, e.g. ``/gdfe_sim/mesh``.
+        type: ROS type, e.g. ``sensor_msgs/msg/PointCloud2``.
+        qos: profile that the publisher offered.
+        definition: concatenated ``.msg`` texts; if empty, the writer takes those of ROS 2 Jazzy.
+        type_hash: hash ``RIHS01_...`` of the type; if empty, the writer takes that of ROS 2 Jazzy.
+        role: name of the topic relative to the recording node, without remapping, e.g. ``mesh`` or
+            ``handles/tip/pose``; empty if unknown.
+    """
+
+    name: str
+    type: str
+    qos: Qos = field(default_factory=Qos)
+    definition: str = ""
+    type_hash: str = ""
+    role: str = ""
+
+
 @dataclass(kw_only=True)
 class FileCounts:
-    """Counts of one file of a bag, updated with each message.
+    """Counts of a bag's file, updated with each message.
 
     Args:
         name: file name inside the bag directory.
@@ -49,11 +144,6 @@ class FileCounts:
     end: int = 0
     messages: Counter[str] = field(default_factory=Counter)
 
-    @property
-    def total(self) -> int:
-        """Number of messages in the file."""
-        return self.messages.total()
-
     def count(self, topic: str, log_time: int) -> None:
         """Count one message of a topic with a log time [ns]."""
         first = not self.messages
@@ -61,46 +151,36 @@ class FileCounts:
         self.end = max(self.end, log_time)
         self.messages[topic] += 1
 
-    def to_rosbag2(self) -> dict[str, Any]:
-        """Return the file's entry in rosbag2's list ``files``."""
-        return {
-            "path": self.name,
-            "starting_time": {"nanoseconds_since_epoch": self.start},
-            "duration": {"nanoseconds": self.end - self.start},
-            "message_count": self.total,
-        }
-
 
 def bag_info(
-    files: Sequence[FileCounts], topics: Iterable[TopicInfo], *, custom: Mapping[str, str] | None = None
+    file: FileCounts, topics: Iterable[TopicInfo], *, custom: Mapping[str, str] | None = None
 ) -> dict[str, Any]:
-    """Return rosbag2's description of a bag of these files.
+    """Return rosbag2's description of a bag of one file.
 
     Args:
-        files: counts of the files, in the order in which the files were written.
+        file: counts of the file.
         topics: topics of the bag, with type hashes filled in.
         custom: texts that rosbag2 stores as ``custom_data``.
 
     Returns:
         The value of the key ``rosbag2_bagfile_information``.
     """
-    filled = [file for file in files if file.total]
-    start = min((file.start for file in filled), default=0)
-    end = max((file.end for file in filled), default=0)
-    counts = sum((file.messages for file in files), Counter())
+    facts = {
+        "starting_time": {"nanoseconds_since_epoch": file.start},
+        "duration": {"nanoseconds": file.end - file.start},
+        "message_count": file.messages.total(),
+    }
     return {
         "version": 9,
         "storage_identifier": "mcap",
-        "duration": {"nanoseconds": end - start},
-        "starting_time": {"nanoseconds_since_epoch": start},
-        "message_count": counts.total(),
+        **facts,
         "topics_with_message_count": [
-            {"topic_metadata": _topic_entry(topic), "message_count": counts[topic.name]} for topic in topics
+            {"topic_metadata": _topic_entry(topic), "message_count": file.messages[topic.name]} for topic in topics
         ],
         "compression_format": "",
         "compression_mode": "",
-        "relative_file_paths": [file.name for file in files],
-        "files": [file.to_rosbag2() for file in files],
+        "relative_file_paths": [file.name],
+        "files": [{"path": file.name, **facts}],
         "custom_data": dict(custom) if custom else None,
         "ros_distro": os.environ.get("ROS_DISTRO", "jazzy"),
     }

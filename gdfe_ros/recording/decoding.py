@@ -14,7 +14,7 @@ import mcap.stream_reader
 import zstandard
 
 from gdfe_ros.errors import RecordingError
-from gdfe_ros.recording.topic import TopicInfo
+from gdfe_ros.recording.bag_info import TopicInfo
 
 RATIO, LEAST, LARGEST = 1000, 64 << 20, 512 << 20
 """Data may expand by the first factor, or to the second number of bytes if that is more, but not beyond the third. The

@@ -21,10 +21,9 @@ from rosbags.rosbag2 import storage_mcap
 from rosbags.typesys import Stores, get_typestore
 
 from gdfe_ros.errors import RecordingError
-from gdfe_ros.recording.bag_info import BagKind, bag_directory, file_kind, is_plain_mcap, storage_files
+from gdfe_ros.recording.bag_info import BagKind, TopicInfo, bag_directory, file_kind, is_plain_mcap, storage_files
 from gdfe_ros.recording.decoding import bound_libraries, expand_message, open_zstd
-from gdfe_ros.recording.reader import BagMessage, BagReader
-from gdfe_ros.recording.topic import TopicInfo
+from gdfe_ros.recording.reader import BagMessage, BagReader, require_topics
 
 bound_libraries(rosbag1_reader, rosbag2_reader, storage_mcap)
 _SUFFIXES = {BagKind.MCAP: ".mcap", BagKind.SQLITE: ".db3", BagKind.ROS1: ".bag"}
@@ -68,7 +67,7 @@ class ForeignBag:
         self._files = [self._named(file) for file in files]
         self.topics: dict[str, TopicInfo] = {}
         self.counts: Counter[str] = Counter()
-        with self._opened() as reader:
+        with self._open() as reader:
             for connection in reader.connections:
                 self.topics[connection.topic] = TopicInfo(name=connection.topic, type=connection.msgtype)
                 self.counts[connection.topic] += connection.msgcount
@@ -79,10 +78,8 @@ class ForeignBag:
         Raises:
             RecordingError: the bag does not have one of the topics, or is damaged.
         """
-        unknown = set(topics or ()) - set(self.topics)
-        if unknown:
-            raise RecordingError(f"bag {self.path} has no topic {sorted(unknown)}; it has {sorted(self.topics)}")
-        with self._opened() as reader:
+        require_topics(self, topics)
+        with self._open() as reader:
             chosen = [each for each in reader.connections if topics is None or each.topic in topics]
             for number, (connection, time, data) in enumerate(reader.messages(chosen) if chosen else ()):
                 yield BagMessage(connection.topic, connection.msgtype, time, time, number, bytes(data))
@@ -92,7 +89,7 @@ class ForeignBag:
 
         The function raises `RecordingError` for a type without a definition, and for bytes that do not fit it.
         """
-        with self._opened() as reader:
+        with self._open() as reader:
             store, two = reader.typestore, reader.is2
 
         def decode(kind: str, data: bytes) -> Any:
@@ -139,7 +136,7 @@ class ForeignBag:
             raise RecordingError(f"bag file {file} contains no bag; remedy: a compressed .mcap, .db3 or .bag")
 
     @contextmanager
-    def _opened(self) -> Iterator[AnyReader]:
+    def _open(self) -> Iterator[AnyReader]:
         """Open the bag; replace the errors of rosbags by ``RecordingError``."""
         try:
             with AnyReader(self._files, default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:

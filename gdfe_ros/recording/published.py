@@ -18,6 +18,7 @@ from scipy.spatial.transform import Rotation
 from gdfe_ros.actuators import ActuatorState, Embedding, Mode
 from gdfe_ros.actuators.actuator import Readings
 from gdfe_ros.constraints import Handle, Pose
+from gdfe_ros.constraints.obstacle import ArmLink
 from gdfe_ros.contacts import POINT, ContactSensor, contact_names, contact_points
 from gdfe_ros.element_fields import ElementFields
 from gdfe_ros.recording.step import Step
@@ -41,6 +42,7 @@ STRAIN = _columns("<f4", ("x", "y", "z", "eps_eq", "J", "omega", "tangent", "ene
 POSE = _columns("<f8", [*_vector("pose.position"), *_vector("pose.orientation", "xyzw")])
 WRENCH = _columns("<f8", [*_vector("wrench.force"), *_vector("wrench.torque")])
 IMU = _columns("<f8", [*_vector("orientation", "xyzw"), *_vector("angular_velocity"), *_vector("linear_acceleration")])
+PLACE = _columns("<f8", _vector("point"))
 JOINTS = _columns("<f8", ("position", "velocity", "effort"))
 
 
@@ -50,6 +52,7 @@ class Table:
 
     Attributes:
         part: attribute of `Step` that the table needs; the topic has no message for a step without it.
+        frame: coordinate frame of the message, e.g. ``tip_rest``; empty: the frame of the rest shape.
         kind: columns of the table.
         count: number of rows.
         write: function that writes the numbers of a step into an array (count, columns).
@@ -57,6 +60,7 @@ class Table:
     """
 
     part: str = "result"
+    frame: str = ""
     kind: np.dtype
     count: int = 1
     write: Callable[[Step, NDArray], None] | None = None
@@ -93,11 +97,13 @@ def tables_of(scene: Scene) -> dict[str, Table]:
     if contact_names(scene.handles, scene.self_contact):
         found["contacts"] = Table(kind=POINT, make=lambda step: contact_points(step.result.contacts))
     for name, sensor in scene.sensors.items():
-        found[f"sensors/{name}/wrench"] = Table(kind=WRENCH, write=partial(_write_felt, sensor))
+        found[f"sensors/{name}/wrench"] = Table(frame=f"{name}_sensor", kind=WRENCH, write=partial(_write_felt, sensor))
     if scene.dynamics:
         found["velocity"] = Table(kind=VELOCITY, count=mesh.n_vertices, write=_write_velocities)
         for name in scene.probes:
-            found[f"probe/{name}/imu"] = Table(part="imus", kind=IMU, write=partial(_write_reading, name))
+            found[f"probe/{name}/imu"] = Table(
+                part="imus", frame=f"{name}_imu", kind=IMU, write=partial(_write_reading, name)
+            )
     if scene.actuators or scene.arms:
         part = "actuators" if scene.actuators else "result"
         found["joint_states"] = Table(part=part, kind=JOINTS, make=JointStates(scene).table)
@@ -106,12 +112,20 @@ def tables_of(scene: Scene) -> dict[str, Table]:
 
 def _tables_of_handle(handle: Handle) -> dict[str, Table]:
     name, topic = handle.name, f"{handle.section}/{handle.name}"
+    # Pieces of links have no frames of their own: the frames of links are on TF.
+    rest, centre = ("", "") if isinstance(handle, ArmLink) else (f"{name}_rest", f"{name}_centre")
     found = {
-        f"{topic}/pose": Table(part="poses", kind=POSE, write=lambda step, rows: write_pose(rows, step.poses[name])),
-        f"{topic}/wrench": Table(kind=WRENCH, write=lambda step, rows: write_wrench(rows, step.result.reactions[name])),
+        f"{topic}/pose": Table(
+            part="poses", frame=rest, kind=POSE, write=lambda step, rows: write_pose(rows, step.poses[name])
+        ),
+        f"{topic}/wrench": Table(
+            frame=centre, kind=WRENCH, write=lambda step, rows: write_wrench(rows, step.result.reactions[name])
+        ),
     }
     if handle.section == "handles":
-        found[f"{topic}/force_torque"] = Table(part="poses", kind=WRENCH, write=partial(_write_force_torque, name))
+        found[f"{topic}/force_torque"] = Table(
+            part="poses", frame=name, kind=WRENCH, write=partial(_write_force_torque, name)
+        )
     return found
 
 

@@ -17,11 +17,15 @@ from mcap.records import Channel, Schema
 
 from gdfe_ros.bounded_text import load_yaml
 from gdfe_ros.errors import RecordingError
-from gdfe_ros.recording.bag_file import RECORDING_RECORD, ROLE_KEY, RUN_RECORD
 from gdfe_ros.recording.bag_info import (
     LARGEST_METADATA,
     METADATA_FILE,
+    RECORDING_RECORD,
+    ROLE_KEY,
     ROOT_KEY,
+    RUN_RECORD,
+    Qos,
+    TopicInfo,
     bag_directory,
     require_mcap,
     storage_files,
@@ -30,7 +34,6 @@ from gdfe_ros.recording.decoding import array_decoder, require_bounded
 from gdfe_ros.recording.frames import DAMAGE as UNREADABLE
 from gdfe_ros.recording.frames import chunk_size, require_sound_summary
 from gdfe_ros.recording.provenance import RunInfo
-from gdfe_ros.recording.topic import Qos, TopicInfo
 from gdfe_ros.regular_file import read_text
 
 _LARGEST_DEFINITION = 200_000
@@ -79,7 +82,7 @@ class BagReader:
         self.run: RunInfo | None = None
         self.notes: dict[str, str] = {}
         for file in self.files:
-            with _opened(file) as reader:
+            with _open(file) as reader:
                 self._survey(reader)
 
     def __len__(self) -> int:
@@ -89,30 +92,19 @@ class BagReader:
         """Return a function that returns a message from its type and its bytes (`array_decoder`)."""
         return array_decoder(self.topics.values())
 
-    def messages(
-        self, topics: Collection[str] | None = None, *, start: int | None = None, end: int | None = None
-    ) -> Iterator[BagMessage]:
-        """Yield messages in the order in which they were written.
-
-        Args:
-            topics: names of the topics to yield; None: all.
-            start: smallest log time to yield [ns]; None: no limit.
-            end: messages from this log time on are left out [ns]; None: no limit.
+    def messages(self, topics: Collection[str] | None = None) -> Iterator[BagMessage]:
+        """Yield the messages of ``topics``, or of all topics, in the order in which they were written.
 
         Raises:
             RecordingError: the bag does not have one of the topics, or a file is damaged.
         """
-        unknown = set(topics or ()) - set(self.topics)
-        if unknown:
-            raise RecordingError(f"bag {self.path} has no topic {sorted(unknown)}; it has {sorted(self.topics)}")
-        return self._messages(topics, start, end)
+        require_topics(self, topics)
+        return self._messages(topics)
 
-    def _messages(self, topics: Collection[str] | None, start: int | None, end: int | None) -> Iterator[BagMessage]:
+    def _messages(self, topics: Collection[str] | None) -> Iterator[BagMessage]:
         for file in self.files:
-            with _opened(file) as reader:
-                for _, channel, message in reader.iter_messages(
-                    topics, starting_at=start, ending_before=end, log_time_order=False
-                ):
+            with _open(file) as reader:
+                for _, channel, message in reader.iter_messages(topics, log_time_order=False):
                     yield BagMessage(
                         channel.topic,
                         self.topics[channel.topic].type,
@@ -140,6 +132,12 @@ class BagReader:
         if RUN_RECORD in records and self.run is None:
             files = {attachment.name: attachment.data for attachment in reader.iter_attachments()}
             self.run = RunInfo.from_bag(records[RUN_RECORD], files)
+
+
+def require_topics(bag: Any, topics: Collection[str] | None) -> None:
+    """Raise a RecordingError if a bag, which has a path and topics, lacks one of the ``topics``."""
+    if unknown := set(topics or ()) - set(bag.topics):
+        raise RecordingError(f"bag {bag.path} has no topic {sorted(unknown)}; it has {sorted(bag.topics)}")
 
 
 def topic_of(channel: Channel, schema: Schema) -> TopicInfo:
@@ -210,7 +208,7 @@ def _listed_files(metadata: Path) -> list[Path]:
 
 
 @contextmanager
-def _opened(file: Path) -> Iterator[McapReader]:
+def _open(file: Path) -> Iterator[McapReader]:
     """Open one file for reading; replace errors of mcap and of the file by ``RecordingError``."""
     require_mcap(file)
     try:

@@ -9,58 +9,23 @@ import threading
 from collections import Counter, deque
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from enum import Enum
 from pathlib import Path
 from typing import NamedTuple
 
 from gdfe_ros.errors import RecordingError
+from gdfe_ros.recording.bag_info import TopicInfo
 from gdfe_ros.recording.provenance import RunInfo
-from gdfe_ros.recording.topic import TopicInfo
-from gdfe_ros.recording.writer import BagOptions, BagWriter
+from gdfe_ros.recording.writer import BagWriter
 from gdfe_ros.threads import RECORDER, show_name
 
-
-class BackPressure(Enum):
-    """Behaviour of ``Recorder.record`` while its queue is full because the disk is slower than the simulation.
-
-    ``DROP`` rejects the message at once; it is for runs under the wall clock, which must not wait. ``BLOCK`` waits for
-    space in the queue, at most for ``block_seconds``, and then rejects the message; it is for other runs, whose bags
-    should be complete. ``RecorderStatus`` counts every rejected message.
-    """
-
-    DROP = "drop"
-    BLOCK = "block"
-
-
-@dataclass(frozen=True, kw_only=True)
-class QueueOptions:
-    """Options of the queue between simulation and writer.
-
-    Args:
-        max_bytes: largest size of the waiting messages [B], 1 MiB or more. An empty queue takes a message of any size.
-        back_pressure: behaviour while the queue is full.
-        block_seconds: longest wait under ``BLOCK`` [s], 0 or more.
-        flush_seconds: interval at which all recorded data go to the operating system [s], 0.005 to 10. A killed process
-            loses at most the messages of this interval and of the write in progress.
-
-    Raises:
-        ValueError: a value is out of range.
-    """
-
-    max_bytes: int = 64 << 20
-    back_pressure: BackPressure = BackPressure.DROP
-    block_seconds: float = 1.0
-    flush_seconds: float = 0.04
-
-    def __post_init__(self) -> None:
-        if self.max_bytes < 1 << 20:
-            raise ValueError(f"max_bytes is {self.max_bytes} B; allowed: {1 << 20} or more")
-        if not self.block_seconds >= 0:
-            raise ValueError(f"block_seconds is {self.block_seconds} s; allowed: 0 or more")
-        if not 0.005 <= self.flush_seconds <= 10:
-            raise ValueError(f"flush_seconds is {self.flush_seconds} s; allowed: 0.005 to 10")
-
-
+MOST_BYTES = 64 << 20
+"""Largest size of the messages in the queue [B]. An empty queue takes a message of any size."""
+LONGEST_WAIT = 30.0
+"""Longest wait of ``Recorder.record`` for space in the queue, if the simulation waits for the disk [s]."""
+FLUSH_INTERVAL = 0.04
+"""Interval at which all recorded data go to the operating system [s]. A killed process loses at most the messages of
+this interval and of the write in progress.
+"""
 # The thread wakes early when this many bytes [B] wait, so that a burst does not fill the queue.
 _WAKE_BYTES = 1 << 20
 
@@ -105,7 +70,6 @@ class _Message(NamedTuple):
     topic: str
     data: bytes
     log_time: int
-    publish_time: int | None
 
 
 class Recorder:
@@ -120,9 +84,10 @@ class Recorder:
     Args:
         path: directory of the bag; it must not exist yet, or be empty.
         topics: topics of the bag.
-        run: origin of the run, embedded in every file; None: nothing is embedded.
-        options: compression, splitting, fsync.
-        queue: size limit, back-pressure and flush interval of the queue.
+        run: origin of the run, embedded in the file; None: nothing is embedded.
+        waits: whether ``record`` waits while the queue is full, because the disk is slower than the simulation, and
+            rejects the message only after `LONGEST_WAIT`. Otherwise it rejects the message at once, as runs under the
+            wall clock need it.
         failed: function that is called once in the thread, with the status, if the recording stopped early.
 
     Raises:
@@ -135,13 +100,11 @@ class Recorder:
         topics: Iterable[TopicInfo] = (),
         *,
         run: RunInfo | None = None,
-        options: BagOptions | None = None,
-        queue: QueueOptions | None = None,
+        waits: bool = False,
         failed: Callable[[RecorderStatus], None] = lambda status: None,
     ) -> None:
-        self._writer = BagWriter(path, topics, run=run, options=options)
-        self._topics = set(self._writer.topics)
-        self._settings = queue or QueueOptions()
+        self._writer = BagWriter(path, topics, run=run)
+        self._waits = waits
         self._state = threading.Condition()
         self._writing = threading.Lock()
         self._queue: deque[_Message] = deque()
@@ -177,24 +140,13 @@ class Recorder:
                 error=self._error,
             )
 
-    def add_topic(self, topic: TopicInfo) -> None:
-        """Declare a further topic. It waits for a write in progress, so the stepping thread must not call it.
-
-        Raises:
-            RecordingError: as ``BagWriter.add_topic``.
-        """
-        with self._writing:
-            self._writer.add_topic(topic)
-        self._topics.add(topic.name)
-
-    def record(self, topic: str, data: bytes, log_time: int, publish_time: int | None = None) -> bool:
+    def record(self, topic: str, data: bytes, log_time: int) -> bool:
         """Queue one message; callable from any thread.
 
         Args:
             topic: name of a declared topic.
             data: serialised message; ``bytes`` are stored without a copy.
             log_time: time since the epoch or since the start of the simulation [ns].
-            publish_time: time of the publisher's stamp [ns]; None: ``log_time``.
 
         Returns:
             Whether the message was accepted. A rejected message is counted as dropped.
@@ -202,9 +154,8 @@ class Recorder:
         Raises:
             RecordingError: the topic was not declared (a mistake in the program, not a fault of the disk).
         """
-        if topic not in self._topics:
-            raise RecordingError(f"topic {topic} is not in bag {self.path}; it has {sorted(self._topics)}")
-        message = _Message(topic, data if type(data) is bytes else bytes(data), log_time, publish_time)
+        self._writer.require_topic(topic)
+        message = _Message(topic, data if type(data) is bytes else bytes(data), log_time)
         with self._state:
             if not self._has_room(len(message.data)):
                 self._dropped[topic] += not self._ended
@@ -235,17 +186,14 @@ class Recorder:
         self.close()
 
     def _has_room(self, size: int) -> bool:
-        """Return whether the queue accepts a message of ``size`` [B]; under ``BLOCK`` wait for space.
-
-        Needs the lock.
-        """
-        if self._settings.back_pressure is BackPressure.BLOCK and not self._fits(size):
+        """Return whether the queue accepts a message of ``size`` [B], after a wait for space. Needs the lock."""
+        if self._waits and not self._fits(size):
             self._wake.set()
-            self._state.wait_for(lambda: self._fits(size) or self._is_over(), timeout=self._settings.block_seconds)
+            self._state.wait_for(lambda: self._fits(size) or self._is_over(), timeout=LONGEST_WAIT)
         return self._fits(size) and not self._is_over()
 
     def _fits(self, size: int) -> bool:
-        return not self._queue or self._queued_bytes + size <= self._settings.max_bytes
+        return not self._queue or self._queued_bytes + size <= MOST_BYTES
 
     def _is_over(self) -> bool:
         return self._closing or self._error is not None
@@ -254,17 +202,17 @@ class Recorder:
         show_name()
         closing = False
         while not closing and self._error is None:
-            self._wake.wait(self._settings.flush_seconds)
+            self._wake.wait(FLUSH_INTERVAL)
             self._wake.clear()
             closing = self._closing
-            self._guarded(self._drain)
+            self._guard(self._drain)
         with self._state:
             self._ended = True
-        self._guarded(lambda: self._writer.close(self.status.to_notes()))
+        self._guard(lambda: self._writer.close(self.status.to_notes()))
         if self._error is not None:
             self._failed(self.status)
 
-    def _guarded(self, action: Callable[[], None]) -> None:
+    def _guard(self, action: Callable[[], None]) -> None:
         """Run a part of the thread's work; an exception ends the recording, not the program."""
         try:
             with self._writing:

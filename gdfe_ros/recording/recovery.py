@@ -14,13 +14,11 @@ from pathlib import Path
 from mcap.records import Attachment, Channel, McapRecord, Message, Metadata, Schema
 
 from gdfe_ros.errors import RecordingError
-from gdfe_ros.recording.bag_file import RUN_RECORD
-from gdfe_ros.recording.bag_info import bag_directory, require_mcap, storage_files
+from gdfe_ros.recording.bag_info import RUN_RECORD, TopicInfo, bag_directory, require_mcap, storage_files
 from gdfe_ros.recording.frames import Damage, declarations, records
 from gdfe_ros.recording.provenance import SCENE_FILE, RunInfo
 from gdfe_ros.recording.reader import DAMAGE, topic_of
-from gdfe_ros.recording.topic import TopicInfo
-from gdfe_ros.recording.writer import BagOptions, BagWriter
+from gdfe_ros.recording.writer import BagWriter
 
 
 class Salvage:
@@ -144,7 +142,7 @@ class RecoveryReport:
         return sum(self.messages.values())
 
 
-def recover(path: str | Path, output: str | Path | None = None, *, options: BagOptions | None = None) -> RecoveryReport:
+def recover(path: str | Path, output: str | Path | None = None) -> RecoveryReport:
     """Read a bag as far as possible, write its contents as a new, complete bag, and return a report.
 
     The old bag is not modified. The run's origin (scene, settings, machine) is copied.
@@ -153,7 +151,6 @@ def recover(path: str | Path, output: str | Path | None = None, *, options: BagO
         path: directory of the bag or of its run, or one MCAP file.
         output: directory of the new bag; it must not exist yet, or be empty. None: beside the old bag, with
             ``_recovered`` added to the name.
-        options: options for writing the new bag.
 
     Raises:
         RecordingError: there is no MCAP file, no complete message, or the new bag cannot be written.
@@ -171,18 +168,18 @@ def recover(path: str | Path, output: str | Path | None = None, *, options: BagO
     target = Path(output) if output else source.resolve().with_name(f"{source.resolve().stem}_recovered")
     salvages = [Salvage(file) for file in files]
     try:
-        return _rewrite(source, target, salvages, options)
+        return _rewrite(source, target, salvages)
     except OSError as error:
         raise RecordingError(f"bag {source} cannot be read: {error}") from error
 
 
-def _rewrite(source: Path, target: Path, salvages: Sequence[Salvage], options: BagOptions | None) -> RecoveryReport:
+def _rewrite(source: Path, target: Path, salvages: Sequence[Salvage]) -> RecoveryReport:
     messages = (found for salvage in salvages for found in salvage.messages())
     first = next(messages, None)
     if first is None:
         raise RecordingError(f"bag {source} has not one whole message: there is nothing to recover")
     run = _origin(salvages)
-    writer = BagWriter(target, run=run, options=options)
+    writer = BagWriter(target, run=run)
     kept: Counter[str] = Counter()
     try:
         for topic, message in chain([first], messages):

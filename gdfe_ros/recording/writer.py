@@ -1,190 +1,179 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A bag in rosbag2's layout: a directory with MCAP files, split by size or time, and ``metadata.yaml``."""
+"""A bag in rosbag2's layout: a directory with an MCAP file, written into reserved disk space, and ``metadata.yaml``."""
 
 from __future__ import annotations
 
-import json
+import errno
 import os
-import re
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
-from enum import Enum
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import replace
 from functools import cache
-from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
+from mcap.writer import CompressionType, Writer
+from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys.store import Typestore
+
+import gdfe_ros
 from gdfe_ros.errors import RecordingError
-from gdfe_ros.recording.bag_file import BagFile, Compression
-from gdfe_ros.recording.bag_info import METADATA_FILE, ROOT_KEY, FileCounts, bag_info, to_yaml
-from gdfe_ros.recording.provenance import RunInfo
-from gdfe_ros.recording.topic import TopicInfo
-
-_PRIMITIVES = frozenset(
-    {"bool", "byte", "char", "string", "wstring", "float32", "float64"}
-    | {f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)}
+from gdfe_ros.recording.bag_info import (
+    METADATA_FILE,
+    RECORDING_RECORD,
+    ROLE_KEY,
+    ROOT_KEY,
+    RUN_RECORD,
+    FileCounts,
+    TopicInfo,
+    bag_info,
+    to_yaml,
 )
-_TYPE_NAME = re.compile(r"^[A-Za-z]\w*/msg/[A-Za-z]\w*$")
-_SEPARATOR = "=" * 80
+from gdfe_ros.recording.provenance import RunInfo
+
+_STEP = 4 << 20
+_CANNOT_RESERVE = (errno.EOPNOTSUPP, errno.ENOSYS, errno.EINVAL)
 
 
-@cache
-def message_definition(type_name: str) -> str:
-    """Return the concatenated ``.msg`` texts of a type and of every type it contains (encoding ``ros2msg``).
+class ReservedFile:
+    """Write-only, unbuffered file; ``reserve`` allocates space before ``write`` needs it.
 
-    Args:
-        type_name: name of the type, e.g. ``sensor_msgs/msg/PointCloud2``.
-
-    Returns:
-        The text of the type, then the texts of the types that it contains, sorted by name. A line of 80 ``=`` and a
-        line ``MSG: pkg/Name`` precede the text of each contained type.
-
-    Raises:
-        RecordingError: the name is not that of a message type, or the type's package is not installed.
-    """
-    texts: dict[str, str] = {}
-    pending = [type_name]
-    while pending:
-        name = pending.pop()
-        if name not in texts:
-            texts[name] = _share_file(name, ".msg").read_text(encoding="utf-8")
-            pending += _parts(name, texts[name])
-    root = texts.pop(type_name)
-    return root + "".join(f"\n{_SEPARATOR}\nMSG: {name.replace('/msg/', '/')}\n{texts[name]}" for name in sorted(texts))
-
-
-@cache
-def type_hash(type_name: str) -> str:
-    """Return the type hash ``RIHS01_<sha256>`` (REP-2011) of a message type.
-
-    Raises:
-        RecordingError: the name is not that of a message type, its package is not installed, or the type has no hash.
-    """
-    path = _share_file(type_name, ".json")
-    for entry in json.loads(path.read_text(encoding="utf-8"))["type_hashes"]:
-        if entry["type_name"] == type_name:
-            return entry["hash_string"]
-    raise RecordingError(f"{path} holds no type hash of {type_name}: reinstall the message package")
-
-
-def _share_file(type_name: str, suffix: str) -> Path:
-    if not _TYPE_NAME.match(type_name):
-        raise RecordingError(f"message type {type_name!r} is not of the form package/msg/Name")
-    package, _, name = type_name.split("/")
-    spec = find_spec(package)
-    # A namespace package has no origin but search locations; both lie below the installation's prefix.
-    places = [*(spec.submodule_search_locations or [])] if spec else []
-    for place in places:
-        for prefix in Path(place).resolve().parents:
-            path = prefix / "share" / package / "msg" / f"{name}{suffix}"
-            if path.is_file():
-                return path
-    reason = f"has no share/{package}/msg/{name}{suffix}" if places else "is not importable"
-    raise RecordingError(
-        f"message type {type_name}: the ROS package {package} {reason}. Source a ROS 2 Jazzy setup.bash, or "
-        "install the ROS wheels: pip install 'gdfe_ros[ros]'."
-    )
-
-
-def _parts(type_name: str, text: str) -> list[str]:
-    """Return the names of the message types of the fields in a definition; ``text`` is the ``.msg`` text."""
-    package = type_name.split("/")[0]
-    found = []
-    for line in text.splitlines():
-        words = line.split("#", 1)[0].split()
-        base = re.sub(r"(\[.*\]|<=.*)", "", words[0]) if words else ""
-        if base and base not in _PRIMITIVES:
-            owner, _, name = base.rpartition("/")
-            found.append(f"{owner.split('/')[0] or package}/msg/{name}")
-    return found
-
-
-class FsyncPolicy(Enum):
-    """When to wait until data are on the device. If the process is killed, no written data are lost.
-
-    After a power failure, data that are not yet on the device may be lost.
-    """
-
-    NEVER = "never"
-    CLOSE = "close"
-    FLUSH = "flush"
-
-
-@dataclass(frozen=True, kw_only=True)
-class BagOptions:
-    """Options for writing a bag.
+    A full disk, a quota or a file-size limit then causes an ``OSError`` of ``reserve``. At that moment no record is
+    half written, and earlier reservations stay valid, so that the file can be finished properly. On systems or file
+    systems without reservation (macOS, some network mounts), ``write`` raises such an error instead. While open, the
+    file may be up to 4 MiB longer than the written data, filled with zeros; ``close`` truncates it.
 
     Args:
-        compression: compression of the chunks.
-        chunk_size: size at which a chunk is compressed and written [B], 1 KiB to 64 MiB.
-        split_bytes: approximate size at which a new file is begun [B], 64 KiB or more; None: never.
-        split_seconds: range of log times in a file at which a new file is begun [s], above 0; None: never.
-        fsync: when to wait until data are on the device.
+        path: path of the file, which must not exist.
 
     Raises:
-        ValueError: a value is out of range.
+        OSError: the file exists or cannot be created.
     """
 
-    compression: Compression = Compression.LZ4
-    chunk_size: int = 64 << 10
-    split_bytes: int | None = None
-    split_seconds: float | None = None
-    fsync: FsyncPolicy = FsyncPolicy.CLOSE
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._position = 0
+        self._allocated = 0
+        self._fd: int | None = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o644)
 
-    def __post_init__(self) -> None:
-        if not 1 << 10 <= self.chunk_size <= 64 << 20:
-            raise ValueError(f"chunk_size is {self.chunk_size} B; allowed: 1024 to {64 << 20}")
-        if self.split_bytes is not None and self.split_bytes < 64 << 10:
-            raise ValueError(f"split_bytes is {self.split_bytes} B; allowed: {64 << 10} or more, or None")
-        if self.split_seconds is not None and not self.split_seconds > 0:
-            raise ValueError(f"split_seconds is {self.split_seconds} s; allowed: above 0, or None")
+    def reserve(self, size: int) -> None:
+        """Ensure that the next ``size`` bytes [B] can be written.
+
+        Raises:
+            OSError: there is no space (ENOSPC, EDQUOT, EFBIG, ...). Earlier reservations stay valid.
+        """
+        end = self._position + size
+        if end <= self._allocated:
+            return
+        generous = max(end, self._allocated + _STEP)
+        try:
+            self._allocate(generous)
+        except OSError:
+            self._allocate(end)
+
+    def _allocate(self, end: int) -> None:
+        if hasattr(os, "posix_fallocate"):
+            try:
+                os.posix_fallocate(self._descriptor(), self._allocated, end - self._allocated)
+            except OSError as error:
+                if error.errno not in _CANNOT_RESERVE:
+                    raise
+        self._allocated = end
+
+    def write(self, data: bytes) -> int:
+        """Append all bytes and return their number; raise ``OSError`` if they cannot be written."""
+        view = memoryview(data)
+        while view:
+            count = os.write(self._descriptor(), view)
+            self._position += count
+            view = view[count:]
+        return len(data)
+
+    def tell(self) -> int:
+        """Return the number of bytes written so far [B]."""
+        return self._position
+
+    def flush(self) -> None:
+        """Do nothing: writes go straight to the operating system."""
+
+    def close(self, *, sync: bool = False) -> None:
+        """Truncate the file to the written data and close it; a second call does nothing.
+
+        Args:
+            sync: whether to wait until the file is on the device.
+        """
+        if self._fd is None:
+            return
+        fd, self._fd = self._fd, None
+        try:
+            os.ftruncate(fd, self._position)
+            if sync:
+                os.fsync(fd)
+        finally:
+            os.close(fd)
+
+    def _descriptor(self) -> int:
+        if self._fd is None:
+            raise ValueError(f"{self.path} is closed")
+        return self._fd
+
+
+# Upper bounds [B] of the overhead by mcap: for a message (record head, index entry), a chunk (its head and its
+# index entry in the summary, by channel), a topic (schema and channel records, its part of rosbag2's
+# record) and a file (header, footer, statistics, texts of our own records).
+_PER_MESSAGE, _PER_CHUNK, _PER_CHUNK_CHANNEL, _PER_TOPIC, _PER_FILE = 64, 256, 48, 4096, 65536
+# lz4 and zstd may lengthen incompressible data, by less than 1 / _EXPANSION of its length.
+_EXPANSION = 64
+COMPRESSION = CompressionType.LZ4
+"""Compression of chunks; zstd gives smaller files in twice the time."""
+CHUNK = 64 << 10
+"""Size at which a chunk is compressed and written [B]."""
 
 
 class BagWriter:
     """Writes a bag in the calling thread; ``recorder.Recorder`` writes it in a separate thread.
 
+    After a method has failed for lack of space, the bag can still be completed.
+
     Args:
         path: directory of the bag; it must not exist yet, or be empty. Parent directories are created.
         topics: topics of the bag; ``add_topic`` adds more. Missing definitions and hashes are looked up.
-        run: origin of the run, embedded in every file; None: nothing is embedded.
-        options: compression, splitting, fsync.
+        run: origin of the run; it is written first, so that even a truncated file contains it. None: not written.
 
     Raises:
         RecordingError: the directory is in use or cannot be written, or a message type is unknown.
     """
 
-    def __init__(
-        self,
-        path: str | Path,
-        topics: Iterable[TopicInfo] = (),
-        *,
-        run: RunInfo | None = None,
-        options: BagOptions | None = None,
-    ) -> None:
-        self.path = Path(path)
-        self._options = options or BagOptions()
-        self._run = run
-        self._topics = {topic.name: _complete(topic) for topic in topics}
-        self._done: list[FileCounts] = []
-        self._file: BagFile | None = None
-        try:
+    def __init__(self, path: str | Path, topics: Iterable[TopicInfo] = (), *, run: RunInfo | None = None) -> None:
+        self.path, described = Path(path), [complete(topic) for topic in topics]
+        file = self.path / f"{self.path.resolve().name}_0.mcap"
+        self._counts = FileCounts(name=file.name)
+        self._topics: dict[str, TopicInfo] = {}
+        self._channels: dict[str, int] = {}
+        self._schemas: dict[str, int] = {}
+        self._buffered = self._written = self._chunks = 0
+        self._fixed, self._open = _PER_FILE, True
+        with _failing(f"bag {self.path} cannot be begun"):
             self.path.mkdir(parents=True, exist_ok=True)
             if any(self.path.iterdir()):
                 raise RecordingError(
                     f"bag directory {self.path} exists and is not empty: name another one or remove it"
                 )
-            self._file = self._open_file(0)
-        except OSError as error:
-            raise RecordingError(f"bag {self.path} cannot be begun: {error}") from error
+            self._storage = ReservedFile(file)
+            self._writer = Writer(self._storage, chunk_size=CHUNK, compression=COMPRESSION)
+            try:
+                self._begin(run)
+                for topic in described:
+                    self._declare(topic)
+            except OSError:
+                self._storage.close()
+                file.unlink()
+                raise
 
-    @property
-    def topics(self) -> dict[str, TopicInfo]:
-        """Topics of the bag by name, with definition and hash filled in."""
-        return dict(self._topics)
-
-    @property
-    def size(self) -> int:
-        """Size of the file in progress [B]; data that wait in the chunk are counted uncompressed."""
-        return self._file.size if self._file else 0
+    def require_topic(self, name: str) -> None:
+        """Raise a RecordingError if a topic was not declared."""
+        if name not in self._topics:
+            raise RecordingError(f"topic {name} is not in bag {self.path}; it has {sorted(self._topics)}")
 
     def add_topic(self, topic: TopicInfo) -> None:
         """Declare a further topic; to declare the same topic again has no effect.
@@ -198,12 +187,9 @@ class BagWriter:
             if known.type != topic.type:
                 raise RecordingError(f"topic {topic.name} is of type {known.type}, not {topic.type}")
             return
-        complete = _complete(topic)
-        try:
-            self._open_part().add_topic(complete)
-        except OSError as error:
-            raise RecordingError(f"topic {topic.name} cannot be added to bag {self.path}: {error}") from error
-        self._topics[topic.name] = complete
+        self._require_open()
+        with _failing(f"topic {topic.name} cannot be added to bag {self.path}"):
+            self._declare(complete(topic))
 
     def write(self, topic: str, data: bytes, log_time: int, publish_time: int | None = None) -> None:
         """Append one message.
@@ -218,15 +204,21 @@ class BagWriter:
             RecordingError: the topic is unknown, the bag is closed, there is no space, or the device failed. If there
                 is no space, the bag stays intact without this message, and ``close`` can complete it.
         """
-        if topic not in self._topics:
-            raise RecordingError(f"topic {topic} is not in bag {self.path}; it has {sorted(self._topics)}")
-        try:
-            part = self._open_part()
-            if self._is_full(part, log_time):
-                part = self._next_part()
-            part.write(topic, data, log_time, log_time if publish_time is None else publish_time)
-        except OSError as error:
-            raise RecordingError(f"bag {self.path} takes no more messages: {error}") from error
+        self.require_topic(topic)
+        self._require_open()
+        with _failing(f"bag {self.path} takes no more messages"):
+            size = len(data) + _PER_MESSAGE
+            self._storage.reserve(self._bound(self._buffered + size))
+            self._writer.add_message(
+                self._channels[topic],
+                log_time=log_time,
+                publish_time=log_time if publish_time is None else publish_time,
+                sequence=self._counts.messages[topic],
+                data=data,
+            )
+            self._counts.count(topic, log_time)
+            self._buffered += size
+            self._note_chunk()
 
     def flush(self) -> None:
         """Pass every message to the operating system, so that it is not lost if this process is killed.
@@ -234,79 +226,128 @@ class BagWriter:
         Raises:
             RecordingError: the bag is closed or the device failed.
         """
-        try:
-            self._open_part().flush(sync=self._options.fsync is FsyncPolicy.FLUSH)
-        except OSError as error:
-            raise RecordingError(f"bag {self.path} cannot be flushed: {error}") from error
+        self._require_open()
+        with _failing(f"bag {self.path} cannot be flushed"):
+            self._writer.flush()
+            self._note_chunk()
 
     def close(self, notes: Mapping[str, str] | None = None) -> None:
-        """Complete the bag; a second call does nothing.
+        """Complete the bag, with its index, on the device; a second call does nothing.
 
         Args:
-            notes: status of the recording, written into the last file and into metadata.yaml as ``custom_data``.
+            notes: status of the recording, written into the file and into metadata.yaml as ``custom_data``.
 
         Raises:
             RecordingError: the device failed; ``gdfe recover`` recovers the written data.
         """
-        if self._file is None:
+        if not self._open:
             return
-        try:
-            self._finish_part(notes or {})
-            self._write_metadata(notes or {})
-        except OSError as error:
-            raise RecordingError(
-                f"bag {self.path} cannot be completed: {error}. Recover the written data: gdfe recover {self.path}"
-            ) from error
+        self._open = False
+        remedy = f". Recover the written data: gdfe recover {self.path}"
+        with _failing(f"bag {self.path} cannot be completed", remedy):
+            info = bag_info(self._counts, self._topics.values(), custom=notes)
+            try:
+                self._writer.add_metadata(RECORDING_RECORD, dict(notes or {}))
+                self._writer.add_metadata("rosbag2", {"serialized_metadata": to_yaml(info)})
+                self._writer.finish()
+            finally:
+                self._storage.close(sync=True)
+            self._write_metadata(info)
 
-    def _open_part(self) -> BagFile:
-        if self._file is None:
+    def _require_open(self) -> None:
+        if not self._open:
             raise RecordingError(f"bag {self.path} is closed")
-        return self._file
 
-    def _open_file(self, index: int) -> BagFile:
-        return BagFile(
-            self.path / f"{self.path.resolve().name}_{index}.mcap",
-            self._topics.values(),
-            run=self._run,
-            compression=self._options.compression,
-            chunk_size=self._options.chunk_size,
+    def _begin(self, run: RunInfo | None) -> None:
+        attachments = run.attachments() if run else {}
+        metadata = run.to_metadata() if run else {}
+        size = sum(len(name) + len(content) + 128 for name, content in (metadata | attachments).items())
+        self._storage.reserve(size + self._fixed)
+        self._writer.start(profile="ros2", library=f"gdfe_ros {gdfe_ros.__version__}")
+        if run:
+            self._writer.add_metadata(RUN_RECORD, metadata)
+        for name, data in attachments.items():
+            media = "application/yaml" if name.endswith(".yaml") else "application/octet-stream"
+            self._writer.add_attachment(create_time=0, log_time=0, name=name, media_type=media, data=data)
+        self._written = self._storage.tell()
+
+    def _declare(self, topic: TopicInfo) -> None:
+        """Write the schema and the channel of a topic to the chunk in progress.
+
+        Raises:
+            OSError: there is no space for the topic; the file without it can still be finished.
+        """
+        known = topic.type in self._schemas
+        fixed = self._fixed + _PER_TOPIC + (0 if known else 2 * len(topic.definition.encode()))
+        self._storage.reserve(self._bound(self._buffered) + fixed - self._fixed)
+        self._fixed = fixed
+        if not known:
+            self._schemas[topic.type] = self._writer.register_schema(
+                name=topic.type, encoding="ros2msg", data=topic.definition.encode()
+            )
+        self._channels[topic.name] = self._writer.register_channel(
+            topic=topic.name,
+            message_encoding="cdr",
+            schema_id=self._schemas[topic.type],
+            metadata={
+                "offered_qos_profiles": to_yaml([topic.qos.to_rosbag2()]),
+                "topic_type_hash": topic.type_hash,
+                **({ROLE_KEY: topic.role} if topic.role else {}),
+            },
         )
+        self._topics[topic.name] = topic
 
-    def _is_full(self, part: BagFile, log_time: int) -> bool:
-        if not part.counts.total:
-            return False
-        size, seconds = self._options.split_bytes, self._options.split_seconds
-        by_size = size is not None and part.size >= size
-        return by_size or (seconds is not None and log_time - part.counts.start >= seconds * 1e9)
+    def _bound(self, buffered: int) -> int:
+        """Return an upper bound of the bytes that ``close`` writes if ``buffered`` bytes wait in the chunk [B]."""
+        per_chunk = _PER_CHUNK + _PER_CHUNK_CHANNEL * len(self._channels)
+        return self._fixed + (self._chunks + 1) * per_chunk + buffered + buffered // _EXPANSION
 
-    def _next_part(self) -> BagFile:
-        # Open the new file before the last file is finished: without space for it, the last file can be completed.
-        following = self._open_file(len(self._done) + 1)
-        self._finish_part({})
-        self._file = following
-        return following
+    def _note_chunk(self) -> None:
+        if self._storage.tell() != self._written:
+            self._written = self._storage.tell()
+            self._buffered = 0
+            self._chunks += 1
 
-    def _finish_part(self, notes: Mapping[str, str]) -> None:
-        part = self._open_part()
-        self._file = None
-        self._done.append(part.counts)
-        part.finish(notes, sync=self._options.fsync is not FsyncPolicy.NEVER)
-
-    def _write_metadata(self, notes: Mapping[str, str]) -> None:
-        text = to_yaml({ROOT_KEY: bag_info(self._done, self._topics.values(), custom=notes)})
+    def _write_metadata(self, info: Mapping[str, Any]) -> None:
         temporary = self.path / f"{METADATA_FILE}.tmp"
         with temporary.open("w", encoding="utf-8") as file:
-            file.write(text)
-            if self._options.fsync is not FsyncPolicy.NEVER:
-                file.flush()
-                os.fsync(file.fileno())
+            file.write(to_yaml({ROOT_KEY: info}))
+            file.flush()
+            os.fsync(file.fileno())
         temporary.replace(self.path / METADATA_FILE)
 
 
-def _complete(topic: TopicInfo) -> TopicInfo:
-    """Return a topic; take a missing definition or hash from the ROS installation."""
+@contextmanager
+def _failing(what: str, remedy: str = "") -> Iterator[None]:
+    """Replace an error of the disk by a RecordingError that says ``what`` has failed, and the remedy."""
+    try:
+        yield
+    except OSError as error:
+        raise RecordingError(f"{what}: {error}{remedy}") from error
+
+
+def complete(topic: TopicInfo) -> TopicInfo:
+    """Return a topic with the definition (the ``.msg`` texts) and the hash (REP-2011) of its type in ROS 2 Jazzy.
+
+    What the topic has already stays.
+
+    Raises:
+        RecordingError: the type is no message of ROS 2 Jazzy.
+    """
+    if topic.definition and topic.type_hash:
+        return topic
+    store = _jazzy()
+    if topic.type not in store.fielddefs:
+        text = f"message type {topic.type!r} of topic {topic.name} is none of ROS 2 Jazzy"
+        raise RecordingError(f"{text}; allowed: package/msg/Name of its common interfaces")
+    definition, _ = store.generate_msgdef(topic.type, ros_version=2)
     return replace(
         topic,
-        definition=topic.definition or message_definition(topic.type),
-        type_hash=topic.type_hash or type_hash(topic.type),
+        definition=topic.definition or definition,
+        type_hash=topic.type_hash or store.hash_rihs01(topic.type),
     )
+
+
+@cache
+def _jazzy() -> Typestore:
+    return get_typestore(Stores.ROS2_JAZZY)

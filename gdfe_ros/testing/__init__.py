@@ -37,8 +37,7 @@ if TYPE_CHECKING:
     from gdfe_ros.testing.environment import make_env, make_vector_env
     from gdfe_ros.testing.process import NodeProcess
     from gdfe_ros.testing.simulator import Simulator
-    from gdfe_ros.testing.state import PublishedState
-    from gdfe_ros.testing.tracking import TrackingError, tracking_error
+    from gdfe_ros.testing.state import PublishedState, TrackingError, tracking_error
 
 __all__ = [
     "NodeProcess",
@@ -54,10 +53,10 @@ _HOMES = {
     "NodeProcess": "process",
     "Simulator": "simulator",
     "PublishedState": "state",
-    "TrackingError": "tracking",
+    "TrackingError": "state",
     "make_env": "environment",
     "make_vector_env": "environment",
-    "tracking_error": "tracking",
+    "tracking_error": "state",
 }
 
 

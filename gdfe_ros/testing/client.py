@@ -1,28 +1,30 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A ROS node of a test, which waits for the ``sim_node`` in another process and calls its services."""
+"""ROS nodes of a test, which wait for the ``sim_node`` in another process, command it and call its services."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
-from typing import Any
+from typing import Any, Self
 
-import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from lifecycle_msgs.srv import ChangeState
+from rcl_interfaces.srv import SetParameters
 from rclpy.client import Client as ServiceClient
 from rclpy.context import Context
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from rclpy.signals import SignalHandlerOptions
+from std_msgs.msg import String
+from std_srvs.srv import Trigger
 
 from gdfe_ros.errors import GdfeError
-from gdfe_ros.node.interface.topics import DIAGNOSTICS, PROCESS
-from gdfe_ros.node.managed import EventlessNode
-from gdfe_ros.node.process import make_executor
+from gdfe_ros.node.interface.topics import DIAGNOSTICS, PROCESS, STEP_RECORD
+from gdfe_ros.node.process import LoneNode
 from gdfe_ros.node.strays import namesakes
+from gdfe_ros.recording.step_record import StepRecord
 from gdfe_ros.testing.process import NodeProcess
 
 _LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -45,17 +47,21 @@ def await_discovery(
         process: process id of the simulation, in case another node has its name; None: any process.
     """
     heard: list[DiagnosticArray] = []
-    wanted = f"{simulation.lstrip('/')}: "
 
     def hear(message: DiagnosticArray) -> None:
-        own = [status for status in message.status if status.name.startswith(wanted)]
-        numbers = {value.value for status in own for value in status.values if value.key == PROCESS}
-        if own and (process is None or str(process) in numbers):
+        values = _values_of(message, simulation)
+        if values and (process is None or values.get(PROCESS) == str(process)):
             heard.append(message)
 
     subscription = node.create_subscription(DiagnosticArray, DIAGNOSTICS.name, hear, _LATCHED)
     wait(lambda: heard)
     node.destroy_subscription(subscription)
+
+
+def _values_of(message: DiagnosticArray, simulation: str) -> dict[str, str]:
+    """Return the values in the report of a simulation's node by key; empty if the message is another node's."""
+    own = [status for status in message.status if status.name.startswith(f"{simulation.lstrip('/')}: ")]
+    return {pair.key: pair.value for status in own for pair in status.values}
 
 
 PATIENCE = 300.0
@@ -68,8 +74,8 @@ STATE_QOS = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 """QoS of subscriptions to the topics of each step; a late subscriber receives the last step."""
 
 
-class Client:
-    """ROS node in the namespace of the simulation's node.
+class Client(LoneNode):
+    """ROS node in the namespace of the simulation's node; a context manager.
 
     Args:
         process: process of the simulation.
@@ -81,18 +87,15 @@ class Client:
     Attributes:
         node: the ROS node, for publishers and subscriptions.
         executor: executor of the node; it is spun during every wait.
+        context: ROS context of the node.
     """
 
     def __init__(
         self, process: NodeProcess, name: str, label: str, *, patience: float, context: Context | None = None
     ) -> None:
+        super().__init__(label, context=context, namespace=name.rpartition("/")[0])
         self._process, self._name, self._patience = process, name, patience
-        self._context = context or Context()
-        rclpy.init(context=self._context, signal_handler_options=SignalHandlerOptions.NO)
-        self.node = EventlessNode(label, context=self._context, namespace=name.rpartition("/")[0])
         self._born = time.monotonic()
-        self.executor = make_executor(self._context)
-        self.executor.add_node(self.node)
         self._change = self.node.create_client(ChangeState, f"{name}/change_state")
 
     def wait(self, done: Callable[[], Any], what: str) -> None:
@@ -134,7 +137,7 @@ class Client:
     def look_for_doubles(self) -> None:
         """Raise a `GdfeError` if another node with the simulation's name has been discovered."""
         if namesakes(self.node, self._name) > 1:
-            domain = self._context.get_domain_id()
+            domain = self.context.get_domain_id()
             raise GdfeError(
                 f"another node is called {self._name} in ROS domain {domain}, commands would reach both; "
                 f"remedy: end it, or use another domain, e.g. ROS_DOMAIN_ID={domain + 1}"
@@ -162,8 +165,127 @@ class Client:
         if not self.call(self._change, request).success:
             raise GdfeError(f"the node could not {label}:\n{self._process.log}")
 
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.close()
+
+
+_TRIGGERS = ("step", "reset", "load_state")
+
+
+class NodeConnection(Client):
+    """Connection to a node: publishes messages, calls services, and receives the number of each step.
+
+    Args:
+        process: process of the node.
+        name: full name of the node.
+        topics: dict from a topic's name, relative to the node's name, to its message type; `publish` uses these topics.
+        patience: longest duration of each wait [s].
+
+    Attributes:
+        step: number of the last published step; -1 before the first.
+    """
+
+    def __init__(self, process: NodeProcess, name: str, topics: Mapping[str, type], *, patience: float) -> None:
+        super().__init__(process, name, "gdfe_link", patience=patience)
+        self.step, node = -1, self.node
+        self._publishers = {key: node.create_publisher(kind, f"{name}/{key}", 1000) for key, kind in topics.items()}
+        services = {"set_parameters": SetParameters, **dict.fromkeys(_TRIGGERS, Trigger)}
+        self._services = {key: node.create_client(kind, f"{name}/{key}") for key, kind in services.items()}
+        node.create_subscription(String, STEP_RECORD.name.replace("~", name), self._see, STATE_QOS)
+
+    def wait_for_services(self) -> None:
+        """Wait until the node offers its services and has discovered this client."""
+        self.meet(list(self._services.values()))
+
+    def wait_for_listener(self) -> None:
+        """Wait until the node subscribes to every topic of ``topics``."""
+        self.await_listeners(self._publishers.values())
+
+    def wait_for_step(self, number: int) -> None:
+        """Wait until step ``number`` or a later one is published."""
+        self.wait(lambda: self.step >= number, f"step {number}")
+
+    def publish(self, messages: Mapping[str, Any]) -> None:
+        """Publish messages, given as a dict from topic name to message."""
+        for key, message in messages.items():
+            self._publishers[key].publish(message)
+
+    def set(self, **values: Any) -> None:
+        """Set parameters of the node, given by name; raise ``GdfeError`` if the node rejects a value."""
+        messages = [Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]
+        request = SetParameters.Request(parameters=messages)
+        for result in self.call(self._services["set_parameters"], request).results:
+            if not result.successful:
+                raise GdfeError(result.reason)
+
+    def trigger(self, service: str) -> None:
+        """Call the service ``step``, ``reset`` or ``load_state``; raise ``GdfeError`` if it fails."""
+        response = self.call(self._services[service], Trigger.Request())
+        if not response.success:
+            raise GdfeError(f"{service}: {response.message}")
+
+    def _see(self, message: String) -> None:
+        self.step = StepRecord.from_json(message.data).step
+
+
+_FOUND = 5.0
+"""Longest time until a publisher of a running node is discovered, even on a busy machine [s]."""
+_BLOCKED = 1.0
+"""If more time passes between two looks [s], a callback of the controller was computing."""
+
+
+class Deadlock:
+    """Detects that the steps have ended because a command is missing.
+
+    Args:
+        node: node of the test, not of the controller; its own publishers do not count.
+        simulation: full name of the simulation's node.
+        inputs: full names of the topics for which each step waits; empty: a step begins with any command.
+        controller: node whose commands are awaited.
+        silence: longest time for which the simulation may wait for a command [s].
+    """
+
+    def __init__(self, node: Node, simulation: str, inputs: Sequence[str], controller: Node, *, silence: float) -> None:
+        self._node, self._simulation, self._inputs = node, simulation, inputs
+        self._controller, self._silence = controller, silence
+        self._waits, self._idle, self._looked = "", 0.0, time.monotonic()
+        self._subscription = node.create_subscription(DiagnosticArray, DIAGNOSTICS.name, self._read, 10)
+
+    def progress(self) -> None:
+        """Note that a step was made."""
+        self._idle = 0.0
+
+    def reason(self) -> str:
+        """Return why there will be no further step; empty if there may be one. Called repeatedly during the wait."""
+        now = time.monotonic()
+        spent, self._looked = now - self._looked, now
+        self._idle = self._idle + spent if self._waits and spent < _BLOCKED else 0.0
+        if self._idle < _FOUND:
+            return ""
+        if missing := [topic for topic in self._inputs if not self._published(topic)]:
+            own = sorted({publisher.topic_name for publisher in self._controller.publishers})
+            return (
+                f"each step waits for a message on {', '.join(missing)}, which no controller publishes; "
+                f"{self._controller.get_name()} publishes {', '.join(own) or 'nothing'}; "
+                "remedy: the name of the topic, or `inputs` with the topics of the controller"
+            )
+        if self._idle < self._silence:
+            return ""
+        return f"the simulation {self._waits} for {self._silence:g} s, and no controller has sent it"
+
     def close(self) -> None:
-        """Destroy the node and shut down its context."""
-        self.executor.shutdown()
-        self.node.destroy_node()
-        rclpy.shutdown(context=self._context)
+        """Destroy the subscription."""
+        self._node.destroy_subscription(self._subscription)
+
+    def _published(self, topic: str) -> bool:
+        found = self._node.get_publishers_info_by_topic(topic)
+        return any(each.node_name != self._node.get_name() for each in found)
+
+    def _read(self, message: DiagnosticArray) -> None:
+        """Store what the simulation waits for; nothing while it works on a step, or without lockstep."""
+        if values := _values_of(message, self._simulation):
+            waits = "waits for" in values and "working on" not in values
+            self._waits = f"waits for {values['waits for']}" if waits else ""

@@ -74,7 +74,7 @@ class Consumed:
             key, sent = self._bodies[name]
             turns = _quaternion(pose), *sent.get(pose.translation, ())
             turn = next((each for each in turns if TeleportOrder(name, pose.translation, each).pose == pose), None)
-            messages[key] = _target(pose, turn)
+            messages[key] = pose_stamped(Header(), pose, turn)
             self.inexact += turn is None
         if not (record.handles or values or (messages and self.inputs)):
             return messages
@@ -82,7 +82,7 @@ class Consumed:
         for name, pose in poses.items():
             key, sent = self._handles[name]
             turn = sent.find(self._poses[name], pose, record.dt)
-            messages[key] = _target(pose, turn)
+            messages[key] = pose_stamped(Header(), pose, turn)
             self.inexact += turn is None
         self._poses = poses
         if self._driven:
@@ -136,11 +136,3 @@ def _messages(run: BagRun, key: str) -> Iterator[Any]:
     if run.topics(f"/{key}"):
         for _, message in run.messages(f"/{key}"):
             yield message
-
-
-def _target(pose: Pose, turn: Quaternion | None) -> PoseStamped:
-    message = pose_stamped(Header(), pose)
-    if turn is not None:
-        orientation = message.pose.orientation
-        orientation.x, orientation.y, orientation.z, orientation.w = turn
-    return message

@@ -55,6 +55,23 @@ class SoftRobotEnv(Env):
     outside an actuator's range are clipped. In one step a command changes by at most range * dt / slew_time, and by
     less if the step does not converge with this change. ``info["applied"]`` contains the applied commands.
 
+    Args:
+        scene: scene with actuators, whose program is not played.
+        observation: function of the simulation that returns an array. None: an array of the probes' positions, the
+            actuators' commands and efforts, and the goal, if there is one.
+        reward: function of the simulation and the clipped action that returns a number. None: minus the distance [m] of
+            the first probe from a goal, which each reset draws at random. The goal is the position of the probe after a
+            few steps towards a random command. These steps start from the initial state if a seed is given, else from
+            the state at the last goal. In these steps, the scene is simulated without dynamics, or with its dynamics if
+            it has rigid bodies or no handles.
+        terminated: function of the simulation that returns whether the episode has ended; None: never.
+        observation_space: space of the observations; None: bounded for the default observation, and for a function
+            unbounded, with the shape of the initial observation.
+        dt: simulation time of a step [s].
+        steps: number of steps after which an episode is truncated.
+        slew_time: shortest simulation time in which a command crosses its whole range [s]; 0: at once.
+        render_mode: ``rgb_array`` for pictures by `SoftRobotEnv.render`, without a window; None: no pictures.
+
     Attributes:
         simulation: the simulation, for reading only; `step` advances it.
         goal: (3,) goal of the first probe [m], used by the default reward; None with a reward function.
@@ -66,13 +83,13 @@ class SoftRobotEnv(Env):
         self,
         scene: Scene,
         *,
-        observation: Observation | None,
-        reward: Reward | None,
-        terminated: Ending | None,
-        observation_space: Space | None,
-        dt: float,
-        steps: int,
-        slew_time: float,
+        observation: Observation | None = None,
+        reward: Reward | None = None,
+        terminated: Ending | None = None,
+        observation_space: Space | None = None,
+        dt: float = 0.05,
+        steps: int = 200,
+        slew_time: float = 1.0,
         render_mode: str | None = None,
     ) -> None:
         if render_mode not in (None, "rgb_array"):
@@ -225,38 +242,14 @@ class SoftRobotEnv(Env):
         return _tip(self._walker)
 
 
-def make_env(
-    scene: str | Path | Scene,
-    *,
-    observation: Observation | None = None,
-    reward: Reward | None = None,
-    terminated: Ending | None = None,
-    observation_space: Space | None = None,
-    overrides: Mapping[str, Any] | None = None,
-    dt: float = 0.05,
-    steps: int = 200,
-    slew_time: float = 1.0,
-    render_mode: str | None = None,
-) -> SoftRobotEnv:
+def make_env(scene: str | Path | Scene, *, overrides: Mapping[str, Any] | None = None, **options: Any) -> SoftRobotEnv:
     """Make an environment of Gymnasium from a scene.
 
     Args:
         scene: name, path, or loaded scene.
-        observation: function of the simulation that returns an array. None: an array of the probes' positions, the
-            actuators' commands and efforts, and the goal, if there is one.
-        reward: function of the simulation and the clipped action that returns a number. None: minus the distance [m] of
-            the first probe from a goal, which each reset draws at random. The goal is the position of the probe after a
-            few steps towards a random command. These steps start from the initial state if a seed is given, else from
-            the state at the last goal. In these steps, the scene is simulated without dynamics, or with its dynamics if
-            it has rigid bodies or no handles.
-        terminated: function of the simulation that returns whether the episode has ended; None: never.
-        observation_space: space of the observations; None: bounded for the default observation, and for a function
-            unbounded, with the shape of the initial observation.
         overrides: dict from dotted key to the value that replaces the scene's. The scene's program is not played.
-        dt: simulation time of a step [s].
-        steps: number of steps after which an episode is truncated.
-        slew_time: shortest simulation time in which a command crosses its whole range [s]; 0: at once.
-        render_mode: ``rgb_array`` for pictures by `SoftRobotEnv.render`, without a window; None: no pictures.
+        options: ``observation``, ``reward``, ``terminated``, ``observation_space``, ``dt``, ``steps``, ``slew_time``
+            and ``render_mode`` of `SoftRobotEnv`.
 
     Raises:
         GdfeError: the scene has no actuators, an actuator has no range, or probes are needed and missing.
@@ -268,9 +261,7 @@ def make_env(
     """
     # Actions replace the program, whose commands may lie outside of a range that the overrides have narrowed.
     loaded = scene if isinstance(scene, Scene) else load_scene(scene, overrides={**(overrides or {}), "program": None})
-    given = {"observation": observation, "reward": reward, "terminated": terminated}
-    given |= {"dt": dt, "steps": steps, "slew_time": slew_time, "render_mode": render_mode}
-    return SoftRobotEnv(loaded, **given, observation_space=observation_space)
+    return SoftRobotEnv(loaded, **options)
 
 
 def _walker(scene: Scene) -> Simulation:
@@ -312,9 +303,6 @@ def _require_numbers(*, dt: float, steps: int, slew_time: float) -> None:
         raise GdfeError(f"steps is {steps!r}; allowed: whole numbers, 1 or more")
 
 
-_PRELOAD = "gdfe_ros.testing.preloaded_environment"
-
-
 def make_vector_env(scene: str | Path, count: int, *, context: str = "forkserver", **options: Any) -> AsyncVectorEnv:
     """Make environments that run in parallel, each in a process of its own.
 
@@ -330,5 +318,5 @@ def make_vector_env(scene: str | Path, count: int, *, context: str = "forkserver
         options: keyword arguments of `make_env`.
     """
     if context == "forkserver":
-        preload(_PRELOAD)
+        preload()
     return AsyncVectorEnv([partial(make_env, scene, **options)] * count, context=context)

@@ -19,24 +19,20 @@ from pathlib import Path
 
 _PRELOAD = "gdfe_ros.testing.preloaded"
 _SERVER: list[ForkServerContext] = []
-_MODULES: list[str] = []
-"""Modules that the server imports when it starts. It starts with the first process."""
 
 
 def prepare() -> None:
     """Fork all nodes that this process starts from now on. Set environment variables of numba before this call."""
-    _SERVER[:] = [preload(_PRELOAD)]
+    _SERVER[:] = [preload()]
 
 
-def preload(module: str) -> ForkServerContext:
-    """Return the multiprocessing context of a server that imports a module before it forks processes.
+def preload() -> ForkServerContext:
+    """Return the multiprocessing context of a server that imports the package before it forks processes.
 
-    If the server is running already, it does not import the module.
+    The server starts with the first process. If it is running already, it imports nothing more.
     """
     context = multiprocessing.get_context("forkserver")
-    if module not in _MODULES:
-        _MODULES.append(module)
-    context.set_forkserver_preload(list(_MODULES))
+    context.set_forkserver_preload([_PRELOAD])
     return context
 
 

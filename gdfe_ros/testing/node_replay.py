@@ -21,9 +21,8 @@ from gdfe_ros.node.interface import NODE_NAME
 from gdfe_ros.recording.provenance import STATE_FILE
 from gdfe_ros.recording.step_record import Begin, StepRecord
 from gdfe_ros.scene.override import override_words
-from gdfe_ros.testing.client import PATIENCE
+from gdfe_ros.testing.client import PATIENCE, NodeConnection
 from gdfe_ros.testing.consumed import ACTUATION, Consumed
-from gdfe_ros.testing.link import NodeConnection
 from gdfe_ros.testing.process import NodeProcess
 
 _SLOWER = 20.0

@@ -9,19 +9,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from geometry_msgs.msg import PoseStamped
-from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
-from gdfe_ros.constraints import Handle
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.interface import NODE_NAME
 from gdfe_ros.node.interface.scene_topics import target_key
 from gdfe_ros.node.messages import actuation, pose_stamped
 from gdfe_ros.scene.scene import Scene
-from gdfe_ros.testing.client import PATIENCE
+from gdfe_ros.testing.client import PATIENCE, NodeConnection
 from gdfe_ros.testing.consumed import ACTUATION
-from gdfe_ros.testing.link import NodeConnection
 from gdfe_ros.testing.process import NodeProcess
 
 
@@ -52,7 +48,7 @@ def play_program(
         GdfeError: the node ended, did not respond, ended with an error, or another node has its name; the message
             contains the node's log if it has one.
     """
-    topics, duration = _topics(scene), scene.program.duration
+    topics, duration = {key: type(each) for key, each in _messages(scene, 0.0).items()}, scene.program.duration
     settings = {
         "scene": source,
         "clock": "lockstep",
@@ -81,23 +77,12 @@ def play_program(
         return first
 
 
-def _topics(scene: Scene) -> dict[str, type]:
-    """Return a dict from command topic, relative to the node's name, to message type, for the scene's program."""
-    program = scene.program
-    topics: dict[str, type] = {target_key(_handle(scene, name)): PoseStamped for name in program.keyframes}
-    return topics | ({ACTUATION: JointState} if program.actuators or program.loads or program.joints else {})
-
-
 def _messages(scene: Scene, moment: float) -> dict[str, Any]:
-    """Return a dict from topic to message, with the program's commands at the time ``moment`` [s]."""
-    program, head = scene.program, Header()
+    """Return a dict from command topic, relative to the node's name, to message, at the time ``moment`` [s]."""
+    program, handles = scene.program, {handle.name: handle for handle in scene.handles}
     poses = program.handle_poses(moment).items()
-    messages = {target_key(_handle(scene, name)): pose_stamped(head, pose) for name, pose in poses}
+    messages = {target_key(handles[name]): pose_stamped(Header(), pose) for name, pose in poses}
     values = program.actuator_values(moment) | program.load_factors(moment) | program.joint_positions(moment)
     if values:
         messages[ACTUATION] = actuation({actuator.name: actuator for actuator in scene.actuators}, values)
     return messages
-
-
-def _handle(scene: Scene, name: str) -> Handle:
-    return next(handle for handle in scene.handles if handle.name == name)

@@ -1,9 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Prepare the server that forks nodes (see ``forking``): import modules, load kernels that every scene needs."""
+"""Prepare the server that forks nodes and environments (see ``forking``): import modules, load kernels."""
 
-from gdfe_ros.node import process as process
-from gdfe_ros.node import sim_node as sim_node
+from importlib import import_module
+from importlib.util import find_spec
+
 from gdfe_ros.scene import load_scene
 from gdfe_ros.simulation import Simulation
 
-Simulation(load_scene("bend5")).warm_up()
+for needed, module in (
+    ("rclpy", "gdfe_ros.node.process"),
+    ("rclpy", "gdfe_ros.node.sim_node"),
+    ("gymnasium", "gdfe_ros.testing.environment"),
+):
+    if find_spec(needed) is not None:
+        import_module(module)
+Simulation(load_scene("tendon_finger")).warm_up()

@@ -55,7 +55,7 @@ class Painter:
         self._plotter.clear_actors()
         values = self._surface.at_vertices(simulation.fields().eps_eq)
         shades = colour(values, *colour_range(float(values.min()), float(values.max())))
-        body = self._triangles(self._surface.outside.at(simulation.positions), self._surface.triangles)
+        body = self._polygons(self._surface.outside.at(simulation.positions), self._surface.triangles)
         self._add(body, scalars=(255.0 * shades).astype(np.uint8), rgb=True, smooth_shading=False)
         scenery = Scenery.of(simulation)
         for faces in scenery.obstacles:
@@ -107,9 +107,7 @@ class Painter:
         count, corners = faces.shape[:2]
         return self._polygons(faces.reshape(-1, 3), np.arange(count * corners).reshape(count, corners))
 
-    def _triangles(self, points: NDArray[np.float64], triangles: NDArray[np.integer]) -> Any:
-        return self._polygons(points, triangles)
-
     def _polygons(self, points: NDArray[np.float64], ids: NDArray[np.integer]) -> Any:
+        """Return VTK's surface of polygons with these corners (f, k) among the points."""
         rows = np.column_stack([np.full(len(ids), ids.shape[1]), ids])
         return self._library.PolyData(np.ascontiguousarray(points), rows.ravel())

@@ -6,11 +6,9 @@ from __future__ import annotations
 import itertools
 import json
 import os
-from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 import numpy as np
@@ -30,21 +28,20 @@ from gdfe_ros.errors import CommandError, GdfeError, OverlapError
 from gdfe_ros.node.interface import NODE_NAME
 from gdfe_ros.node.interface.scene_topics import is_commanded, put_key, state_topics, target_key
 from gdfe_ros.node.interface.services import COMPUTE_JACOBIAN, RESET_COMMANDS, STEP
-from gdfe_ros.node.interface.topics import JACOBIAN, MOVED, REFUSED
+from gdfe_ros.node.interface.topics import JACOBIAN, REFUSED
 from gdfe_ros.node.messages import actuation, pose_stamped
-from gdfe_ros.node.qos import interface_class, qos_profile
 from gdfe_ros.node.refusals import Reason
+from gdfe_ros.node.ros_types import interface_class, qos_profile
 from gdfe_ros.recording.step_record import Begin
 from gdfe_ros.scene.arms import joint_starts
 from gdfe_ros.scene.loader import load_scene
 from gdfe_ros.scene.override import override_words
 from gdfe_ros.simulation import Command
 from gdfe_ros.solver.forces.actuation import LOAD_FACTOR
-from gdfe_ros.testing.client import PATIENCE, STATE_QOS, Client
+from gdfe_ros.testing.client import PATIENCE, STATE_QOS, Client, Deadlock
 from gdfe_ros.testing.consumed import ACTUATION
-from gdfe_ros.testing.deadlock import Deadlock
 from gdfe_ros.testing.process import NodeProcess
-from gdfe_ros.testing.state import Moment, PublishedState, moment_of, unpack
+from gdfe_ros.testing.state import PublishedState, StepMessages, unpack
 
 _PRESENT = (Mode.LENGTH, Mode.VOLUME)
 """Modes whose neutral command is the initial value; the neutral command of other modes is zero."""
@@ -84,6 +81,7 @@ class Simulator:
     ) -> None:
         self.scene = load_scene(scene, overrides=overrides)
         self._movable = {each.name: target_key(each) for each in self.scene.handles if is_commanded(each)}
+        self._puts = {body.name: put_key(body) for body in self.scene.rigid_bodies}
         self._actuators = {actuator.name: actuator for actuator in self.scene.actuators}
         self._orders, self._carriers = Orders(self.scene, self.scene.solver), Carriers(self.scene.arms)
         self._patience = patience
@@ -153,11 +151,11 @@ class Simulator:
         self._overlaps.clear()
         # Before all others: the message that completes the command set starts the step.
         for name, pose in command.bodies.items():
-            self._puts[name].publish(pose_stamped(Header(), pose))
-        for name, publisher in self._targets.items():
-            publisher.publish(pose_stamped(Header(), poses[name]))
-        if self._actuation is not None:
-            self._actuation.publish(actuation(self._actuators, values))
+            self._publishers[self._puts[name]].publish(pose_stamped(Header(), pose))
+        for name, key in self._movable.items():
+            self._publishers[key].publish(pose_stamped(Header(), poses[name]))
+        if ACTUATION in self._publishers:
+            self._publishers[ACTUATION].publish(actuation(self._actuators, values))
         if not self._inputs() and not command.bodies:
             self._client.call(self._walk, Trigger.Request())
         self._wait(lambda: self._made.record.step >= count or self._refusals, "the step")
@@ -228,14 +226,12 @@ class Simulator:
         try:
             self._connect()
         except BaseException as error:
-            self.__exit__(type(error), error, error.__traceback__)
+            self.__exit__(type(error))
             raise
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._process.__exit__(kind, error, trace)
+    def __exit__(self, kind: type[BaseException] | None, *error: object) -> None:
+        self._process.__exit__(kind)
         if self._client is not None:
             self._client.close()
 
@@ -246,16 +242,20 @@ class Simulator:
         self._made: PublishedState | None = None
         self._listeners: list[Callable[[PublishedState], Any]] = []
         topics = state_topics(self.scene)
-        self._arrived: dict[str, deque[tuple[Moment, Any]]] = {topic: deque() for topic in topics}
+        self._arrived = StepMessages(topics, most=1000)
         for topic, spec in topics.items():
             callback = partial(self._receive, topic)
             self._node.create_subscription(interface_class(spec.type), f"{self.name}/{topic}", callback, STATE_QOS)
-        self._advertise()
+        self._publishers = {
+            key: self._node.create_publisher(
+                JointState if key == ACTUATION else PoseStamped, f"{self.name}/{key}", 1000
+            )
+            for key in ([*self._puts.values(), *self._inputs()] if self._own else [])
+        }
         self._meet()
         for label in ("configure", "activate"):
             self._client.transition(label)
-        own = [*self._targets.values(), *self._puts.values(), self._actuation]
-        self._client.await_listeners(publisher for publisher in own if publisher is not None)
+        self._client.await_listeners(self._publishers.values())
         self._wait(lambda: self.state is not None, "the first state")
         self._poses = dict.fromkeys(self._movable, Pose())
         self._values = {
@@ -265,26 +265,15 @@ class Simulator:
         self._values |= {load.name: LOAD_FACTOR for load in self.scene.loads}
         self._values |= joint_starts(self.scene.arms)
 
-    def _advertise(self) -> None:
-        make = partial(self._node.create_publisher, qos_profile=1000)
-        self._targets, self._puts, self._actuation = {}, {}, None
-        if self._own:
-            for handle in self.scene.handles:
-                if MOVED[handle.section].put is not None:
-                    self._puts[handle.name] = make(PoseStamped, f"{self.name}/{put_key(handle)}")
-            for name, key in self._movable.items():
-                self._targets[name] = make(PoseStamped, f"{self.name}/{key}")
-            if self.scene.actuators or self.scene.loads or self.scene.arms:
-                self._actuation = make(JointState, f"{self.name}/{ACTUATION}")
-
     def _meet(self) -> None:
         """Make the service clients, and wait until the node has discovered the clients and the subscriptions."""
         self._jacobians: list[Float64MultiArray] = []
         topic = JACOBIAN.name.replace("~", self.name)
         self._node.create_subscription(Float64MultiArray, topic, self._jacobians.append, 10)
-        self._differentiate = self._node.create_client(Trigger, COMPUTE_JACOBIAN.name.replace("~", self.name))
-        self._walk = self._node.create_client(Trigger, STEP.name.replace("~", self.name))
-        self._forget = self._node.create_client(Trigger, RESET_COMMANDS.name.replace("~", self.name))
+        self._differentiate, self._walk, self._forget = (
+            self._node.create_client(Trigger, spec.name.replace("~", self.name))
+            for spec in (COMPUTE_JACOBIAN, STEP, RESET_COMMANDS)
+        )
         self._refusals: list[str] = []
         self._overlaps: list[str] = []
         profile = qos_profile(REFUSED.delivery)
@@ -298,10 +287,10 @@ class Simulator:
         """
         entries = json.loads(message.data)
         text = f"command on {entries['source']} refused: {entries['message']}"
-        own = [*self._targets.values(), *self._puts.values(), *([self._actuation] if self._actuation else [])]
+        own = [publisher.topic_name for publisher in self._publishers.values()]
         if entries["reason"] == Reason.OVERLAP.value:
             self._overlaps.append(text)
-        elif self._spinning or entries["source"] in [publisher.topic_name for publisher in own]:
+        elif self._spinning or entries["source"] in own:
             self._refusals.append(text)
 
     def _inputs(self) -> list[str]:
@@ -310,25 +299,11 @@ class Simulator:
 
     def _receive(self, topic: str, message: Any) -> None:
         """Store a message; when the messages of a step are complete, update the state and inform the listeners."""
-        self._arrived[topic].append((moment_of(message), message))
-        while (messages := self._whole_step()) is not None:
-            self.state = unpack(self.scene, messages)
-            # A step that does not start from the last state follows a reset or a loaded state, not a command.
-            if self._made is None or self.state.record.begin is Begin.LAST:
-                self._made = self.state
-            for listener in self._listeners:
-                listener(self.state)
-
-    def _whole_step(self) -> dict[str, Any] | None:
-        """Remove and return the messages of the first step with a message on every topic; None if there is none.
-
-        Earlier steps are dropped. They are incomplete if a slow subscriber has lost a message under the wall clock.
-        """
-        first, *others = ([moment for moment, _ in queue] for queue in self._arrived.values())
-        moment = next((moment for moment in first if all(moment in other for other in others)), None)
-        if moment is None:
-            return None
-        for queue in self._arrived.values():
-            while queue[0][0] != moment:
-                queue.popleft()
-        return {topic: queue.popleft()[1] for topic, queue in self._arrived.items()}
+        if (messages := self._arrived.add(topic, message)) is None:
+            return
+        self.state = unpack(self.scene, messages)
+        # A step that does not start from the last state follows a reset or a loaded state, not a command.
+        if self._made is None or self.state.record.begin is Begin.LAST:
+            self._made = self.state
+        for listener in self._listeners:
+            listener(self.state)

@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""State after a step, from the contents of the node's messages, for a controller under test."""
+"""State after a step, from the node's messages, for a controller under test; its distance from a reference."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import PoseStamped
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import Imu, PointCloud2
 
@@ -70,6 +70,34 @@ def moment_of(message: Any) -> Moment:
     return given.sec, given.nanosec
 
 
+class StepMessages:
+    """Collects the messages of steps until all of one step have arrived.
+
+    Older steps are then dropped. They are incomplete if a slow subscriber has lost a message.
+
+    Args:
+        topics: topics of a step, one message each.
+        most: largest number of incomplete steps that are stored.
+    """
+
+    def __init__(self, topics: Collection[str], *, most: int) -> None:
+        self._count, self._most = len(topics), most
+        self._parts: dict[Moment, dict[str, Any]] = {}
+
+    def add(self, topic: str, message: Any) -> dict[str, Any] | None:
+        """Store a message on a topic; return the messages of its step by topic if they are complete, else None."""
+        moment = moment_of(message)
+        parts = self._parts.setdefault(moment, {})
+        parts[topic] = message
+        if len(parts) == self._count:
+            while self._parts.pop(next(iter(self._parts))) is not parts:
+                pass
+            return parts
+        while len(self._parts) > self._most:
+            del self._parts[next(iter(self._parts))]
+        return None
+
+
 def unpack(scene: Scene, messages: Mapping[str, Any]) -> PublishedState:
     """Return the state after a step from the step's messages, one for each of ``state_topics``."""
     mesh, moving = _vertices(messages[topics.MESH.key()]), scene.dynamics is not None
@@ -120,3 +148,37 @@ def _imu(message: Imu) -> ImuReading:
 def _wrench(message: Any) -> NDArray[np.float64]:
     force, torque = message.wrench.force, message.wrench.torque
     return np.array([force.x, force.y, force.z, torque.x, torque.y, torque.z])
+
+
+@dataclass(frozen=True)
+class TrackingError:
+    """Distances between actual and wanted positions.
+
+    Attributes:
+        largest: largest distance [m].
+        rms: root mean square of the distances [m].
+        last: distance at the end [m].
+    """
+
+    largest: float
+    rms: float
+    last: float
+
+
+def tracking_error(actual: ArrayLike, wanted: ArrayLike) -> TrackingError:
+    """Return largest, RMS and last distance between an actual and a wanted motion.
+
+    Args:
+        actual: (k, 3) positions [m].
+        wanted: (k, 3), or one position (3,) for all [m].
+
+    Raises:
+        ValueError: the shapes do not fit, an array is empty, or a value is not finite.
+    """
+    actual, wanted = np.asarray(actual, dtype=np.float64), np.asarray(wanted, dtype=np.float64)
+    if actual.ndim != 2 or actual.shape[1:] != (3,) or wanted.shape not in ((3,), actual.shape) or not len(actual):
+        raise ValueError(f"actual must be (k, 3) and wanted (k, 3) or (3,), got {actual.shape} and {wanted.shape}")
+    distances = np.linalg.norm(actual - wanted, axis=1)
+    if not np.isfinite(distances).all():
+        raise ValueError("positions must be finite numbers")
+    return TrackingError(float(distances.max()), float(np.sqrt((distances**2).mean())), float(distances[-1]))

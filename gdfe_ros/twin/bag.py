@@ -5,22 +5,24 @@ from __future__ import annotations
 
 import json
 import shutil
-import threading
 import time
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from gdfe_ros.analysis.message_values import Values
-from gdfe_ros.analysis.published import Publication
 from gdfe_ros.errors import RecordingError
-from gdfe_ros.live.bag import Messages
 from gdfe_ros.live.interface import View
 from gdfe_ros.node.interface import topics
 from gdfe_ros.node.interface.scene_topics import state_topics
+from gdfe_ros.recording.bag_info import TopicInfo
+from gdfe_ros.recording.packing import Packer, pack_text, packing
 from gdfe_ros.recording.provenance import RunInfo
-from gdfe_ros.recording.recorder import BackPressure, QueueOptions, Recorder
+from gdfe_ros.recording.published import PLACE, tables_of
+from gdfe_ros.recording.recorder import Recorder
+from gdfe_ros.recording.step import Demand, Step, observe
 from gdfe_ros.simulation import Simulation
 from gdfe_ros.twin.comparison import FRAME, Deviation
 
@@ -49,29 +51,30 @@ class TwinBag:
         if path.exists():
             raise RecordingError(f"bag {path} exists: name another file or remove it")
         scene, self._file = simulation.scene, path
-        self._messages = Messages(joints=[*simulation.actuator_names, *simulation.joint_goals])
-        self._publication, self._simulation = Publication(simulation), simulation
-        self._specs = {key: spec for key, spec in state_topics(scene).items() if spec is not topics.STEP_RECORD}
+        kinds = {key: spec.type for key, spec in state_topics(scene).items() if spec is not topics.STEP_RECORD}
+        self._topics = list(kinds)
+        self._pack_from(simulation)
         pairs = [f"{kind}/{probe}" for kind in ("measured", "compared") for probe in scene.probes]
-        kinds = {key: spec.type for key, spec in self._specs.items()}
         kinds |= dict.fromkeys(pairs, _POINT) | {_MODULI: _TEXT, topics.SCENE.key(): _TEXT}
         self._recorder = Recorder(
             path.with_name(f"{path.name}.part"),
-            [self._messages.topic(_full(role), kind, role) for role, kind in kinds.items()],
+            [TopicInfo(name=_full(role), type=kind, role=role) for role, kind in kinds.items()],
             run=RunInfo.of(scene),
-            queue=QueueOptions(back_pressure=BackPressure.BLOCK, block_seconds=30.0),
+            waits=True,
         )
-        self._packing = threading.Lock()
-        self._recorder.record(_full(topics.SCENE.key()), self._messages.text(scene.source), time.time_ns())
+        self._recorder.record(_full(topics.SCENE.key()), pack_text(scene.source), time.time_ns())
 
     def write(self, view: View, simulation: Simulation, stamp: float) -> None:
         """Record the state after a step of ``simulation`` at a time [s]; after an error of the disk, do nothing."""
         if self._recorder.error is not None:
             return
         if simulation is not self._simulation:  # its moduli have changed
-            self._publication, self._simulation = Publication(simulation), simulation
-        for role, values in self._publication.values(simulation.result, view.record, self._specs).items():
-            self._put(role, self._specs[role].type, values, stamp)
+            self._pack_from(simulation)
+        moment, given = _nanoseconds(stamp), observe(simulation, Demand())
+        record = replace(view.record, stamp=moment)
+        step = Step(record=record, result=simulation.result, log_time=moment, **given)
+        for role, pack in self._packs.items():
+            self._recorder.record(_full(role), pack(step), moment)
 
     def compare(self, found: Sequence[Deviation], moduli: Mapping[str, float]) -> None:
         """Record measurements beside the simulated positions, and the present moduli [Pa] of the fitted materials."""
@@ -79,11 +82,11 @@ class TwinBag:
             return
         for each in found:
             for kind, place in (("measured", each.measured), ("compared", each.simulated)):
-                values = {f"point.{axis}": np.array([value]) for axis, value in zip("xyz", place, strict=True)}
-                self._put(f"{kind}/{each.probe}", _POINT, values, each.stamp)
-        with self._packing:
-            text = self._messages.text(json.dumps(dict(moduli)))
-        self._recorder.record(_full(_MODULI), text, _nanoseconds(found[-1].stamp))
+                moment = _nanoseconds(each.stamp)
+                data = Packer(PLACE, FRAME).pack(moment, partial(np.copyto, src=place))
+                self._recorder.record(_full(f"{kind}/{each.probe}"), data, moment)
+        text = json.dumps(dict(moduli))
+        self._recorder.record(_full(_MODULI), pack_text(text), _nanoseconds(found[-1].stamp))
 
     def close(self) -> str:
         """Complete the file and return a summary."""
@@ -95,11 +98,11 @@ class TwinBag:
         shutil.rmtree(part)
         return status.summary(self._file)
 
-    def _put(self, role: str, kind: str, values: Values, stamp: float) -> None:
-        moment = _nanoseconds(stamp)
-        with self._packing:
-            data = self._messages.pack(kind, values, moment, FRAME)
-        self._recorder.record(_full(role), data, moment)
+    def _pack_from(self, simulation: Simulation) -> None:
+        """Make the messages from the tables of a simulation."""
+        tables, rows = tables_of(simulation.scene), [*simulation.actuator_names, *simulation.joint_goals]
+        self._packs = {role: packing(tables[role], FRAME, rows) for role in self._topics}
+        self._simulation = simulation
 
 
 def _full(role: str) -> str:

@@ -16,11 +16,12 @@ from std_msgs.msg import String
 
 from gdfe_ros.constraints import Pose
 from gdfe_ros.node import messages
+from gdfe_ros.recording.bag_info import TopicInfo
+from gdfe_ros.recording.packing import Packer
 from gdfe_ros.recording.provenance import RunInfo
 from gdfe_ros.recording.published import MESH, STRAIN, WRENCH, write_mesh, write_strain, write_wrench
 from gdfe_ros.recording.step import to_nanoseconds
 from gdfe_ros.recording.step_record import Begin, StepRecord
-from gdfe_ros.recording.topic import TopicInfo
 from gdfe_ros.recording.writer import BagWriter
 from gdfe_ros.scene import Scene, load_scene
 from gdfe_ros.simulation import Command, Simulation
@@ -65,7 +66,7 @@ class BagMaker:
         self._writer = BagWriter(path, topics, run=RunInfo(scene=scene.source, settings=settings))
         self._count, self._begin = 0, Begin.REST
         sizes = {"mesh": (MESH, scene.mesh.n_vertices), "strain": (STRAIN, scene.mesh.n_cells), "wrench": (WRENCH, 1)}
-        self._packers = {name: messages.Packer(kind, "base_link", count) for name, (kind, count) in sizes.items()}
+        self._packers = {name: Packer(kind, "base_link", count) for name, (kind, count) in sizes.items()}
         self._send("scene", String(data=scene.source), 0)
 
     def step(self, handles: Mapping[str, Pose] | None = None, *, dt: float = 0.01) -> None:

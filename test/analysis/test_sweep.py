@@ -75,7 +75,7 @@ def test_cases_with_an_equal_matrix_share_its_factor() -> None:
 
 def test_cases_that_did_not_converge_are_drawn_as_failed() -> None:
     """In a figure, failed and unconverged cases are crosses, and the line leaves them out."""
-    from gdfe_ros.analysis.sweep_results import results_figure
+    from gdfe_ros.analysis.sweep import results_figure
 
     good, bad = {"status": "converged"}, {"status": "not converged"}
     rows = [

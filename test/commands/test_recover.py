@@ -10,8 +10,8 @@ from rclpy.serialization import serialize_message
 from std_msgs.msg import String
 
 from gdfe_ros.cli import main
+from gdfe_ros.recording.bag_info import TopicInfo
 from gdfe_ros.recording.reader import BagReader
-from gdfe_ros.recording.topic import TopicInfo
 from gdfe_ros.recording.writer import BagWriter
 
 

@@ -83,16 +83,15 @@ def record_bag(tmp_path: Path) -> Callable[..., Path]:
         simulation, rng = Simulation(scene), np.random.default_rng(seed)
         bag = LiveBag(tmp_path / name, simulation, state=None, dt=0.01)
         span = 0.02
-        publish = bag._publication.values
+        pack = bag._packs["probe/tip"]
 
-        def disturbed(*given: object) -> dict:
-            made = dict(publish(*given))
-            for key, value in made["probe/tip"].items():
-                if key.startswith("pose.position"):
-                    made["probe/tip"][key] = value + noise * span * rng.standard_normal(value.shape)
-            return made
+        def disturbed(step: Step) -> bytes:
+            data = bytearray(pack(step))
+            place = np.frombuffer(data, "<f8", 3, len(data) - 56)  # the pose is at the end of the message
+            place += noise * span * rng.standard_normal(3)
+            return bytes(data)
 
-        bag._publication.values = disturbed
+        bag._packs["probe/tip"] = disturbed
         for number in range(count):
             command = Command(loads={"pull": 2.0 * (number + 1) / count})
             result = simulation.step(command, dt=0.01)

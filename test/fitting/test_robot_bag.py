@@ -13,9 +13,9 @@ import pytest
 from rosbags.typesys import Stores, get_typestore
 
 from gdfe_ros.cli import main
-from gdfe_ros.fitting.reading import read_recordings
+from gdfe_ros.fitting.fit import read_recordings
 from gdfe_ros.fitting.trajectory import Simulations
-from gdfe_ros.recording.topic import TopicInfo
+from gdfe_ros.recording.bag_info import TopicInfo
 from gdfe_ros.recording.writer import BagWriter
 from gdfe_ros.scene import scene_from_text
 from gdfe_ros.simulation import Command, Simulation

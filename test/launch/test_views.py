@@ -12,9 +12,8 @@ from typing import Any
 import yaml
 from rosbags.typesys import Stores, get_typestore
 
-from gdfe_ros.node.interface import NODE_NAME
+from gdfe_ros.node.interface import NODE_NAME, Delivery
 from gdfe_ros.node.interface.topics import OUTPUTS
-from gdfe_ros.node.specification import Delivery
 from gdfe_ros.recording.published import MESH, STRAIN
 
 CONFIG = Path(__file__).parents[2] / "config"

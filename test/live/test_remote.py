@@ -27,7 +27,7 @@ from gdfe_ros.recording.reader import BagReader
 from gdfe_ros.recording.step_record import Begin, StepRecord
 from gdfe_ros.scene import scene_from_text
 from gdfe_ros.testing import NodeProcess
-from gdfe_ros.testing.link import NodeConnection
+from gdfe_ros.testing.client import NodeConnection
 from test.live.viewer import Viewer
 
 FLOOR = "obstacles: {floor: {plane: [0, 0, 1], at: [0, 0, -0.02]}}\n"

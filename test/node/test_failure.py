@@ -152,7 +152,7 @@ def test_what_publishing_raises_is_told_and_ends_nothing(tmp_path: Path) -> None
             _broken()
         publish(step)
 
-    session.courier._handle = robot.node.guarded(once, "publishing a step")
+    session.courier._handle = robot.node.guard(once, "publishing a step")
     for count, z in ((2, 0.05), (3, 0.06)):
         robot.command(z)
         robot.wait(lambda count=count: session.stepper.count == count)

@@ -13,7 +13,7 @@ from gdfe_ros.node.interface import NODE_NAME
 from gdfe_ros.node.interface.parameters import PARAMETERS
 from gdfe_ros.node.interface.services import SERVICES
 from gdfe_ros.node.interface.topics import COMMANDS, OUTPUTS
-from gdfe_ros.node.qos import installed
+from gdfe_ros.node.ros_types import installed
 
 _OTHERS = ("/rosout", "/parameter_events", f"/{NODE_NAME}/transition_event")
 

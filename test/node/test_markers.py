@@ -23,8 +23,7 @@ from gdfe_ros.contacts import POINT
 from gdfe_ros.mesh.generators import bar
 from gdfe_ros.mesh.outside import carry_skin
 from gdfe_ros.mesh.packing import pack_surface
-from gdfe_ros.node.markers import MOST_TRIANGLES, ContactMarkers, SurfaceMarker
-from gdfe_ros.node.messages import pose_stamped
+from gdfe_ros.node.messages import MOST_TRIANGLES, ContactMarkers, SurfaceMarker, pose_stamped
 from gdfe_ros.scene.loader import scene_from_text
 
 CUBE = """

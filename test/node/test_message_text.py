@@ -6,18 +6,18 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import yaml
+from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import PointCloud2
 
-from gdfe_ros.node import messages
 from gdfe_ros.node.message_text import MOST_SHOWN, show
+from gdfe_ros.recording.packing import Packer
 from gdfe_ros.recording.published import MESH, write_mesh
 
 
 def _make_cloud(count: int) -> PointCloud2:
     rest = np.arange(3.0 * count).reshape(count, 3)
-    points = np.empty(count, MESH)
-    write_mesh(points.view("<f4").reshape(count, 6), rest + 0.1, rest)
-    return messages.cloud(messages.header(0, "map"), points)
+    data = Packer(MESH, "map", count).pack(0, lambda rows: write_mesh(rows, rest + 0.1, rest))
+    return deserialize_message(data, PointCloud2)
 
 
 def test_a_cloud_is_shown_as_points() -> None:

@@ -18,7 +18,7 @@ from sensor_msgs.msg import Imu, PointCloud2, PointField
 
 from gdfe_ros.constraints import Pose
 from gdfe_ros.node import messages
-from gdfe_ros.node.messages import Packer
+from gdfe_ros.recording.packing import Packer
 from gdfe_ros.recording.published import (
     IMU,
     MESH,

@@ -79,7 +79,7 @@ import importlib, pkgutil
 import gdfe_ros
 from gdfe_ros.share import share_dir
 for module in pkgutil.walk_packages(gdfe_ros.__path__, "gdfe_ros."):
-    if not module.name.endswith(("__main__", "preloaded", "preloaded_environment")):  # the latter two compile
+    if not module.name.endswith(("__main__", "preloaded")):  # the latter compiles
         importlib.import_module(module.name)
 print(gdfe_ros.__file__)
 print(gdfe_ros.load_scene("bend5").path)

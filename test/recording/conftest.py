@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from rosbags.typesys import Stores, get_typestore
 
-from gdfe_ros.recording.topic import TopicInfo
+from gdfe_ros.recording.bag_info import TopicInfo
 
 ROOT = Path(__file__).parents[2]
 MESH = TopicInfo(name="/gdfe_sim/mesh", type="sensor_msgs/msg/PointCloud2")

@@ -23,10 +23,10 @@ from gdfe_ros.cli import BAD_INPUT, main
 from gdfe_ros.errors import GdfeError, RecordingError
 from gdfe_ros.fitting.bag_topics import TopicValues
 from gdfe_ros.fitting.match import CompareModel
+from gdfe_ros.recording.bag_info import TopicInfo
 from gdfe_ros.recording.decoding import array_decoder
 from gdfe_ros.recording.foreign_bag import ForeignBag, open_bag
 from gdfe_ros.recording.reader import BagReader
-from gdfe_ros.recording.topic import TopicInfo
 from gdfe_ros.scene import scene_from_text
 
 SCENE = """

@@ -15,9 +15,10 @@ import pytest
 from rosbags.rosbag2 import Reader
 
 from gdfe_ros.errors import RecordingError
+from gdfe_ros.recording import recorder as recorder_module
+from gdfe_ros.recording.bag_info import TopicInfo
 from gdfe_ros.recording.reader import BagReader
-from gdfe_ros.recording.recorder import BackPressure, QueueOptions, Recorder, RecorderStatus
-from gdfe_ros.recording.topic import TopicInfo
+from gdfe_ros.recording.recorder import Recorder, RecorderStatus
 from gdfe_ros.recording.writer import BagWriter
 
 MEGABYTE = b"\0\1\0\0" + bytes(1 << 20)
@@ -26,7 +27,7 @@ MEGABYTE = b"\0\1\0\0" + bytes(1 << 20)
 CHILD = """
 import os, resource, sys, time
 from gdfe_ros.recording.recorder import Recorder, RecorderStatus
-from gdfe_ros.recording.topic import TopicInfo
+from gdfe_ros.recording.bag_info import TopicInfo
 
 path, limit, ending = sys.argv[1], int(sys.argv[2]), sys.argv[3]
 if limit:
@@ -93,7 +94,7 @@ def test_record_costs_less_than_a_tenth_of_a_millisecond(tmp_path: Path, mesh_to
 
 def test_messages_are_on_disk_within_the_flush_interval(tmp_path: Path, mesh_topic: TopicInfo) -> None:
     """A recorded message is in the file soon, long before a chunk is full."""
-    with Recorder(tmp_path / "bag", [mesh_topic], queue=QueueOptions(flush_seconds=0.01)) as recorder:
+    with Recorder(tmp_path / "bag", [mesh_topic]) as recorder:
         recorder.record(mesh_topic.name, b"\0\1\0\0needle", 0)
         deadline = time.monotonic() + 60
         while b"needle" not in (tmp_path / "bag" / "bag_0.mcap").read_bytes():
@@ -101,10 +102,12 @@ def test_messages_are_on_disk_within_the_flush_interval(tmp_path: Path, mesh_top
             time.sleep(0.005)
 
 
-def test_drop_refuses_at_once_and_counts(tmp_path: Path, mesh_topic: TopicInfo, stalled: threading.Event) -> None:
+def test_a_full_queue_refuses_at_once_and_counts(
+    tmp_path: Path, mesh_topic: TopicInfo, stalled: threading.Event, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """With a blocked disk and a full queue, messages are refused at once, counted, and noted in the bag."""
-    queue = QueueOptions(max_bytes=5 << 20)
-    with Recorder(tmp_path / "bag", [mesh_topic], queue=queue) as recorder:
+    monkeypatch.setattr(recorder_module, "MOST_BYTES", 5 << 20)
+    with Recorder(tmp_path / "bag", [mesh_topic]) as recorder:
         taken = [recorder.record(mesh_topic.name, MEGABYTE, step) for step in range(20)]
         assert recorder.status.written == 0, "who waits for room waits for the disk"
         assert recorder.status.dropped == {mesh_topic.name: 20 - sum(taken)}
@@ -116,20 +119,26 @@ def test_drop_refuses_at_once_and_counts(tmp_path: Path, mesh_topic: TopicInfo, 
     assert reader.notes["messages_dropped_by_topic"] == '{"/gdfe_sim/mesh": 16}'
 
 
-def test_block_waits_for_room(tmp_path: Path, mesh_topic: TopicInfo, stalled: threading.Event) -> None:
-    """With the policy BLOCK and a disk blocked for 0.2 s, every message is accepted."""
-    queue = QueueOptions(max_bytes=2 << 20, back_pressure=BackPressure.BLOCK, block_seconds=300)
-    with Recorder(tmp_path / "bag", [mesh_topic], queue=queue) as recorder:
+def test_a_run_that_waits_for_room_loses_nothing(
+    tmp_path: Path, mesh_topic: TopicInfo, stalled: threading.Event, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With a disk blocked for 0.2 s, every message of a run that waits is accepted."""
+    monkeypatch.setattr(recorder_module, "MOST_BYTES", 2 << 20)
+    monkeypatch.setattr(recorder_module, "LONGEST_WAIT", 300.0)
+    with Recorder(tmp_path / "bag", [mesh_topic], waits=True) as recorder:
         threading.Timer(0.2, stalled.set).start()
         assert all(recorder.record(mesh_topic.name, MEGABYTE, step) for step in range(10))
         assert stalled.is_set()
     assert len(BagReader(tmp_path / "bag")) == 10
 
 
-def test_block_gives_up_after_its_bound(tmp_path: Path, mesh_topic: TopicInfo, stalled: threading.Event) -> None:
-    """With a disk blocked for longer than `block_seconds`, the message is refused and counted."""
-    queue = QueueOptions(max_bytes=1 << 20, back_pressure=BackPressure.BLOCK, block_seconds=0.1)
-    with Recorder(tmp_path / "bag", [mesh_topic], queue=queue) as recorder:
+def test_the_wait_for_room_has_an_end(
+    tmp_path: Path, mesh_topic: TopicInfo, stalled: threading.Event, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With a disk blocked for longer than the longest wait, the message is refused and counted."""
+    monkeypatch.setattr(recorder_module, "MOST_BYTES", 1 << 20)
+    monkeypatch.setattr(recorder_module, "LONGEST_WAIT", 0.1)
+    with Recorder(tmp_path / "bag", [mesh_topic], waits=True) as recorder:
         assert recorder.record(mesh_topic.name, MEGABYTE, 0)
         assert not recorder.record(mesh_topic.name, MEGABYTE, 1)
         assert recorder.status.dropped_total == 1
@@ -163,15 +172,10 @@ def test_a_failing_writer_stops_the_recording_only(
     assert notes["messages_dropped"] == str(status.dropped_total)
 
 
-def test_topics_can_be_added_while_recording(tmp_path: Path, mesh_topic: TopicInfo, command_topic: TopicInfo) -> None:
-    """A second topic can be declared after the first messages; an undeclared one raises."""
-    with Recorder(tmp_path / "bag", [mesh_topic]) as recorder:
-        recorder.record(mesh_topic.name, b"\0\1\0\0", 0)
-        with pytest.raises(RecordingError, match="is not in bag"):
-            recorder.record(command_topic.name, b"\0\1\0\0", 1)
-        recorder.add_topic(command_topic)
+def test_a_topic_must_be_declared(tmp_path: Path, mesh_topic: TopicInfo, command_topic: TopicInfo) -> None:
+    """A message of an undeclared topic raises."""
+    with Recorder(tmp_path / "bag", [mesh_topic]) as recorder, pytest.raises(RecordingError, match="is not in bag"):
         recorder.record(command_topic.name, b"\0\1\0\0", 1)
-    assert BagReader(tmp_path / "bag").counts == {mesh_topic.name: 1, command_topic.name: 1}
 
 
 def test_closing_twice_is_harmless_and_later_messages_are_refused(tmp_path: Path, mesh_topic: TopicInfo) -> None:
@@ -181,20 +185,6 @@ def test_closing_twice_is_harmless_and_later_messages_are_refused(tmp_path: Path
     assert not recorder.record(mesh_topic.name, b"", 0)
     assert recorder.close().dropped_total == 0
     assert BagReader(tmp_path / "bag").notes["messages_dropped"] == "0"
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"max_bytes": 1}, "max_bytes"),
-        ({"block_seconds": -1}, "block_"),
-        ({"flush_seconds": 0}, "0.005 to 10"),
-    ],
-)
-def test_queue_options_out_of_range_are_refused(options: dict, message: str) -> None:
-    """Queue options out of range are refused with option, value and range."""
-    with pytest.raises(ValueError, match=message):
-        QueueOptions(**options)
 
 
 def _finish(process: subprocess.Popen[str]) -> str:

@@ -12,17 +12,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from mcap.reader import make_reader
+from mcap.writer import CompressionType
 from rosbags.rosbag2 import Reader
 
 from gdfe_ros.errors import RecordingError
-from gdfe_ros.recording.bag_file import Compression
+from gdfe_ros.recording import writer as bag_writer
+from gdfe_ros.recording.bag_info import TopicInfo
 from gdfe_ros.recording.provenance import RunInfo
 from gdfe_ros.recording.reader import BagReader
-from gdfe_ros.recording.recorder import QueueOptions
+from gdfe_ros.recording.recorder import FLUSH_INTERVAL
 from gdfe_ros.recording.recovery import recover
-from gdfe_ros.recording.topic import TopicInfo
-from gdfe_ros.recording.writer import BagOptions, BagWriter, FsyncPolicy
+from gdfe_ros.recording.writer import BagWriter
 
 SCENE = "name: bar\n"
 
@@ -33,7 +35,7 @@ import mmap, struct, sys, time
 import numpy as np
 from gdfe_ros.recording.provenance import RunInfo
 from gdfe_ros.recording.recorder import Recorder
-from gdfe_ros.recording.topic import TopicInfo
+from gdfe_ros.recording.bag_info import TopicInfo
 from gdfe_ros.recording.writer import BagWriter
 
 path, tally = sys.argv[1:]
@@ -56,17 +58,24 @@ with open(tally, "r+b") as file, mmap.mmap(file.fileno(), 16) as count:
 
 
 @pytest.fixture
-def bag(tmp_path: Path, mesh_topic: TopicInfo) -> Path:
-    """Return a complete bag of two files with 30 messages, one message per chunk."""
-    writer = BagWriter(
-        tmp_path / "bag",
-        [mesh_topic],
-        run=RunInfo(scene=SCENE),
-        options=BagOptions(chunk_size=1024, split_seconds=20e-9),
-    )
-    for number in range(30):
-        writer.write(mesh_topic.name, np.random.default_rng(number).bytes(2000), number)
-    writer.close()
+def small_chunks(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Make bags with one message per chunk."""
+    monkeypatch.setattr(bag_writer, "CHUNK", 1024)
+
+
+@pytest.fixture
+def bag(tmp_path: Path, mesh_topic: TopicInfo, small_chunks: None) -> Path:
+    """Return a complete bag of two files with 30 messages, one message per chunk, as rosbag2 splits it."""
+    for name, numbers in (("bag", range(20)), ("rest", range(20, 30))):
+        writer = BagWriter(tmp_path / name, [mesh_topic], run=RunInfo(scene=SCENE))
+        for number in numbers:
+            writer.write(mesh_topic.name, np.random.default_rng(number).bytes(2000), number)
+        writer.close()
+    (tmp_path / "rest" / "rest_0.mcap").rename(tmp_path / "bag" / "bag_1.mcap")
+    metadata = tmp_path / "bag" / "metadata.yaml"
+    info = yaml.safe_load(metadata.read_text())
+    info["rosbag2_bagfile_information"]["relative_file_paths"].append("bag_1.mcap")
+    metadata.write_text(yaml.safe_dump(info))
     return tmp_path / "bag"
 
 
@@ -106,7 +115,7 @@ def kill(tmp_path: Path, start_process: Callable[..., subprocess.Popen[str]]) ->
 def test_a_killed_recording_loses_nothing_that_was_flushed(kill: Callable[[int, float], list[int]], seed: int) -> None:
     """After SIGKILL at each of 8 random moments, a recovered bag is complete and has all flushed messages."""
     assert len(kill(seed, 0.3)) == 4
-    assert QueueOptions().flush_seconds < 0.1
+    assert FLUSH_INTERVAL < 0.1
 
 
 @pytest.mark.bench
@@ -128,11 +137,17 @@ def test_a_whole_bag_is_recovered_whole(bag: Path, tmp_path: Path) -> None:
     assert new.notes["recovered_from"] == "bag"
 
 
-@pytest.mark.parametrize("compression", Compression)
-def test_a_file_cut_anywhere_gives_a_prefix(tmp_path: Path, mesh_topic: TopicInfo, compression: Compression) -> None:
+@pytest.mark.parametrize("compression", [CompressionType.NONE, CompressionType.LZ4, CompressionType.ZSTD])
+def test_a_file_cut_anywhere_gives_a_prefix(
+    tmp_path: Path,
+    mesh_topic: TopicInfo,
+    small_chunks: None,
+    compression: CompressionType,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     """A file cut at any of 60 lengths gives a prefix of its messages, which grows with the length."""
-    options = BagOptions(chunk_size=1024, compression=compression)
-    writer = BagWriter(tmp_path / "bag", [mesh_topic], options=options)
+    monkeypatch.setattr(bag_writer, "COMPRESSION", compression)
+    writer = BagWriter(tmp_path / "bag", [mesh_topic])
     written = [np.random.default_rng(number).bytes(1100) for number in range(20)]
     for number, message in enumerate(written):
         writer.write(mesh_topic.name, message, number)
@@ -197,11 +212,13 @@ def test_a_finished_file_tells_its_topics_twice(bag: Path) -> None:
     assert (report.total, report.orphans, report.damaged_chunks) == (29, 0, 1)
 
 
-def test_a_bit_in_the_first_records_costs_a_chunk_at_most(tmp_path: Path, mesh_topic: TopicInfo) -> None:
+def test_a_bit_in_the_first_records_costs_a_chunk_at_most(
+    tmp_path: Path, mesh_topic: TopicInfo, small_chunks: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """One bit flipped before the third chunk (every 37th byte is tried) costs at most one chunk; the scene is kept."""
     scene_topic = TopicInfo(name="/gdfe_sim/scene", type="std_msgs/msg/String")
-    quick = BagOptions(chunk_size=1024, compression=Compression.NONE, fsync=FsyncPolicy.NEVER)
-    writer = BagWriter(tmp_path / "bag", [scene_topic, mesh_topic], run=RunInfo(scene=SCENE), options=quick)
+    monkeypatch.setattr(bag_writer, "COMPRESSION", CompressionType.NONE)
+    writer = BagWriter(tmp_path / "bag", [scene_topic, mesh_topic], run=RunInfo(scene=SCENE))
     text = SCENE.encode() + b"\0"
     writer.write(scene_topic.name, b"\0\1\0\0" + struct.pack("<I", len(text)) + text, 0)
     for number in range(9):
@@ -214,15 +231,16 @@ def test_a_bit_in_the_first_records_costs_a_chunk_at_most(tmp_path: Path, mesh_t
         damaged = bytearray(content)
         damaged[place] ^= 1 << (number % 8)
         (tmp_path / "damaged.mcap").write_bytes(damaged)
-        report = recover(tmp_path / "damaged.mcap", tmp_path / f"out{place}", options=quick)
+        report = recover(tmp_path / "damaged.mcap", tmp_path / f"out{place}")
         assert report.total >= 8, place
         assert BagReader(report.path).run.scene == SCENE, place
 
 
-def test_damaged_places_all_over_a_file_cost_their_chunks(tmp_path: Path, mesh_topic: TopicInfo) -> None:
+def test_damaged_places_all_over_a_file_cost_their_chunks(
+    tmp_path: Path, mesh_topic: TopicInfo, small_chunks: None
+) -> None:
     """Five destroyed record headers cost the five chunks that they start, and all other messages are recovered."""
-    quick = BagOptions(chunk_size=1024, fsync=FsyncPolicy.NEVER)
-    writer = BagWriter(tmp_path / "bag", [mesh_topic], options=quick)
+    writer = BagWriter(tmp_path / "bag", [mesh_topic])
     for number in range(40):
         writer.write(mesh_topic.name, np.random.default_rng(number).bytes(1100), number)
     writer.close()
@@ -231,7 +249,7 @@ def test_damaged_places_all_over_a_file_cost_their_chunks(tmp_path: Path, mesh_t
         head = content.find(np.random.default_rng(number).bytes(1100)[100:200])
         content[head - 200 : head] = b"\xa5" * 200
     (tmp_path / "bag" / "bag_0.mcap").write_bytes(content)
-    report = recover(tmp_path / "bag", tmp_path / "new", options=quick)
+    report = recover(tmp_path / "bag", tmp_path / "new")
     found = {message.log_time for message in BagReader(tmp_path / "new").messages()}
     assert found == set(range(40)) - {5, 11, 12, 30, 39}
     assert report.missing == {mesh_topic.name: 4}  # nothing tells of the last one

@@ -22,8 +22,7 @@ from gdfe_ros.node.messages import pose_stamped
 from gdfe_ros.recording.step_record import Begin
 from gdfe_ros.simulation import Command
 from gdfe_ros.testing import NodeProcess, Simulator
-from gdfe_ros.testing.client import PATIENCE
-from gdfe_ros.testing.link import NodeConnection
+from gdfe_ros.testing.client import PATIENCE, NodeConnection
 from gdfe_ros.testing.node_replay import NodeReplay
 
 COARSE = {"mesh.bar.cells": "[20, 2, 2]", "solver.tolerance": "1e-8"}

@@ -13,9 +13,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from gdfe_ros.errors import GdfeError
+from gdfe_ros.recording.bag_info import TopicInfo
 from gdfe_ros.recording.reader import BagReader
 from gdfe_ros.recording.recovery import recover
-from gdfe_ros.recording.topic import TopicInfo
 from gdfe_ros.recording.writer import BagWriter
 
 pytestmark = pytest.mark.usefixtures("limited")

@@ -153,9 +153,9 @@ def _strain(history: RunHistory) -> Chart:
     ticks = [-2, -1, 0, 1, 2]
     heat = {
         "type": "heatmap",
-        "x": _numbers(times),
-        "y": _numbers(0.5 * (edges[1:] + edges[:-1])),
-        "z": [_numbers(row) for row in shown],
+        "x": numbers_of(times),
+        "y": numbers_of(0.5 * (edges[1:] + edges[:-1])),
+        "z": [numbers_of(row) for row in shown],
         "colorscale": "Viridis",
         "zmax": 2.0,
         "zmin": max(-2.0, float(np.log10(100.0 * shares[shares > 0.0].min()))),
@@ -225,7 +225,7 @@ def _traces(time: NDArray[np.float64], series: dict[str, NDArray[np.float64]]) -
             line |= {"dash": "dot", "width": 3, "color": _COLOURS[_AXES.index(name[-1])]}
         elif name.startswith("commanded "):
             line["color"] = _COLOURS[_AXES.index(name[-1])]
-        x, y = _numbers(time), _numbers(values)
+        x, y = numbers_of(time), numbers_of(values)
         traces.append({"type": "scatter", "mode": "lines", "name": name, "x": x, "y": y, "line": line})
     return traces
 
@@ -250,6 +250,6 @@ def _stride(steps: int) -> int:
     return -(-steps // MOST_POINTS)
 
 
-def _numbers(values: Iterable[float]) -> list[float | None]:
+def numbers_of(values: Iterable[float]) -> list[float | None]:
     """Return numbers rounded to seven digits, and None for NaN and infinity, which JSON does not have."""
     return [float(f"{value:.7g}") if np.isfinite(value) else None for value in values]

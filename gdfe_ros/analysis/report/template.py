@@ -61,7 +61,7 @@ def build_page(
         "title": escape(title),
         "description": escape(description),
         "style": read_file("page.css"),
-        "tables": "\n".join(_table(heading, rows) for heading, rows in tables.items()),
+        "tables": "\n".join(tabulate(heading, rows) for heading, rows in tables.items()),
         "remarks": "\n".join(f"<li>{escape(text)}</li>" for text in remarks),
         "charts": to_json(charts),
         "animation": to_json(animation),
@@ -74,6 +74,11 @@ def build_page(
     return fill(read_file("page.html"), parts)
 
 
-def _table(heading: str, rows: Rows) -> str:
-    body = "".join(f"<tr><th>{escape(name)}</th><td>{escape(value)}</td></tr>" for name, value in rows)
+def tabulate(heading: str, rows: Sequence[Sequence[str]], head: Sequence[str] = ()) -> str:
+    """Return a section with a table; without a ``head``, the first cell of each row is its heading."""
+    lines = [("".join(f"<th>{escape(name)}</th>" for name in head))] if head else []
+    for first, *cells in rows:
+        kind = "td" if head else "th"
+        lines.append(f"<{kind}>{escape(first)}</{kind}>" + "".join(f"<td>{escape(cell)}</td>" for cell in cells))
+    body = "".join(f"<tr>{line}</tr>" for line in lines)
     return f"<section><h2>{escape(heading)}</h2><table>{body}</table></section>"

@@ -8,8 +8,7 @@ from concurrent.futures import Future
 from time import monotonic
 from typing import Any
 
-from geometry_msgs.msg import Point, PoseStamped, Quaternion
-from geometry_msgs.msg import Pose as PoseMessage
+from geometry_msgs.msg import PoseStamped
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.parameter_client import AsyncParameterClient
@@ -22,9 +21,9 @@ from gdfe_ros.live.session import Programme
 from gdfe_ros.node.interface import services, topics
 from gdfe_ros.node.interface.parameters import MODULUS
 from gdfe_ros.node.interface.scene_topics import is_commanded, put_key, target_key
-from gdfe_ros.node.messages import actuation
+from gdfe_ros.node.messages import actuation, pose_message
 from gdfe_ros.node.orders import ActuatorOrder, Order, PlaceOrder, require_order
-from gdfe_ros.node.qos import interface_class, qos_profile
+from gdfe_ros.node.ros_types import interface_class, qos_profile
 from gdfe_ros.recording.step_record import Begin, StepRecord
 from gdfe_ros.scene.scene import Scene
 
@@ -81,11 +80,7 @@ class Commander:
         """
         self.require(name, order)
         if isinstance(order, PlaceOrder):
-            position = Point(**dict(zip("xyz", order.translation, strict=True)))
-            pose = PoseMessage(
-                position=position, orientation=Quaternion(**dict(zip("xyzw", order.quaternion, strict=True)))
-            )
-            self._targets[name].publish(PoseStamped(pose=pose))
+            self._targets[name].publish(PoseStamped(pose=pose_message(order.translation, order.quaternion)))
         elif isinstance(order, ActuatorOrder):
             self._actuation.publish(actuation(self._actuators, order.values))
         else:
@@ -102,18 +97,14 @@ class Commander:
         """
         if not self._parameters.services_are_ready():
             raise GdfeError(f"the parameters of {self._name} are not available; is the node running?")
-        answer: Future[str] = Future()
 
-        def hear(done: Any) -> None:
-            result = done.result().result
-            if result.successful:
-                answer.set_result("")
-            else:
-                answer.set_exception(GdfeError(f"{self._name}: {result.reason}"))
+        def read(response: Any) -> str:
+            if not response.result.successful:
+                raise GdfeError(f"{self._name}: {response.result.reason}")
+            return ""
 
         values = [Parameter(MODULUS.name.format(material=name), value=float(young)) for name, young in moduli.items()]
-        self._parameters.set_parameters_atomically(values).add_done_callback(hear)
-        return answer
+        return _answer(self._parameters.set_parameters_atomically(values), read)
 
     def call(self, ability: Ability, *, on: bool = False) -> Future[str]:
         """Call the service of a request; return a ``Future`` of the answer. ``on`` is the data of a SetBool request.
@@ -128,17 +119,27 @@ class Commander:
         if not client.service_is_ready():
             raise GdfeError(f"{client.srv_name} is not available; is the node {self._name} running?")
         request = SetBool.Request(data=on) if client.srv_type is SetBool else Trigger.Request()
-        answer: Future[str] = Future()
 
-        def hear(done: Any) -> None:
-            response = done.result()
-            if response.success:
-                answer.set_result(response.message if ability is Ability.RECORD else "")
-            else:
-                answer.set_exception(GdfeError(f"{client.srv_name}: {response.message}"))
+        def read(response: Any) -> str:
+            if not response.success:
+                raise GdfeError(f"{client.srv_name}: {response.message}")
+            return response.message if ability is Ability.RECORD else ""
 
-        client.call_async(request).add_done_callback(hear)
-        return answer
+        return _answer(client.call_async(request), read)
+
+
+def _answer(pending: Any, read: Callable[[Any], str]) -> Future[str]:
+    """Return a ``Future`` of what ``read`` makes of the response to a request."""
+    answer: Future[str] = Future()
+
+    def hear(done: Any) -> None:
+        try:
+            answer.set_result(read(done.result()))
+        except GdfeError as error:
+            answer.set_exception(error)
+
+    pending.add_done_callback(hear)
+    return answer
 
 
 LOST = 1.0

@@ -9,27 +9,22 @@ import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from dataclasses import replace
-from types import TracebackType
 
-import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
-from rclpy.context import Context
-from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import String
 
 from gdfe_ros.constraints import Pose
 from gdfe_ros.errors import GdfeError
-from gdfe_ros.live.interface import Ability, View
+from gdfe_ros.live.interface import Ability, ShownRun, View
 from gdfe_ros.live.remote.commander import Commander, Player
 from gdfe_ros.live.remote.search import NodeReport, Waiting, absence, full_name
 from gdfe_ros.live.remote.steps import Steps, view_of
 from gdfe_ros.node.command_messages import EFFORTS
 from gdfe_ros.node.interface import topics
-from gdfe_ros.node.managed import EventlessNode
 from gdfe_ros.node.orders import ActuatorOrder, Order
-from gdfe_ros.node.process import make_executor
-from gdfe_ros.node.qos import qos_profile
+from gdfe_ros.node.process import LoneNode
 from gdfe_ros.node.remodelling import moduli_of, source_with
+from gdfe_ros.node.ros_types import qos_profile
 from gdfe_ros.recording.step_record import Begin, StepRecord
 from gdfe_ros.scene.arms import joint_starts
 from gdfe_ros.scene.loader import scene_from_text
@@ -44,7 +39,7 @@ _SILENT = 3.5
 _OWN = "gdfe_live"
 
 
-class NodeSession:
+class NodeSession(ShownRun):
     """Session for a node in another process; the constructor waits for the node's scene.
 
     Args:
@@ -74,11 +69,8 @@ class NodeSession:
         self._steps: Steps | None = None
         self._thread: threading.Thread | None = None
         self._ending, self._watched, self._silent = threading.Event(), False, False
-        self._context = Context()
-        rclpy.init(context=self._context, signal_handler_options=SignalHandlerOptions.NO)
-        self._node = EventlessNode(f"{_OWN}_{os.getpid()}", context=self._context)
-        self._executor = make_executor(self._context)
-        self._executor.add_node(self._node)
+        self._ros = LoneNode(f"{_OWN}_{os.getpid()}")
+        self._node, self._executor = self._ros.node, self._ros.executor
         try:
             self._scene = self._find(patience, say)
             self._commander = Commander(self._node, self.name, self._scene)
@@ -86,11 +78,6 @@ class NodeSession:
         except BaseException:
             self.stop()
             raise
-
-    @property
-    def abilities(self) -> frozenset[Ability]:
-        """Requests that the node supports: all, but playback only if the scene has a program."""
-        return frozenset(Ability) - ({Ability.PLAY} if self._scene.program is None else frozenset())
 
     @property
     def title(self) -> str:
@@ -158,14 +145,12 @@ class NodeSession:
             self._thread.join()
         if self._steps is not None:
             self._steps.close()
-        self._executor.shutdown()
-        self._node.destroy_node()
-        rclpy.try_shutdown(context=self._context)
+        self._ros.close()
 
     def __enter__(self) -> NodeSession:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+    def __exit__(self, *error: object) -> None:
         self.stop()
 
     def watch(self, wanted: bool) -> None:

@@ -12,15 +12,15 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.subscription import Subscription
 
-from gdfe_ros.actuators import Actuator, Mode
+from gdfe_ros.actuators import Actuator, ActuatorState, Mode
 from gdfe_ros.live.interface import Reading, View
 from gdfe_ros.node.interface import topics
 from gdfe_ros.node.interface.scene_topics import state_topics
-from gdfe_ros.node.qos import interface_class
+from gdfe_ros.node.ros_types import interface_class
 from gdfe_ros.recording.published import STRAIN
 from gdfe_ros.recording.step_record import StepRecord
 from gdfe_ros.scene.scene import Scene
-from gdfe_ros.testing.state import Moment, PublishedState, moment_of, unpack
+from gdfe_ros.testing.state import PublishedState, StepMessages, unpack
 
 _QOS = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _MOST = 16
@@ -57,7 +57,7 @@ class Steps:
         self._scene, self._consumed, self._told, self._failed = scene, consumed, told, failed
         self._specs, self._node, self._name = state_topics(scene), node, name
         self._subscriptions: list[Subscription] = []
-        self._parts: dict[Moment, dict[str, Any]] = {}
+        self._parts = StepMessages(self._specs, most=_MOST)
         self._newest: dict[str, Any] | None = None
         self._come, self._ending = threading.Event(), threading.Event()
         self._subscribe(topics.STEP_RECORD.key())
@@ -88,17 +88,9 @@ class Steps:
         """Store a message until all messages of its step have arrived; then drop older steps."""
         if key == topics.STEP_RECORD.key():
             self._consumed(StepRecord.from_json(message.data))
-        moment = moment_of(message)
-        parts = self._parts.setdefault(moment, {})
-        parts[key] = message
-        if len(parts) == len(self._specs):
-            order = list(self._parts)
-            for old in order[: order.index(moment) + 1]:
-                del self._parts[old]
+        if (parts := self._parts.add(key, message)) is not None:
             self._newest = parts
             self._come.set()
-        while len(self._parts) > _MOST:
-            del self._parts[next(iter(self._parts))]
 
     def _work(self) -> None:
         try:
@@ -132,13 +124,8 @@ def view_of(state: PublishedState, scene: Scene) -> View:
 
 def _readings(actuator: Actuator, position: float, speed: float, effort: float) -> list[Reading]:
     """Return the readings of an actuator from its values in ``~/joint_states``."""
-    match actuator.mode:
-        case Mode.GROWTH:
-            return [("growth", position, "")]
-        case Mode.GRIP:
-            return [("holds", position, ""), ("force", effort, "N")]
-        case Mode.PRESSURE | Mode.VOLUME:
-            return [("volume", position, "m^3"), ("pressure", effort, "Pa")]
-        case Mode.SHORTENING:
-            return [("shortening", position, "m"), ("tension", effort, "N")]
-    return [("length", position, "m"), ("tension", effort, "N")]
+    mode = actuator.mode
+    found = ActuatorState(mode, position, position, effort).readings()
+    if mode in (Mode.GROWTH, Mode.SHORTENING):  # whose positions are their commands, unlike their extents
+        found[0] = (mode.value, *found[0][1:])
+    return found

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from gdfe_ros.node.specification import Changeable, ParameterSpec
+from gdfe_ros.node.interface import Changeable, ParameterSpec
 
 _UP_TO_AN_HOUR = {"unit": "s", "least": 0.0, "most": 3600.0}
 

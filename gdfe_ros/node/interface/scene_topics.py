@@ -5,8 +5,7 @@ from __future__ import annotations
 
 from gdfe_ros.constraints import Handle
 from gdfe_ros.contacts import contact_names
-from gdfe_ros.node.interface import topics
-from gdfe_ros.node.specification import TopicSpec
+from gdfe_ros.node.interface import TopicSpec, topics
 from gdfe_ros.scene.scene import Scene
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import re
 
-from gdfe_ros.node.specification import ServiceSpec
+from gdfe_ros.node.interface import ServiceSpec
 
 
 def _own(name: str, meaning: str, *, kind: str = "Trigger") -> ServiceSpec:
@@ -83,8 +83,18 @@ GET_ENTITIES = _standard(
     "list the rigid bodies and the soft bodies beside the scene's body; filters: an expression for names, "
     "categories, tags (rigid, soft, spawned), a box or a sphere in the frame `frame_id`",
 )
+GET_ENTITY_STATE = _standard(
+    "GetEntityState",
+    "answer a body's pose and velocity after the last step, in the frame `frame_id`; those of a soft body are its "
+    "mean ones",
+)
 GET_ENTITIES_STATES = _standard(
     "GetEntitiesStates", "answer names and states, all after the same step, with the filters of ~/get_entities"
+)
+SET_ENTITY_STATE = _standard(
+    "SetEntityState",
+    "teleport a body with the next step; it is then without velocity, and a soft one keeps its deformation. A "
+    "velocity is refused",
 )
 GET_ENTITY_INFO = _standard("GetEntityInfo", "answer category, description and tags of a body")
 GET_ENTITY_BOUNDS = _standard(
@@ -96,16 +106,6 @@ GET_SPAWNABLES = _standard(
 )
 GET_NAMED_POSES = _standard(
     "GetNamedPoses", "list the rest poses of handles, obstacles and probes, each with its kind as a tag"
-)
-GET_ENTITY_STATE = _standard(
-    "GetEntityState",
-    "answer a body's pose and velocity after the last step, in the frame `frame_id`; those of a soft body are its "
-    "mean ones",
-)
-SET_ENTITY_STATE = _standard(
-    "SetEntityState",
-    "teleport a body with the next step; it is then without velocity, and a soft one keeps its deformation. A "
-    "velocity is refused",
 )
 LOAD_WORLD = _standard(
     "LoadWorld",
@@ -125,16 +125,9 @@ FOLLOW_TRAJECTORY = ServiceSpec(
     "hold back. A later command of one of its actuators ends it. After a cancellation the commands keep their "
     "present values",
 )
-STANDARD_SERVICES = (
-    GET_FEATURES, GET_STATE, SET_STATE, RESET_SIMULATION, STEP_SIMULATION, SIMULATE_STEPS, SPAWN_ENTITY,
-    SPAWN_ENTITIES, DELETE_ENTITY, GET_ENTITIES, GET_ENTITY_STATE, GET_ENTITIES_STATES, SET_ENTITY_STATE,
-    GET_ENTITY_INFO, GET_ENTITY_BOUNDS, GET_SPAWNABLES, GET_NAMED_POSES, LOAD_WORLD, UNLOAD_WORLD,
-    GET_CURRENT_WORLD, GET_AVAILABLE_WORLDS,
-)  # fmt: skip
+_ALL = [spec for spec in vars().values() if isinstance(spec, ServiceSpec)]
+SERVICES = tuple(spec for spec in _ALL if spec.type.startswith("std_srvs/"))
+STANDARD_SERVICES = tuple(spec for spec in _ALL if spec.type.startswith("simulation_interfaces/"))
 """Services offered if the package simulation_interfaces is installed, and its version has them."""
-ACTIONS = (FOLLOW_TRAJECTORY,)
+ACTIONS = tuple(spec for spec in _ALL if spec.type.startswith("control_msgs/"))
 """Actions offered if the package control_msgs is installed."""
-SERVICES = (
-    RESET, RESET_COMMANDS, RESET_BODIES, RESET_SHAPE, RESET_ARMS, PAUSE, STEP, RECORD, SAVE_STATE, LOAD_STATE,
-    COMPUTE_JACOBIAN,
-)  # fmt: skip

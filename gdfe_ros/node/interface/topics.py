@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from gdfe_ros.node.specification import Delivery, TopicSpec
+from gdfe_ros.node.interface import Delivery, TopicSpec
 
 TARGET = TopicSpec(
     name="~/handles/{handle}/target",
@@ -98,26 +98,6 @@ FOLLOWED = TopicSpec(
     meaning="pose at which a handle or obstacle with `follow` is held: the place of its frame in the header's "
     "frame; an empty `frame_id` is the node's frame",
     delivery=Delivery.FOLLOWED,
-)
-COMMANDS = (
-    TARGET,
-    VELOCITY,
-    OBSTACLE_TARGET,
-    OBSTACLE_VELOCITY,
-    BODY_SET,
-    ACTUATION,
-    ACTUATOR_COMMANDS,
-    TRAJECTORY,
-    JOINT_COMMAND,
-    ATTACH,
-    RELEASE,
-)
-
-CLOCK = TopicSpec(
-    name="/clock",
-    type="rosgraph_msgs/msg/Clock",
-    meaning="simulation time, if `publish_clock` is true; a reset sets it back to 0",
-    delivery=Delivery.CLOCK,
 )
 MESH = TopicSpec(
     name="~/mesh",
@@ -239,13 +219,6 @@ JOINT_STATES = TopicSpec(
     "joint of the arms: position [rad], [m], velocity, and the effort of its motor [N m], [N], which holds and moves "
     "the links and the soft body",
 )
-ROBOT_DESCRIPTION = TopicSpec(
-    name="~/arms/{arm}/robot_description",
-    type="std_msgs/msg/String",
-    meaning="URDF of the arm, with its prefix, as robot_state_publisher publishes it",
-    delivery=Delivery.LATCHED,
-    recorded=False,
-)
 JACOBIAN = TopicSpec(
     name="~/jacobian",
     type="std_msgs/msg/Float64MultiArray",
@@ -306,6 +279,13 @@ SCENE = TopicSpec(
     meaning="the scene as YAML text; meshes are embedded, so that it needs no other file",
     delivery=Delivery.LATCHED,
 )
+ROBOT_DESCRIPTION = TopicSpec(
+    name="~/arms/{arm}/robot_description",
+    type="std_msgs/msg/String",
+    meaning="URDF of the arm, with its prefix, as robot_state_publisher publishes it",
+    delivery=Delivery.LATCHED,
+    recorded=False,
+)
 PROCESS = "process"
 """Key of the node's process id on /diagnostics; the id distinguishes nodes of the same name."""
 DIAGNOSTICS = TopicSpec(
@@ -323,14 +303,15 @@ REFUSED = TopicSpec(
     delivery=Delivery.EVENT,
     recorded=False,
 )
-OUTPUTS = (
-    MESH, STRAIN, VERTEX_VELOCITY, HANDLE_POSE, HANDLE_WRENCH, HANDLE_SENSOR, OBSTACLE_POSE, OBSTACLE_WRENCH,
-    BODY_POSE, BODY_WRENCH, LINK_POSE, LINK_WRENCH, CONTACTS, CONTACT_NAMES,
-    SENSOR_WRENCH, PROBE, IMU, JOINT_STATES, JACOBIAN,
-    STEP_RECORD,
-    MARKERS, CONTACT_MARKERS, TF, TF_STATIC, TOPOLOGY, SCENE, ROBOT_DESCRIPTION, DIAGNOSTICS, REFUSED,
-    CLOCK,
-)  # fmt: skip
+CLOCK = TopicSpec(
+    name="/clock",
+    type="rosgraph_msgs/msg/Clock",
+    meaning="simulation time, if `publish_clock` is true; a reset sets it back to 0",
+    delivery=Delivery.CLOCK,
+)
+_ALL = [spec for spec in vars().values() if isinstance(spec, TopicSpec) and spec.name]
+COMMANDS = tuple(spec for spec in _ALL if spec.delivery is Delivery.COMMAND)
+OUTPUTS = tuple(spec for spec in _ALL if spec.delivery is not Delivery.COMMAND)
 
 
 @dataclass(frozen=True)

@@ -10,19 +10,15 @@ from threading import Event, Thread
 from typing import Any
 
 import numpy as np
-import rclpy
 from geometry_msgs.msg import PointStamped, PoseStamped
-from rclpy.context import Context
 from rclpy.qos import QoSProfile, qos_profile_sensor_data
-from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
 
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.command_messages import ActuatorOrders
 from gdfe_ros.node.inputs import read_message
-from gdfe_ros.node.managed import EventlessNode
 from gdfe_ros.node.plain_log import shorten
-from gdfe_ros.node.process import make_executor
+from gdfe_ros.node.process import LoneNode
 from gdfe_ros.node.refusals import Refusal, RefusalLog
 from gdfe_ros.twin.comparison import FRAME
 from gdfe_ros.twin.twin import Twin
@@ -58,19 +54,16 @@ class Robot:
         self._framed: set[str] = set()
         joints = [joint for arm in scene.arms for joint in arm.joints]
         self._orders = ActuatorOrders(scene.actuators, [load.name for load in scene.loads], joints)
-        self._context = Context()
-        rclpy.init(context=self._context, signal_handler_options=SignalHandlerOptions.NO)
-        self._node = EventlessNode("gdfe_twin", context=self._context)
+        self._ros = LoneNode("gdfe_twin")
+        self._node = self._ros.node
         try:
             kinds = {probe: self._type_of(topic, patience) for probe, topic in measured.items()}
         except GdfeError:
-            self._destroy()
+            self._ros.close()
             raise
         self._listen(commands, JointState, self._command, 10)
         for probe, topic in measured.items():
             self._listen(topic, kinds[probe], partial(self._measure, probe, topic), qos_profile_sensor_data)
-        self._executor = make_executor(self._context)
-        self._executor.add_node(self._node)
         self._ending = Event()
         self._thread = Thread(target=self._spin, name="robot", daemon=True)
         self._thread.start()
@@ -79,16 +72,11 @@ class Robot:
         """End the reception."""
         self._ending.set()
         self._thread.join()
-        self._executor.shutdown()
-        self._destroy()
+        self._ros.close()
 
     def _spin(self) -> None:
         while not self._ending.is_set():
-            self._executor.spin_once(timeout_sec=0.05)
-
-    def _destroy(self) -> None:
-        self._node.destroy_node()
-        rclpy.shutdown(context=self._context)
+            self._ros.executor.spin_once(timeout_sec=0.05)
 
     def _type_of(self, topic: str, patience: float) -> type:
         """Return the class of the messages of a topic, as soon as it has a publisher."""

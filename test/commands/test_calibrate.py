@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import pytest
 
-from gdfe_ros.analysis import calibration
+from gdfe_ros.commands import calibrate as calibration
 from gdfe_ros.paper.shape_factor import geometric_ratio
 
 

@@ -1,0 +1,186 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The commands ``gdfe export``, for ParaView, numpy or a spreadsheet, ``recover``, for cut-off bags, and ``report``."""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Iterator
+from enum import Enum
+from itertools import islice
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from gdfe_ros.commands.waiting import waiting
+from gdfe_ros.errors import GdfeError
+from gdfe_ros.recording.bag_info import bag_directory
+from gdfe_ros.recording.recovery import RecoveryReport, recover
+from gdfe_ros.terminal import PlainConsole, make_table
+
+if TYPE_CHECKING:
+    from gdfe_ros.analysis.bag_run import BagRun, BagStep
+
+
+class Format(Enum):
+    """Output format. The suffix of the file determines it; VTK files are written into a directory."""
+
+    VTK = "vtk"
+    NPZ = "npz"
+    CSV = "csv"
+    PARQUET = "parquet"
+
+
+def add_export(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of ``export``."""
+    parser.add_argument("bag", type=Path, help="directory of a bag that sim_node recorded, or of its run")
+    parser.add_argument(
+        "--format",
+        "--to",
+        choices=[kind.value for kind in Format],
+        help="vtk: a series of files for ParaView; npz: all arrays; csv, parquet: a table with one row for each step "
+        "(default: by the ending of --out, otherwise vtk)",
+    )
+    parser.add_argument("--out", type=Path, help="file to write; for vtk, a directory (default: beside the bag)")
+    parser.add_argument("--every", type=int, default=1, metavar="N", help="only every Nth step (default: 1)")
+
+
+def export(arguments: argparse.Namespace) -> int:
+    """Export a recorded run; return 0."""
+    if arguments.every < 1:
+        raise GdfeError(f"--every is {arguments.every}; allowed: 1 or more")
+    from gdfe_ros.analysis.bag_run import BagRun, BagSteps
+
+    kind = _format(arguments)
+    bag = arguments.bag.resolve()
+    out = arguments.out or bag.with_name(f"{bag.stem}_vtk" if kind is Format.VTK else f"{bag.stem}.{kind.value}")
+    recorded = BagRun(bag)
+    steps = islice(BagSteps(recorded), 0, None, arguments.every)
+    print(f"{out}: {_write(kind, steps, recorded, out)} steps")
+    return 0
+
+
+def _format(arguments: argparse.Namespace) -> Format:
+    if arguments.format:
+        return Format(arguments.format)
+    ending = arguments.out.suffix.removeprefix(".") if arguments.out else ""
+    endings = [kind.value for kind in Format]
+    if ending and ending not in endings:
+        raise GdfeError(
+            f"--out ends with .{ending}; allowed: {', '.join(endings)}; remedy: another ending, or --format"
+        )
+    return Format(ending) if ending else Format.VTK
+
+
+def _write(kind: Format, steps: Iterator[BagStep], recorded: BagRun, out: Path) -> int:
+    if kind is Format.VTK:
+        from gdfe_ros.analysis.export import write_vtk_series
+
+        return write_vtk_series(steps, recorded.mesh, out)
+    if kind is Format.NPZ:
+        from gdfe_ros.analysis.export import write_npz
+
+        return write_npz(steps, recorded.scene, out)
+    from gdfe_ros.analysis.export import Columns, step_row, write_csv, write_parquet
+
+    known = Columns(recorded.scene.actuators)
+    rows = [step_row(step, known) for step in steps]
+    {Format.CSV: write_csv, Format.PARQUET: write_parquet}[kind](rows, out, known)
+    return len(rows)
+
+
+def add_recover(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of ``recover``."""
+    parser.add_argument("bag", type=Path, help="directory of the bag, or one MCAP file; it is not changed")
+    parser.add_argument(
+        "--out", type=Path, help="directory of the new bag (default: <name>_recovered, beside the old one)"
+    )
+
+
+def write_recovered(arguments: argparse.Namespace) -> int:
+    """Write a new bag with the recovered contents; return 0."""
+    report = recover(arguments.bag, arguments.out)
+    console, heads = PlainConsole(), ("topic", "messages", "missing before the last one")
+    rows = [(topic, str(count), str(report.missing.get(topic, 0))) for topic, count in report.messages.items()]
+    console.print(make_table(f"recovered {report.path}", heads, rows, right=heads[1:]))
+    for text in _remarks(report):
+        console.print(text)
+    console.print(f"{report.total} messages in {report.path}", soft_wrap=True)
+    return 0
+
+
+def _remarks(report: RecoveryReport) -> list[str]:
+    remarks = [f"{name} was cut off: data after its last complete record are lost" for name in report.cut_files]
+    if report.damaged_chunks:
+        remarks.append(f"{report.damaged_chunks} chunks did not match their checksum and were left out")
+    if report.damaged_records:
+        remarks.append(f"{report.damaged_records} other records could not be read and were left out")
+    if not report.run:
+        remarks.append("its scene is lost: replay and report cannot read the new bag; rosbag2 and Foxglove can")
+    if report.orphans:
+        remarks.append(f"{report.orphans} messages were left out: the declaration of their topic is lost")
+    return remarks or ["the bag was complete"]
+
+
+BESIDE = Path()
+"""Value of ``--gif`` without a file name: the animation is written beside the report."""
+
+
+def add_report(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of ``report``."""
+    parser.add_argument("bag", type=Path, help="directory of a bag that sim_node recorded, or of its run")
+    parser.add_argument(
+        "--out", type=Path, metavar="FILE.html", help="page to write (default: <bag>_report.html beside the bag)"
+    )
+    for kind, text in (("gif", "also draw the motion"), ("mp4", "also draw the motion, as a video (extra 'video')")):
+        parser.add_argument(
+            f"--{kind}",
+            type=Path,
+            nargs="?",
+            const=BESIDE,
+            metavar=f"FILE.{kind}",
+            help=f"{text}; default: beside the page",
+        )
+    parser.add_argument("--frames", type=int, default=40, help="number of frames of the GIF or video (default: 40)")
+    parser.add_argument(
+        "--field",
+        default="eps_eq",
+        help="field that colours the pictures: eps_eq, J, omega, tangent or energy_density (default: eps_eq)",
+    )
+
+
+def write_page(arguments: argparse.Namespace) -> int:
+    """Write the HTML page, the PNG and, on request, the animation; return 0."""
+    from gdfe_ros.analysis.report.pictures import draw_steps, require_video, write_gif, write_mp4, write_png
+    from gdfe_ros.analysis.report.writer import write_report
+
+    if arguments.mp4:
+        require_video()
+    if arguments.out is not None and arguments.out.suffix.lower() not in (".html", ".htm"):
+        text = "a page ends with .html, or no browser opens it"
+        raise GdfeError(f"--out {arguments.out}: {text}; remedy: {arguments.out}.html")
+    bag = bag_directory(arguments.bag.resolve())
+    out = arguments.out or bag.with_name(f"{bag.stem}_report.html")
+    console, started = PlainConsole(soft_wrap=True), time.perf_counter()
+    with waiting(f"writing {out}"):
+        facts = write_report(bag, out)
+    elapsed = time.perf_counter() - started
+    console.print(
+        f"report   {out}: {facts.steps} steps, {facts.frames} frames, {facts.size / 1e6:.1f} MB in {elapsed:.1f} s"
+    )
+    with waiting("drawing the picture"):
+        picture = write_png(bag, out.with_suffix(".png"), field=arguments.field)
+    console.print(f"picture  {picture}")
+    if arguments.gif or arguments.mp4:
+        with waiting(f"drawing {arguments.frames} frames"):
+            pictures = list(draw_steps(bag, field=arguments.field, frames=arguments.frames))
+        for path, ending, write in ((arguments.gif, ".gif", write_gif), (arguments.mp4, ".mp4", write_mp4)):
+            if path:
+                console.print(f"motion   {write(pictures, out.with_suffix(ending) if path == BESIDE else path)}")
+    return 0
+
+
+COMMANDS = {
+    "export": (add_export, export),
+    "recover": (add_recover, write_recovered),
+    "report": (add_report, write_page),
+}
