@@ -64,7 +64,7 @@ def module_scene(folder: Path, young: float) -> Scene:
     data: dict[str, Any] = {
         "name": "module",
         "mesh": {"file": str(folder / "module.vtu")},
-        "materials": {"silicone": {"law": "neo_hookean", "young": young, "poisson": 0.499, "density": DENSITY}},
+        "materials": {"silicone": {"law": "neo_hookean", "young": float(young), "poisson": 0.499, "density": DENSITY}},
         "regions": [{"material": "silicone"}],
         "handles": {
             "base": {"where": held["base"], "fixed": True},
