@@ -25,6 +25,7 @@ from gdfe_ros.solver.solution import Solution
 from gdfe_ros.solver.state import Balance, State
 from gdfe_ros.solver.stepping.path import jumped, work_between
 from gdfe_ros.solver.stepping.stepper import Stepper
+from test.written import advance
 
 
 @pytest.fixture(scope="module")
@@ -113,6 +114,5 @@ def test_nothing_is_left_inside_out() -> None:
     assert "inside out" in result.message
     assert result.min_det > 0.0
     assert -1e6 < simulation.snapshot().state.commands["a"] < 0.0
-    back = simulation.step(Command(actuators={"a": 0.0}))
-    assert back.converged
+    back = advance(simulation, Command(actuators={"a": 0.0}))
     assert np.abs(back.positions - simulation.mesh.vertices).max() < 1e-4 * simulation.mesh.size

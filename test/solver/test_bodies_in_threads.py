@@ -4,17 +4,14 @@
 from __future__ import annotations
 
 import gc
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
 
-from gdfe_ros import Simulation
-from gdfe_ros.scene import scene_from_text
-from gdfe_ros.scene.scene import Scene
 from gdfe_ros.simulation import Command
 from gdfe_ros.solver.matrix import factor
 from gdfe_ros.solver.matrix.factor import factor_of
+from test.written import simulate
 
 SCENE = """
 name: one_of_many
@@ -24,11 +21,6 @@ regions: [{material: soft}]
 handles: {base: {where: {face: x-}, fixed: true}}
 loads: {weight: {gravity: [0, 0, -9.81]}}
 """
-
-
-def scene(**overrides: object) -> Scene:
-    """Return a bar that hangs under its weight; keyword arguments override scene keys, ``__`` stands for a dot."""
-    return scene_from_text(SCENE, overrides={key.replace("__", "."): value for key, value in overrides.items()})
 
 
 @pytest.fixture
@@ -47,7 +39,7 @@ def made(monkeypatch: pytest.MonkeyPatch) -> list[int]:
 
 def test_equal_bodies_share_a_factor(made: list[int]) -> None:
     """Two equal bodies share a factor; a body with other cells has its own."""
-    first, second, third = Simulation(scene()), Simulation(scene()), Simulation(scene(mesh__bar__cells=[17, 4, 4]))
+    first, second, third = simulate(SCENE), simulate(SCENE), simulate(SCENE, mesh__bar__cells=[17, 4, 4])
     assert made == [400, 425]
     lifted = [simulation.step(Command(loads={"weight": 2.0})).positions for simulation in (first, second)]
     assert np.array_equal(*lifted)
@@ -56,27 +48,11 @@ def test_equal_bodies_share_a_factor(made: list[int]) -> None:
 
 def test_a_factor_goes_with_its_last_body(made: list[int]) -> None:
     """A factor is deleted with its last body, and the next equal body makes a new one."""
-    simulation = Simulation(scene())
+    simulation = simulate(SCENE)
     del simulation
     gc.collect()
-    Simulation(scene())
+    simulate(SCENE)
     assert len(made) == 2
-
-
-def test_bodies_in_threads_are_right() -> None:
-    """Four equal bodies with different weights in four threads have the same bits as alone."""
-    factors = [0.5, 1.0, 1.5, 2.0]
-
-    def play(weight: float) -> np.ndarray:
-        simulation = Simulation(scene())
-        steps = [simulation.step(Command(loads={"weight": weight * share})) for share in (0.5, 1.0)]
-        return steps[-1].positions
-
-    alone = [play(weight) for weight in factors]
-    with ThreadPoolExecutor(4) as pool:
-        together = list(pool.map(play, factors))
-    for one, other in zip(alone, together, strict=True):
-        assert np.array_equal(one, other)
 
 
 def test_another_matrix_has_another_factor() -> None:

@@ -28,17 +28,6 @@ def stiffness() -> sparse.csc_matrix:
     return assemble(SHAPE, weight, 0.05 * weight)
 
 
-@pytest.fixture
-def sliding(end: End) -> Unknowns:
-    """Return the unknowns of a bar with a clamped end, and the other end and two middle vertices on sliding handles."""
-    handles = [
-        Handle("base", end(MESH, "x-"), fixed=True),
-        Handle("tip", end(MESH, "x+"), free=(Axis.X, Axis.Z)),
-        Handle("middle", np.array([4, 5], np.int32), free=(Axis.X, Axis.Y)),
-    ]
-    return number_unknowns(MESH.vertices, MESH.cells, handles)
-
-
 @pytest.mark.parametrize("matrix", [stiffness(), assemble_centring(SHAPE)], ids=["energy", "relative"])
 def test_matrix_is_symmetric_and_positive(matrix: sparse.csc_matrix) -> None:
     """The matrix has one zero eigenvalue, for a uniform translation, and positive others."""
@@ -55,24 +44,6 @@ def test_centring_matrix_is_the_papers(end: End) -> None:
     mesh = bar([0.2, 0.1, 0.3], [1, 1, 1])
     matrix = assemble_centring(shape_operators(mesh.vertices, mesh.cells)).toarray()
     np.testing.assert_allclose(matrix, 0.006 * (np.eye(8) - 0.125), rtol=1e-12)
-
-
-def test_it_solves_the_full_system(sliding: Unknowns) -> None:
-    """With sliding handles, the factor gives the solution of one dense system per axis."""
-    matrix = stiffness()
-    found = solve(ConstantMatrix(matrix, MESH.vertices, sliding), gradient(sliding), sliding)
-    expected = np.zeros_like(found)
-    for axis in range(3):
-        handles = np.flatnonzero(sliding.slides[:, axis])
-        motions = np.zeros((MESH.n_vertices, len(sliding.free) + len(handles)))
-        motions[sliding.free, np.arange(len(sliding.free))] = 1.0
-        for column, handle in enumerate(handles):
-            members = sliding.members[sliding.member_start[handle] : sliding.member_start[handle + 1]]
-            motions[members, len(sliding.free) + column] = 1.0
-        rows = np.concatenate([np.arange(len(sliding.free)), len(sliding.free) + handles])
-        full = motions.T @ (matrix @ motions)
-        expected[rows, axis] = np.linalg.solve(full, gradient(sliding)[rows, axis])
-    np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-10 * np.abs(expected).max())
 
 
 def test_turning_handles_are_eliminated(end: End) -> None:
@@ -99,13 +70,6 @@ def test_turning_handles_are_eliminated(end: End) -> None:
     np.testing.assert_allclose(found.ravel(), expected, rtol=0.0, atol=1e-9 * np.abs(expected).max())
 
 
-def test_constant_motion_of_all_handles_extends_to_the_body(sliding: Unknowns) -> None:
-    """Where all handles move by the same translation, the harmonic predictor translates every vertex by it."""
-    motion = np.tile([1.0, -2.0, 3.0], (len(sliding.prescribed), 1))
-    spread = ConstantMatrix(stiffness(), MESH.vertices, sliding).extend(motion)
-    np.testing.assert_allclose(spread, np.tile([1.0, -2.0, 3.0], (len(sliding.free), 1)), rtol=1e-9)
-
-
 def test_harmonic_predictor_stays_between_the_handles(end: End) -> None:
     """With one end held and the other lifted, the predictor lifts each vertex in proportion to its x."""
     handles = [Handle("base", end(MESH, "x-"), fixed=True), Handle("tip", end(MESH, "x+"))]
@@ -114,21 +78,6 @@ def test_harmonic_predictor_stays_between_the_handles(end: End) -> None:
     spread = ConstantMatrix(assemble(SHAPE, np.ones(32), np.full(32, 0.005)), MESH.vertices, unknowns).extend(motion)
     np.testing.assert_allclose(spread[:, :2], 0.0, atol=1e-12)
     np.testing.assert_allclose(spread[:, 2], MESH.vertices[unknowns.free, 0] / 0.4, atol=1e-9)
-
-
-def test_a_body_held_everywhere_has_nothing_to_solve(end: End) -> None:
-    """A system without unknowns, where every vertex is prescribed, is no error."""
-    handle = Handle("all", np.arange(MESH.n_vertices, dtype=np.int32))
-    unknowns = number_unknowns(MESH.vertices, MESH.cells, [handle])
-    matrix = ConstantMatrix(stiffness(), MESH.vertices, unknowns)
-    assert matrix.extend(np.ones((MESH.n_vertices, 3))).shape == (0, 3)
-
-
-def gradient(unknowns: Unknowns) -> NDArray[np.float64]:
-    """Return a right-hand side for every row, zero in the rows of prescribed axes."""
-    right = np.random.default_rng(0).normal(size=(unknowns.rows, 3))
-    right[len(unknowns.free) :] *= unknowns.slides
-    return right
 
 
 def solve(matrix: ConstantMatrix, right: NDArray[np.float64], unknowns: Unknowns) -> NDArray[np.float64]:

@@ -14,6 +14,7 @@ from scipy.optimize import brentq
 
 from gdfe_ros import Command, Simulation
 from gdfe_ros.scene import scene_from_text
+from test.written import advance
 
 INNER, OUTER, YOUNG, PRESSURE = 0.010, 0.015, 1.0e6, 1.0e5
 SCENE = """
@@ -44,8 +45,7 @@ def _error(cells: list[int]) -> float:
     """Return the root mean square error of the displacements divided by their root mean square."""
     text = SCENE.format(inner=INNER, outer=OUTER, young=YOUNG, cells=cells)
     simulation = Simulation(scene_from_text(text))
-    result = simulation.step(Command(actuators={"air": PRESSURE}))
-    assert result.converged, result.message
+    result = advance(simulation, Command(actuators={"air": PRESSURE}))
     exact = _exact(simulation.mesh.vertices)
     found = result.positions - result.positions.mean(axis=0) - simulation.mesh.vertices
     return float(np.linalg.norm(found - exact) / np.linalg.norm(exact))

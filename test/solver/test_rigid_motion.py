@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A motion that is common to all handles moves the body rigidly, however far it is."""
+"""The start of a step: a motion that is common to all handles is rigid, and a twist turns every section."""
 
 from __future__ import annotations
 
@@ -10,8 +10,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from gdfe_ros import Command, Pose, Simulation
-from gdfe_ros.scene import scene_from_text
+from gdfe_ros.scene import load_scene, scene_from_text
 from gdfe_ros.solver.stepping.path import on_path
+from test.written import advance
 
 LENGTH = 0.2
 SCENE = f"""
@@ -44,10 +45,8 @@ def test_a_common_motion_takes_one_increment(turn: tuple[float, float, float]) -
 def test_a_deformed_body_turns_as_it_is() -> None:
     """A bar that a tendon has bent keeps its energy."""
     simulation = Simulation(scene_from_text(SCENE))
-    bent = simulation.step(Command(actuators={"tendon": 2.0}))
-    turned = simulation.step(Command(handles=together((0.0, 2.5, 0.5))))
-    assert bent.converged
-    assert turned.converged
+    bent = advance(simulation, Command(actuators={"tendon": 2.0}))
+    turned = advance(simulation, Command(handles=together((0.0, 2.5, 0.5))))
     assert turned.energy == pytest.approx(bent.energy, rel=1e-6)
 
 
@@ -76,3 +75,12 @@ def test_the_way_of_a_common_motion_is_rigid() -> None:
         poses, _ = on_path(began, goal, share, centres)
         ends = [centres[name] + poses[name].translation for name in ("base", "tip")]
         assert np.linalg.norm(ends[1] - ends[0]) == pytest.approx(LENGTH, abs=1e-12)
+
+
+@pytest.mark.parametrize("cells", [(12, 3, 3), (40, 10, 10)])
+def test_a_twist_takes_few_iterations_on_every_mesh(cells: tuple[int, int, int]) -> None:
+    """By 90 degrees in one step; from the handles' chords, a fine mesh took seven times as many as from their arcs."""
+    simulation = Simulation(load_scene("twist90_uniform", overrides={"mesh.bar.cells": list(cells)}))
+    program = simulation.scene.program
+    result = advance(simulation, Command(handles=program.handle_poses(program.duration)))
+    assert result.iterations <= 8

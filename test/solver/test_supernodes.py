@@ -14,8 +14,6 @@ from scipy.sparse.linalg import spsolve
 from gdfe_ros.mesh import HexMesh, bar
 from gdfe_ros.mesh.operators import shape_operators
 from gdfe_ros.mesh.round_bodies import sphere
-from gdfe_ros.mesh.tet_operators import tet_operators
-from gdfe_ros.mesh.tetmesh import divided
 from gdfe_ros.solver.matrix import factor as factors
 from gdfe_ros.solver.matrix.constant_matrix import assemble
 from gdfe_ros.solver.matrix.elimination import dissected, eliminated, narrow_order
@@ -97,15 +95,6 @@ def test_the_same_bits_in_every_thread() -> None:
         assert all(np.array_equal(found, alone) for found in pool.map(lambda _: solved(factor, right), range(40)))
 
 
-@pytest.mark.parametrize("name", MESHES)
-def test_dissection_separates(name: str) -> None:
-    """Nested dissection orders every vertex exactly once."""
-    mesh = MESHES[name]
-    graph = stiffness(mesh).tocsr()
-    order = dissected(graph, mesh.vertices)
-    np.testing.assert_array_equal(np.sort(order), np.arange(mesh.n_vertices))
-
-
 def test_dissection_fills_less_where_a_body_is_thick() -> None:
     """For a cube of 15 cells per edge, nested dissection has at most 0.8 of the narrow order's entries."""
     mesh = bar([1.0, 1.0, 1.0], [15, 15, 15])
@@ -119,12 +108,3 @@ def test_points_at_one_place_are_no_obstacle() -> None:
     graph = stiffness(MESHES["bar"]).tocsr()
     order = dissected(graph, np.zeros((graph.shape[0], 3)))
     np.testing.assert_array_equal(np.sort(order), np.arange(graph.shape[0]))
-
-
-def test_dissection_takes_the_thinner_separator() -> None:
-    """The first separator of a block of quadratic tetrahedra is one layer of nodes; the other half would need two."""
-    mesh = divided(bar([2.0, 1.0, 1.0], [7, 4, 4]))
-    matrix = assemble(tet_operators(mesh.vertices, mesh.cells), np.ones(mesh.n_cells), np.zeros(mesh.n_cells))
-    for points in (mesh.vertices, -mesh.vertices):
-        last = dissected(matrix.tocsr(), points)[-(9 * 9) :]
-        assert np.ptp(mesh.vertices[last, 0]) == 0.0

@@ -4,14 +4,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from typing import Any
+from functools import partial
 
 import numpy as np
 import pytest
 
 from gdfe_ros import Simulation
-from gdfe_ros.scene.loader import scene_from_text
 from gdfe_ros.solver.contact.contact_term import ContactTerm
+from test.written import simulate
 
 CUBE = """
 name: cube
@@ -33,24 +33,16 @@ dynamics: {scheme: bdf2, step: 0.005, damping: {viscosity: 500}}
 """
 
 
-def _maker(text: str) -> Callable[..., Simulation]:
-    def make(**overrides: Any) -> Simulation:
-        keys = {name.replace("__", "."): value for name, value in overrides.items()}
-        return Simulation(scene_from_text(text, overrides=keys))
-
-    return make
-
-
 @pytest.fixture
 def cube() -> Callable[..., Simulation]:
     """Give a function that makes a cube above a ball, held at its top; keyword arguments override scene keys."""
-    return _maker(CUBE)
+    return partial(simulate, CUBE)
 
 
 @pytest.fixture
 def slider() -> Callable[..., Simulation]:
     """Give a function that makes a free slab on a floor, with dynamics; keyword arguments override scene keys."""
-    return _maker(SLIDER)
+    return partial(simulate, SLIDER)
 
 
 @pytest.fixture

@@ -16,9 +16,10 @@ from gdfe_ros.mesh.packing import pack_mesh
 from gdfe_ros.mesh.tetmesh import divided
 from gdfe_ros.scene import scene_from_text
 from gdfe_ros.scene.document import write_document
-from gdfe_ros.solver.contact.crossing import PARALLEL, SEATS
+from gdfe_ros.solver.contact.crossing import SEATS
 from gdfe_ros.solver.contact.own_edges import OwnEdges
 from gdfe_ros.solver.contact.own_surface import Nearest
+from test.written import advance
 
 HALF = math.sqrt(0.5) * 0.01
 """Half of the diagonal of the bars' cross-section [m]."""
@@ -84,8 +85,7 @@ def crossed(edges: OwnEdges, x: np.ndarray, last: np.ndarray, reach: float) -> N
 def press(simulation: Simulation, *depths: float) -> float:
     """Move the upper bar down to each depth [m]; return the last force on the lower bar [N]."""
     for depth in depths:
-        result = simulation.step(down(depth))
-        assert result.converged, result.message
+        result = advance(simulation, down(depth))
     return float(-result.reactions["ends"][2])
 
 
@@ -114,8 +114,7 @@ def test_friction_drags_along_the_edge(friction: float) -> None:
     simulation = crossing(self_contact={"friction": friction})
     press(simulation, 0.001, 0.002, 0.003, 0.004)
     for k in range(1, 13):
-        result = simulation.step(down(0.004, 0.001 * k))
-        assert result.converged, result.message
+        result = advance(simulation, down(0.004, 0.001 * k))
         touch = result.contacts["(self)"]
         assert touch.slips.all()
         assert np.linalg.norm(touch.shears, axis=1) == pytest.approx(friction * touch.presses, rel=1e-3)
@@ -127,18 +126,6 @@ def test_rims_of_flat_bars_that_cross_touch() -> None:
     simulation = crossing(bar([0.1, 0.01, 0.01], [5, 1, 1]), turn=[0, 0, 0], height=0.01 + GAP)
     assert press(simulation, 0.9 * GAP) == pytest.approx(0.0, abs=1e-8)
     assert press(simulation, 2.0 * GAP) > 0.01
-
-
-def test_almost_parallel_edges_are_left_to_vertices_and_faces() -> None:
-    """Two edges that make a smaller angle than the limit have no common normal, and find no partner."""
-    simulation = crossing()
-    edges, rest = simulation.stepper.actuation.contacts[-1].pairs.edges, simulation.state.positions
-    assert (crossed(edges, rest, rest, 2.0 * GAP).face >= 0).sum() == 1
-    beside, high = rest.copy(), upper(simulation)
-    middle, turn = np.array([0.045, 0.0]), np.pi / 2 - 0.5 * np.arcsin(PARALLEL)
-    rotation = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
-    beside[high, :2] = (rest[high, :2] - middle) @ rotation.T + middle
-    assert (crossed(edges, beside, beside, 2.0 * GAP).face < 0).all()
 
 
 def test_forces_do_the_work_of_gaps_and_slips_and_sum_to_nothing(virtual_work: Callable[..., np.ndarray]) -> None:
@@ -159,8 +146,7 @@ def test_a_bar_falls_on_another_one() -> None:
     loads = {"weight": {"gravity": [0, 0, -9.81]}}
     simulation = crossing(handles=handles, dynamics=dynamics, loads=loads, self_contact={"friction": 0.5})
     for _ in range(60):
-        result = simulation.step(Command(loads={"weight": 1.0}))
-        assert result.converged, result.message
+        result = advance(simulation, Command(loads={"weight": 1.0}))
         assert clearance(simulation) > -1e-3 * HALF
     assert result.contacts["(self)"].presses.sum() > 0.0
 

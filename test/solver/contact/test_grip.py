@@ -11,6 +11,7 @@ from benchmarks.contact import GRIP, grip
 from benchmarks.peers.grip_case import SQUEEZE, WEIGHT
 from gdfe_ros import Command, Pose, Simulation
 from gdfe_ros.scene.loader import scene_from_text
+from test.written import advance
 
 
 def test_a_grip_holds_what_friction_can_hold() -> None:
@@ -31,8 +32,7 @@ def test_a_grip_that_cannot_hold_says_where_and_which_friction_would_hold() -> N
         result = simulation.step(Command(handles=moves))
     assert not result.message
     for _ in range(10):
-        result = simulation.step(Command(loads={"weight": 1.0}))
-    assert result.converged
+        result = advance(simulation, Command(loads={"weight": 1.0}))
     told = re.search(r"slips .* at vertices .*: its friction is 0.01, and about (\S+) would hold it", result.message)
     assert told is not None, result.message
     assert float(told[1]) == pytest.approx(WEIGHT / result.contacts["part"].presses.sum(), rel=0.05)

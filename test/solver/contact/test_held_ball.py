@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from gdfe_ros import Command, Pose, Simulation, load_scene
+from test.written import advance
 
 SCENE = Path(__file__).parents[2] / "data" / "three_pneunets.yaml"
 CLOSED, BEGINS, ENDS = 0.8, 0.9, 1.4
@@ -28,8 +29,7 @@ def test_the_force_on_a_lifted_ball_is_its_weight(scheme: str) -> None:
             handles={"palm": Pose(translation=(0.0, 0.0, lifted))},
             actuators=dict.fromkeys(("front", "left", "right"), pressure),
         )
-        result = simulation.step(command, dt=0.01)
-        assert result.converged, result.message
+        result = advance(simulation, command, dt=0.01)
         if time > 0.999:
             forces.append(result.reactions["ball"][2])
     assert np.mean(forces) == pytest.approx(-weight, rel=0.01)  # of the ball on the fingers

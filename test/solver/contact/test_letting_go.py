@@ -8,6 +8,7 @@ import pytest
 from gdfe_ros import Command, Pose, Simulation
 from gdfe_ros.scene.loader import scene_from_text
 from gdfe_ros.solver.vectors import largest_distance
+from test.written import advance
 
 POKED = """
 name: poked
@@ -44,8 +45,7 @@ def test_a_body_goes_back_to_rest_when_what_is_stuck_in_it_is_taken_away(poked: 
 
     Contact is dropped where elements would fold on the load path. Whether they would depends on rounding.
     """
-    result = poked.step(Command(handles={"thing": AWAY}))
-    assert result.converged
+    result = advance(poked, Command(handles={"thing": AWAY}))
     lets_go = "contact with thing was dropped without following the load path, on which " in result.message
     assert lets_go or not result.message
     assert result.restarts == lets_go

@@ -9,12 +9,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from gdfe_ros import Command, Pose, Simulation, load_scene
-from gdfe_ros.solver.body import Body
+from gdfe_ros import Command, Pose, Simulation
 from gdfe_ros.solver.contact.own_contact import OwnContact
-from gdfe_ros.solver.contact.own_points import OwnPoints
 from gdfe_ros.solver.contact.own_surface import Nearest, OwnSurface
-from gdfe_ros.steppers import scene_body
 from test.solver.contact.stacks import stack
 
 
@@ -23,47 +20,10 @@ def the_contact(simulation: Simulation) -> OwnContact:
     return simulation.stepper.actuation.contacts[-1]
 
 
-def skin_of(name: str) -> tuple[Body, OwnSurface]:
-    """Return the body and the whole surface of a shipped scene."""
-    scene = load_scene(name)
-    body = scene_body(scene, np.zeros(3))
-    return body, OwnSurface(body, OwnPoints.of(body), scene.mesh.surface())
-
-
 def faced(surface: OwnSurface, x: np.ndarray, last: np.ndarray, reach: float) -> Nearest:
     """Return the nearest face within a distance [m] that each vertex can touch at positions (n, 3) [m]."""
     sunk = np.zeros(len(surface.topology.vertices), dtype=bool)
     return surface.nearest(x, last, *surface.search(x, reach), reach, sunk)
-
-
-def test_cells_across_a_notch_face_each_other() -> None:
-    """In a pneumatic actuator, vertices find the wall 2 mm away across a notch, and no face through their own wall."""
-    body, surface = skin_of("pneunet")
-    found = faced(surface, body.rest, body.rest, 2.1e-3)
-    on = found.face >= 0
-    assert on.sum() > 300
-    np.testing.assert_allclose(found.gap[on], 2e-3, rtol=1e-9)
-    vertices = surface.topology.vertices[on]
-    feet = np.einsum("ka,kai->ki", found.weights[on], body.rest[surface.topology.quads[found.face[on]]])
-    np.testing.assert_allclose(body.rest[vertices] - feet, found.gap[on, None] * found.normal[on], atol=1e-12)
-
-
-def test_a_finger_at_rest_is_near_to_nothing() -> None:
-    """No vertex finds a face in a body whose parts are farther apart than the search reach, however thin it is."""
-    body, surface = skin_of("tendon_finger")
-    assert (faced(surface, body.rest, body.rest, 3e-3).face < 0).all()
-
-
-def test_what_has_passed_a_face_is_remembered() -> None:
-    """A vertex deep behind a face finds that face if it was in front of it before, and otherwise does not."""
-    simulation = stack(2, 2)
-    surface, rest = the_contact(simulation).surface, simulation.mesh.vertices
-    deep = rest.copy()
-    deep[27:, 2] -= 0.015
-    before = faced(surface, deep, rest, 0.02)
-    assert before.gap[before.face >= 0].min() == pytest.approx(-0.0148)
-    never = faced(surface, deep, deep, 0.02)
-    assert (never.gap > -surface.topology.depth).all()
 
 
 def test_a_vertex_leaves_a_face_over_its_edge_by_and_by() -> None:

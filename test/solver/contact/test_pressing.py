@@ -14,6 +14,7 @@ from gdfe_ros import Command, Pose, Simulation
 from gdfe_ros.mesh.packing import pack_surface
 from gdfe_ros.scene.loader import scene_from_text
 from test.solver.contact.balls import ball_between_plates, hertz, tatara
+from test.written import advance
 
 REFERENCE = Path(__file__).parents[2] / "data" / "reference" / "contact_block_on_ball.npz"
 QUADRATIC = {0.012: 84.8, 0.016: 128.9, 0.02: 178.8}
@@ -39,8 +40,7 @@ obstacles: {needle: {capsule: {radius: 0.005, length: 0.05}, at: [0.09, 0, -0.01
 
 def lift(simulation: Simulation, move: float) -> float:
     """Lift the ball to a displacement [m] and return its reaction [N]; the cube's top must carry the opposite force."""
-    result = simulation.step(Command(handles={"ball": Pose((0.0, 0.0, move))}))
-    assert result.converged, result.message
+    result = advance(simulation, Command(handles={"ball": Pose((0.0, 0.0, move))}))
     force = max(1.0, result.reactions["ball"][2])
     np.testing.assert_allclose(result.reactions["top"][:3], -result.reactions["ball"][:3], atol=2e-3 * force)
     return result.reactions["ball"][2]
@@ -94,8 +94,7 @@ def test_a_beam_that_lies_down_touches_where_theory_says() -> None:
     """A clamped beam that sags onto a floor first touches it at (72 E I H / q)^(1/4), within 3 %."""
     simulation = Simulation(scene_from_text(BEAM))
     for factor in np.linspace(0.1, 1.0, 6):
-        result = simulation.step(Command(loads={"weight": float(factor)}))
-    assert result.converged, result.message
+        result = advance(simulation, Command(loads={"weight": float(factor)}))
     touch = result.contacts["floor"]
     first = touch.places[touch.presses > 0.0][:, 0].min()
     assert first == pytest.approx((72.0 * 1e8 * 0.005**2 / 12 * 0.02 / 9810.0) ** 0.25, rel=0.03)
@@ -112,6 +111,5 @@ def test_a_needle_that_presses_into_a_bar_takes_few_iterations(friction: float) 
     """Normals that turn by large angles between steps of the minimisation do not keep it from converging."""
     simulation = Simulation(scene_from_text(NEEDLE, overrides={"obstacles.needle.friction": friction}))
     for move in np.linspace(0.002, 0.024, 12):
-        result = simulation.step(Command(handles={"base": Pose((0.0, 0.0, -float(move)))}))
-        assert result.converged, result.message
+        result = advance(simulation, Command(handles={"base": Pose((0.0, 0.0, -float(move)))}))
         assert result.iterations <= 30

@@ -4,14 +4,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from functools import partial
 
 import numpy as np
 import pytest
 
 from gdfe_ros import Command, Pose, Simulation
 from gdfe_ros.errors import CommandError
-from gdfe_ros.scene.loader import scene_from_text
+from test.written import advance, simulate
 
 CUSHION = """
 name: cushion
@@ -30,25 +30,13 @@ MASS = 1500 * 0.04 * 0.03 * 0.02
 @pytest.fixture
 def cushion() -> Callable[..., Simulation]:
     """Give a function that makes a rigid box above a soft cushion; keyword arguments override scene keys."""
-
-    def make(**overrides: Any) -> Simulation:
-        keys = {name.replace("__", "."): value for name, value in overrides.items()}
-        return Simulation(scene_from_text(CUSHION, overrides=keys))
-
-    return make
-
-
-def run(simulation: Simulation, steps: int) -> None:
-    """Make steps; each must converge."""
-    for _ in range(steps):
-        result = simulation.step()
-        assert result.converged, result.message
+    return partial(simulate, CUSHION)
 
 
 def test_a_box_that_falls_freely_does_so_as_any_other(cushion: Callable[..., Simulation]) -> None:
     """Without contact a rigid box falls by g t^2 / 2 and does not turn."""
     simulation = cushion(bodies__part__at=[0.5, 0.0, 2.0], dynamics__scheme="newmark")
-    run(simulation, 40)
+    advance(simulation, count=40)
     pose = simulation.handle_pose("part")
     assert pose.translation[2] == pytest.approx(-0.5 * 9.81 * 0.2**2, rel=1e-5)
     np.testing.assert_allclose([*pose.translation[:2], *pose.rotation], 0.0, atol=1e-9)
@@ -57,7 +45,7 @@ def test_a_box_that_falls_freely_does_so_as_any_other(cushion: Callable[..., Sim
 def test_what_lies_on_a_body_weighs_on_it(cushion: Callable[..., Simulation]) -> None:
     """A box comes to rest on a cushion, which it indents and which carries its weight."""
     simulation = cushion()
-    run(simulation, 160)
+    advance(simulation, count=160)
     assert simulation.result.reactions["part"][2] == pytest.approx(-MASS * 9.81, rel=2e-2)
     assert -2e-3 < simulation.handle_pose("part").translation[2] < -1.05e-3
     assert simulation.positions.shape == simulation.mesh.vertices.shape
@@ -66,7 +54,7 @@ def test_what_lies_on_a_body_weighs_on_it(cushion: Callable[..., Simulation]) ->
 def test_a_box_lies_on_the_floor(cushion: Callable[..., Simulation]) -> None:
     """A tilted box falls beside the cushion, tumbles onto a face, and rests on the floor without penetrating it."""
     simulation = cushion(bodies__part__at=[0.3, 0.0, -0.02], bodies__part__rotation_deg=[10, 0, 0])
-    run(simulation, 240)
+    advance(simulation, count=240)
     pose = simulation.handle_pose("part")
     assert -0.02 + pose.translation[2] == pytest.approx(-0.04, abs=1e-5)
     np.testing.assert_allclose(np.degrees(pose.rotation[:2]), [-10.0, 0.0], atol=0.05)
@@ -82,7 +70,7 @@ def test_momentum_is_kept_in_a_collision(cushion: Callable[..., Simulation]) -> 
         dynamics={"scheme": "generalised_alpha", "step": 0.001, "velocity": [0.0, 0.0, 0.5]},
         bodies__part__at=[0.05, 0.0, 0.0335],
     )
-    run(simulation, 60)
+    advance(simulation, count=60)
     stepper = simulation.stepper
     momentum = (stepper.mass @ stepper.velocities(simulation.state)).sum(axis=0)
     assert simulation.handle_pose("part").translation[2] > 0.01
@@ -94,7 +82,7 @@ def test_forces_do_the_work_of_rigid_motions(
 ) -> None:
     """The forces of a soft body on a box do the work of gaps and slips in motions of the box."""
     simulation = cushion()
-    run(simulation, 20)
+    advance(simulation, count=20)
     term = next(each for each in simulation.stepper.equilibrium.actuation.contacts if each.name == "part")
     x = simulation.state.positions + 0.0
     x[:-4] += np.random.default_rng(5).normal(scale=1e-5, size=(len(x) - 4, 3))
@@ -111,7 +99,7 @@ def test_gaps_and_slips_follow_both_sides(cushion: Callable[..., Simulation], na
     The rotation of the axes is left out.
     """
     simulation = cushion(bodies__part__at=at)
-    run(simulation, 60)
+    advance(simulation, count=60)
     term = next(each for each in simulation.stepper.equilibrium.actuation.contacts if each.name == name)
     x, random = simulation.state.positions, np.random.default_rng(0)
     term.turn(x)

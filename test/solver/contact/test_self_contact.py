@@ -14,6 +14,7 @@ from gdfe_ros.scene.loader import scene_from_text
 from gdfe_ros.solver.result import StepResult
 from gdfe_ros.solver.settings import SolverSettings
 from test.solver.contact.stacks import PRESSED, pressures, stack
+from test.written import advance
 
 TUBE = """
 name: tube
@@ -39,9 +40,7 @@ dynamics: {step: 0.001}
 
 def pressed(simulation: Simulation, depth: float, *, slide: float = 0.0) -> StepResult:
     """Move the upper block down and sideways to displacements [m]; return the converged step."""
-    result = simulation.step(Command(handles={"high": Pose((slide, 0.0, -depth))}))
-    assert result.converged, result.message
-    return result
+    return advance(simulation, Command(handles={"high": Pose((slide, 0.0, -depth))}))
 
 
 @pytest.mark.parametrize(("low", "high"), [(4, 4), (4, 3), (2, 5)])
@@ -107,8 +106,7 @@ def test_a_notch_closes_and_holds() -> None:
     """As its tendon is pulled, a finger's notches close and carry the added force; as it is released, they open."""
     simulation, tips = Simulation(load_scene("tendon_finger", overrides={"self_contact": {}})), {}
     for tension in (3.0, 6.0, 9.0, 12.0, 3.0):
-        result = simulation.step(Command(actuators={"flexor": tension}))
-        assert result.converged, result.message
+        result = advance(simulation, Command(actuators={"flexor": tension}))
         tips[tension], touch = result.positions[-1], result.contacts[NAME]
         assert tension != 9.0 or result.iterations < 150
         assert touch.gaps.min(initial=0.0) > -1e-4 * simulation.mesh.size
@@ -121,8 +119,7 @@ def test_a_tube_is_pressed_flat_node_on_node() -> None:
     """A tube whose wall meets itself, vertex on vertex, is pressed flat in few iterations, with friction."""
     simulation, iterations = Simulation(scene_from_text(TUBE)), 0
     for k in range(1, 29):
-        result = simulation.step(Command(handles={"top": Pose((0.0, -5e-4 * k, 0.0))}))
-        assert result.converged, result.message
+        result = advance(simulation, Command(handles={"top": Pose((0.0, -5e-4 * k, 0.0))}))
         iterations += result.iterations
     assert result.contacts[NAME].presses.sum() > 10.0
     assert iterations < 400  # more than 4000 with penalties and their updates
@@ -136,8 +133,7 @@ def test_two_soft_bodies_collide(scheme: str, swing: float) -> None:
     """
     simulation, totals, touched = Simulation(scene_from_text(SHOT, overrides={"dynamics.scheme": scheme})), [], []
     for step in range(150):
-        result = simulation.step(Command(loads={"push": 1.0 if step < 30 else 0.0}))
-        assert result.converged, result.message
+        result = advance(simulation, Command(loads={"push": 1.0 if step < 30 else 0.0}))
         momentum = (simulation.stepper.mass @ result.velocities).sum(axis=0)
         touched.append(len(result.contacts[NAME].presses))
         totals.append((momentum, result.energies["kinetic"] + result.energies["elastic"]))

@@ -20,6 +20,7 @@ from gdfe_ros.mesh.packing import pack_mesh
 from gdfe_ros.scene import scene_from_text
 from gdfe_ros.simulation import Simulation
 from gdfe_ros.solver.settings import Torsion
+from test.written import advance
 
 Array = NDArray[np.float64]
 Reactions = Mapping[str, Array]
@@ -103,8 +104,7 @@ def error(name: str, across: int, torsion: Torsion = Torsion.CELL) -> float:
     if problem.forces is not None:
         scene = replace(scene, loads=(NodalForces(name="forces", values=problem.forces),))
     simulation = Simulation(scene)
-    result = simulation.step(Command(handles={name: held.pose for name, held in problem.held.items()}))
-    assert result.converged, result.message
+    result = advance(simulation, Command(handles={name: held.pose for name, held in problem.held.items()}))
     return problem.measure(result.positions - problem.mesh.vertices, result.reactions) - 1.0
 
 

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 
 from benchmarks.cases import CASES, CaseName
@@ -11,7 +10,7 @@ from benchmarks.references import load_reference, measure_error
 from gdfe_ros.scene import load_scene
 from gdfe_ros.simulation import Simulation
 from gdfe_ros.solver.settings import Torsion
-from test.solver.elements.coarse import PRESSURE, SIDE, error, tube, twisted
+from test.solver.elements.coarse import error
 
 
 @pytest.mark.parametrize(
@@ -60,21 +59,3 @@ def test_a_bar_turned_by_a_right_angle_needs_the_moment_that_it_should() -> None
     assert moments[Torsion.CELL] == pytest.approx(0.116, abs=2e-3)
     assert abs(moments[Torsion.SECTION]) < 5e-3
     assert errors[Torsion.SECTION] < 1.01 * errors[Torsion.CELL]
-
-
-def test_the_pressure_in_the_tube_pulls_no_way() -> None:
-    """The tube's forces sum to zero, and their work in uniform growth is the pressure times the change of volume."""
-    problem = tube(2)
-    np.testing.assert_allclose(problem.forces.sum(axis=0), 0.0, atol=1e-12)
-    bore = 16 / 2 * SIDE**2 * np.sin(2.0 * np.pi / 16) * SIDE / 2
-    assert np.vdot(problem.forces, problem.mesh.vertices) == pytest.approx(2.0 * PRESSURE * bore, rel=1e-9)
-
-
-def test_torsion_measures_its_exact_field_as_one() -> None:
-    """The torsion measure is one for Saint-Venant's displacement field with his torque."""
-    problem = twisted(2)
-    twist, places = 1e-3, problem.mesh.vertices - problem.mesh.bounds.mean(axis=0)
-    moved = np.stack([0.0 * places[:, 0], -places[:, 0] * places[:, 2], places[:, 0] * places[:, 1]], axis=1) * twist
-    torque = 1e5 / 2.6 * 0.14057702 * SIDE**4 * twist
-    reactions = {"left": -torque * np.eye(6)[3], "right": torque * np.eye(6)[3]}
-    assert problem.measure(moved, reactions) == pytest.approx(1.0, rel=1e-9)

@@ -9,8 +9,6 @@ import scipy.sparse as sparse
 from numpy.typing import NDArray
 
 from gdfe_ros.mesh import bar
-from gdfe_ros.solver.matrix import elimination
-from gdfe_ros.solver.matrix.elimination import eliminated, least_degree, narrow_order
 from gdfe_ros.solver.matrix.fronts import Fronts
 
 
@@ -103,38 +101,3 @@ def test_a_factor_is_the_same_to_the_last_bit() -> None:
     assert second.factor(_blocks(graph, least=40.0))
     assert second.factor(blocks)
     np.testing.assert_array_equal(second.solve(right), answer)
-
-
-@pytest.mark.parametrize("slack", [0.0, 0.3])
-def test_what_is_filled_is_what_a_dense_factor_fills(slack: float, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Supernodes contain all entries of a dense factor, and no others if slack is zero."""
-    monkeypatch.setattr(elimination, "NARROW", 0)
-    graph, _ = _hand(2, 3)
-    found = eliminated(graph, [least_degree(graph)], slack=slack)
-    dense = graph.toarray()[np.ix_(found.order, found.order)] + 100.0 * np.eye(graph.shape[0])
-    filled = np.zeros_like(dense, bool)
-    for node in range(len(found.first) - 1):
-        rows = found.rows[found.row_start[node] : found.row_start[node + 1]]
-        for column in range(found.first[node], found.first[node + 1]):
-            filled[rows[rows >= column], column] = True
-    needed = np.abs(np.linalg.cholesky(dense)) > 1e-14
-    assert not (needed & ~filled).any()
-    assert slack or filled.sum() == needed.sum()
-
-
-def test_the_order_with_less_work_is_taken() -> None:
-    """The elimination order with the smaller factor is used: for a hand this is not the narrow order."""
-    graph, points = _hand(4, 20)
-    found = Fronts(graph, points)
-    assert found.factor(_blocks(graph))
-    assert len(found.kept.values) < 9 * eliminated(graph, [narrow_order(graph, points)]).entries
-
-
-def test_a_bar_is_as_narrow_as_its_cross_section() -> None:
-    """In a bar's narrow order, the positions of neighbours differ by at most a cross-section, a row and a vertex."""
-    graph, points = _bar(30, 2, 3)
-    order = narrow_order(graph, points)
-    rank = np.empty_like(order)
-    rank[order] = np.arange(len(order))
-    entries = graph.tocoo()
-    assert np.abs(rank[entries.row] - rank[entries.col]).max() <= 12 + 4 + 1

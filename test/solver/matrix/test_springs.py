@@ -16,8 +16,8 @@ from gdfe_ros.solver.equilibrium.solve import Solve
 from gdfe_ros.solver.matrix.springs import Springs
 from gdfe_ros.solver.minimise.curvature import TangentProducts
 from gdfe_ros.solver.minimise.level import TangentLevel
-from gdfe_ros.solver.terms.cable import TARGET
 from test.solver.whole_tangent import whole_tangent
+from test.written import advance
 
 STRIP = """
 name: strip
@@ -56,8 +56,7 @@ def test_a_patch_that_changes_takes_few_iterations() -> None:
     """With closed notches, each step of a stronger pull takes few iterations."""
     simulation, iterations = Simulation(load_scene("tendon_finger", overrides={"self_contact": {}})), {}
     for tension in (3.0, 6.0, 9.0, 10.0, 11.0, 12.0, 13.0):
-        result = simulation.step(Command(actuators={"flexor": tension}))
-        assert result.converged, result.message
+        result = advance(simulation, Command(actuators={"flexor": tension}))
         iterations[tension] = result.iterations
     assert max(iterations[tension] for tension in (10.0, 11.0, 12.0, 13.0)) < 18, iterations
 
@@ -87,25 +86,6 @@ def test_the_tangent_knows_commanded_lengths_and_volumes(drawn: SimpleNamespace)
     error, without = (np.abs(each @ direction - exact).max() for each in (matrix, apart))
     assert error < 0.02 * np.abs(exact).max()
     assert without > 5.0 * error
-
-
-def test_a_cable_becomes_slack_without_a_new_factor(drawn: SimpleNamespace, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Where the cable is slack, its spring leaves the tangent; the factor stays, and solves the other matrix."""
-    level, wire = drawn.level, next(term for term in drawn.terms if term.name == "wire")
-    monkeypatch.setattr(level, "_load", lambda _: pytest.fail("the tangent is factored anew"))
-    level.turn(drawn.x)
-    assert level.reconnected(drawn.tangent, drawn.x) is drawn.tangent
-    wire.hold(np.zeros(1))
-    wire.reals[TARGET] *= 2.0
-    slack = level.reconnected(drawn.tangent, drawn.x)
-    assert slack.springs.count == 1
-    right = np.random.default_rng(0).standard_normal(whole_tangent(level, slack).shape[0])
-    found = np.empty_like(right)
-    level.solve(right, found)
-    np.testing.assert_allclose(whole_tangent(level, slack) @ found, right, atol=1e-4 * np.abs(right).max())
-    level.load(drawn.tangent)
-    level.solve(right, found)
-    np.testing.assert_allclose(whole_tangent(level, drawn.tangent) @ found, right, atol=1e-4 * np.abs(right).max())
 
 
 def test_a_gripper_in_motion_takes_few_iterations() -> None:

@@ -37,23 +37,6 @@ def test_the_least_eigenvalue_and_its_vector_are_found(least: float) -> None:
     assert abs(found.direction @ weight @ true) == pytest.approx(1.0, abs=0.05 if least == 0.5 else 1e-2)
 
 
-def test_a_preconditioner_that_is_the_matrix_leaves_nothing_to_look_for() -> None:
-    """If the preconditioner is the matrix up to noise, the eigenvalue one is found with one product."""
-    matrix, _ = _symmetric(np.linspace(1.0, 4.0, COUNT))
-    noise = np.random.default_rng(2)
-
-    def product(direction: NDArray[np.float64]) -> NDArray[np.float64]:
-        image = matrix @ direction
-        return image + 1e-7 * np.linalg.norm(image) * noise.standard_normal(COUNT) / np.sqrt(COUNT)
-
-    def precondition(right: NDArray[np.float64], out: NDArray[np.float64]) -> None:
-        out[...] = np.linalg.solve(matrix, right)
-
-    found = Lanczos().lowest(product, precondition, np.random.default_rng(1).standard_normal(COUNT))
-    assert (found.known, found.products) == (True, 1)
-    assert found.value == pytest.approx(1.0, abs=1e-5)
-
-
 def test_softness_is_the_least_eigenvalue() -> None:
     """Lanczos steps find the lowest eigenvalue of a known matrix from a random start."""
     matrix, _ = _symmetric(np.logspace(-3, 0, COUNT))

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from gdfe_ros import Command, Simulation
+from gdfe_ros import Simulation
 from gdfe_ros.scene import scene_from_text
 from gdfe_ros.solver.equilibrium.solve import Solve
 from gdfe_ros.solver.matrix.springs import Tangent
@@ -48,17 +48,6 @@ def _level(tip: str, stretch: float, *, power: int = 2) -> Levels:
     free = np.ones(body.unknowns.rows * 3)
     free[3 * len(body.unknowns.free) :] = _free_rows(body.unknowns)
     return level, level.take(task.problem, work.u, work.x), products, free
-
-
-def test_a_tangent_is_overdue_once_a_new_one_lowers_the_mean() -> None:
-    """A tangent that costs 12 iterations is renewed after the step with which the mean cost of all steps is least."""
-    steps, spent, overdue = range(3, 12), 0, []
-    for count, latest in enumerate(steps, start=1):
-        spent += latest
-        tangent = Tangent(blocks=np.zeros((0, 3, 3)), motion=np.zeros((0, 0)), spent=spent, solves=count, latest=latest)
-        overdue.append(tangent.overdue(12))
-    means = (12 + np.cumsum(steps)) / np.arange(1, len(steps) + 1)
-    assert overdue.index(True) == np.argmin(means) + 1
 
 
 def _free_rows(unknowns: tuple) -> NDArray[np.float64]:
@@ -105,20 +94,6 @@ def test_an_indefinite_tangent_gets_a_factor_all_the_same() -> None:
     level, tangent, *_ = _level("", -0.3, power=1)
     matrix = whole_tangent(level, tangent).toarray()
     assert np.linalg.eigvalsh(0.5 * (matrix + matrix.T))[0] > 0.0
-
-
-def test_a_kept_tangent_is_loaded_from_the_state(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A run continued from a snapshot gives the same bits, and factors the saved tangent instead of a new one."""
-    scene = scene_from_text(SCENE.replace("TIP", ""))
-    first, second = Simulation(scene), Simulation(scene)
-    for share in (0.5, 0.51):
-        first.step(Command(loads={"weight": share}))
-    assert first.snapshot().state.tangent is not None
-    second.restore(first.snapshot())
-    monkeypatch.setattr(TangentLevel, "take", lambda *_, **__: pytest.fail("taken anew"))
-    one, other = (simulation.step(Command(loads={"weight": 0.52})) for simulation in (first, second))
-    np.testing.assert_array_equal(one.positions, other.positions)
-    assert one.iterations == other.iterations
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, 1e300])

@@ -4,12 +4,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from functools import partial
 
 import pytest
 
 from gdfe_ros import Simulation
-from gdfe_ros.scene.loader import scene_from_text
+from test.written import simulate
 
 BAR = """
 name: bar
@@ -24,9 +24,4 @@ dynamics: {scheme: newmark, step: 0.002}
 @pytest.fixture
 def moving() -> Callable[..., Simulation]:
     """Give a function that simulates the bar; keyword arguments override scene keys, ``__`` stands for a dot."""
-
-    def make(**overrides: Any) -> Simulation:
-        keys = {name.replace("__", "."): value for name, value in overrides.items()}
-        return Simulation(scene_from_text(BAR, overrides=keys))
-
-    return make
+    return partial(simulate, BAR)

@@ -11,6 +11,7 @@ import pytest
 from gdfe_ros import Simulation
 from gdfe_ros.scene.loader import scene_from_text
 from test.solver.motion.landings import thrown
+from test.written import advance
 
 SOFT = """
 materials: {soft: {law: neo_hookean, young: 1.0e6, poisson: 0.4, density: 1000}}
@@ -41,8 +42,7 @@ def played(simulation: Simulation, count: int) -> tuple[list[float], Any]:
     """Make converging steps; return the energy after each divided by that after the first, and the last result."""
     held = []
     for _ in range(count):
-        result = simulation.step()
-        assert result.converged, result.message
+        result = advance(simulation)
         held.append(sum(result.energies[name] for name in ("kinetic", "elastic", "dissipated")))
     return [each / held[0] for each in held], result
 
@@ -88,9 +88,7 @@ def test_what_lies_on_a_floor_lies_still(scheme: str) -> None:
         "obstacles": {"floor": {"plane": [0, 0, 1], "at": [0, 0, LOWEST["cube"]], "fixed": True}},
     }
     simulation = Simulation(scene_from_text(f"name: laid\n{MESHES['cube']}{SOFT}", overrides=keys))
-    for _ in range(400):
-        result = simulation.step()
-        assert result.converged, result.message
+    result = advance(simulation, count=400)
     weight = float(simulation.stepper.mass.sum()) * 9.81
     assert np.abs(result.velocities).max() < 1e-5
     assert np.abs(simulation.stepper.accelerations(simulation.state)).max() < 0.01

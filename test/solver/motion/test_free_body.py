@@ -11,6 +11,7 @@ from scipy.sparse import csr_matrix
 
 from gdfe_ros import Simulation
 from gdfe_ros.solver.motion.inertia import mass_matrix
+from test.written import advance
 
 MASS = 1000.0 * 0.1 * 0.02 * 0.02
 
@@ -29,8 +30,7 @@ def test_a_thrown_body_flies_a_parabola(moving: Callable, scheme: str) -> None:
     weight = {"weight": {"gravity": [0, 0, -9.81]}}
     thrown = moving(handles={}, loads=weight, dynamics__velocity=[1.0, 0.0, 2.0], dynamics__scheme=scheme)
     for _ in range(50):
-        result = thrown.step()
-        assert result.converged
+        result = advance(thrown)
         assert result.iterations == 0
     t = result.time
     flown = result.positions - thrown.mesh.vertices

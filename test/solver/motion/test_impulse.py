@@ -9,6 +9,7 @@ import pytest
 from gdfe_ros import Command, Pose, Simulation
 from gdfe_ros.errors import SceneError
 from gdfe_ros.scene.loader import scene_from_text
+from test.written import advance
 
 CUSHION = """
 name: cushion
@@ -43,8 +44,7 @@ def test_the_published_force_is_all_that_a_body_receives(scheme: dict) -> None:
     mass = simulation.scene.handles[-1].mass
     momentum, touched = np.zeros(3), 0
     for _ in range(40):
-        result = simulation.step()
-        assert result.converged, result.message
+        result = advance(simulation)
         now = mass * simulation.stepper.velocities(simulation.state)[-4:].mean(axis=0)
         force = -result.reactions["ball"][:3] + mass * np.array([0.5, 0.0, -9.81])
         np.testing.assert_allclose(now - momentum, 0.005 * force, atol=1e-4 * mass * 9.81 * 0.005)
@@ -59,8 +59,7 @@ def test_a_ball_rebounds_by_its_restitution(scheme: dict, restitution: float) ->
     given = {"dynamics": {"step": 0.002, **scheme}, "bodies.ball.restitution": restitution}
     simulation, heights = Simulation(scene_from_text(FLOOR, overrides=given)), []
     for _ in range(220):
-        result = simulation.step()
-        assert result.converged, result.message
+        advance(simulation)
         heights.append(0.1 + simulation.handle_pose("ball").translation[2])
     landed = int(np.argmax(np.array(heights) < 1e-6))
     assert landed > 0
@@ -73,9 +72,8 @@ def test_a_tumbling_box_rebounds_without_a_gain_of_energy(scheme: dict) -> None:
     box = {"box": {"size": [0.04, 0.03, 0.05]}, "density": 500, "at": [0.3, 0, 0], "rotation_deg": [30, 47, 11]}
     given = {"dynamics": {"step": 0.01, **scheme}, "bodies.ball": box, "obstacles.floor.restitution": 1.0}
     simulation = Simulation(scene_from_text(FLOOR, overrides=given))
-    for _ in range(120):
-        result = simulation.step()
-        assert result.converged, result.message
+    first, last = (advance(simulation, count=count).energies for count in (1, 119))
+    assert last["kinetic"] + last["potential"] <= first["kinetic"] + first["potential"] + 1e-9
 
 
 @pytest.mark.parametrize("scheme", SCHEMES)
@@ -87,8 +85,7 @@ def test_an_obstacle_that_moves_a_rigid_box_works_on_it(scheme: dict, direction:
     given = {"dynamics": {"step": 0.002, **scheme}, "bodies.ball": box, "obstacles.floor": floor}
     simulation, speed = Simulation(scene_from_text(FLOOR, overrides=given)), np.array(direction) * 0.2
     for number in range(50):
-        result = simulation.step(Command(handles={"floor": Pose(translation=tuple(speed * 0.002 * (number + 1)))}))
-        assert result.converged, result.message
+        result = advance(simulation, Command(handles={"floor": Pose(translation=tuple(speed * 0.002 * (number + 1)))}))
     mass = simulation.scene.handles[-1].mass
     raised = 9.81 * simulation.handle_pose("ball").translation[2]
     assert result.energies["work"] == pytest.approx(mass * (speed @ speed + raised), rel=0.02)

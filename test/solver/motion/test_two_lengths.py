@@ -7,6 +7,7 @@ import pytest
 
 from gdfe_ros import Simulation
 from gdfe_ros.scene import scene_from_text
+from test.written import advance
 
 BAR = """
 name: bar
@@ -27,8 +28,7 @@ def test_steps_of_two_lengths_in_turn_make_no_energy(scheme: str, short: float) 
     allowed, fastest = {"bdf2": 0.005, "generalised_alpha": 0.03}[scheme], 0.0
     simulation = Simulation(scene_from_text(BAR, overrides={"dynamics.scheme": scheme}))
     for step in range(60):
-        result = simulation.step(dt=(0.005, short)[step % 2])
-        assert result.converged, result.message
+        result = advance(simulation, dt=(0.005, short)[step % 2])
         total = sum(result.energies[name] for name in ("kinetic", "elastic", "potential"))
         fastest = max(fastest, result.energies["kinetic"])
         assert total <= 1e-9 + allowed * fastest, step

@@ -12,7 +12,7 @@ import pytest
 from gdfe_ros import Command, Pose, Simulation
 from gdfe_ros.errors import CommandError, GdfeError
 from gdfe_ros.scene import load_scene, scene_from_text
-from gdfe_ros.solver.minimise.level import TangentLevel
+from test.written import advance, simulate
 
 NEAR = 1e-4
 """Allowed relative difference between a derivative and a central difference."""
@@ -38,11 +38,8 @@ ROTATION = (0.1, -0.2, 0.3)
 
 def solved(text: str, command: Command, **overrides: Any) -> Simulation:
     """Return the simulation of a scene after one converged step; overrides have ``__`` for a dot."""
-    simulation = Simulation(
-        scene_from_text(text, overrides={key.replace("__", "."): v for key, v in overrides.items()})
-    )
-    result = simulation.step(command)
-    assert result.converged, result.message
+    simulation = simulate(text, **overrides)
+    advance(simulation, command)
     return simulation
 
 
@@ -270,48 +267,6 @@ def test_asking_leaves_the_state() -> None:
     for simulation in (asked, plain):
         simulation.step(Command(loads={"push": 1.5}))
     np.testing.assert_array_equal(asked.positions, plain.positions)
-
-
-@pytest.mark.parametrize(
-    ("text", "command", "most"),
-    [
-        (BAR, Command(), 5),
-        (with_actuator(f"{{cable: {{points: {CABLE}, command: tension}}}}"), Command(actuators={"a": 1.0}), 5),
-        (with_actuator(f"{{cable: {{points: {CABLE}, command: shortening}}}}"), Command(actuators={"a": 2e-3}), 5),
-    ],
-    ids=["loads", "tension", "shortening"],
-)
-def test_a_warm_column_needs_a_few_solves_and_no_factor(
-    text: str, command: Command, most: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """The derivatives of a state need one factor, a few solves with it, and no iteration of the solver."""
-    simulation, counts = solved(text, command), {"take": 0, "solve": 0}
-
-    def counted(name: str, own: Any) -> Any:
-        def call(*given: Any, **more: Any) -> Any:
-            counts[name] += 1
-            return own(*given, **more)
-
-        return call
-
-    for name in counts:
-        monkeypatch.setattr(TangentLevel, name, counted(name, getattr(TangentLevel, name)))
-    seen_by_solver: list[Any] = []
-    simulation.observe_energy(lambda *iteration: seen_by_solver.append(iteration))
-    names = [name for name in simulation.parameter_names if name.endswith((".young", "weight", "push", ".a"))]
-    cold = simulation.sensitivities(None, names).matrix
-    assert counts["take"] == 1
-    before = counts["solve"]
-    if simulation.actuator_names:
-        simulation.jacobian()  # other solves with the same terms in between
-    factors = counts["take"]
-    seen_by_solver.clear()
-    counts["solve"] = 0
-    warm = simulation.sensitivities(None, names).matrix
-    assert counts["take"] == factors
-    assert counts["solve"] <= min(before, most * len(names))
-    assert not seen_by_solver
-    np.testing.assert_array_equal(warm, cold)
 
 
 def test_there_is_no_derivative_before_the_first_step() -> None:

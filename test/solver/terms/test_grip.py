@@ -12,6 +12,7 @@ from gdfe_ros.errors import CommandError, GdfeError, SceneError
 from gdfe_ros.node.remodelling import take_over, with_moduli
 from gdfe_ros.scene import scene_from_text
 from gdfe_ros.testing import make_env
+from test.written import advance
 
 BAR = """
 name: cup
@@ -42,10 +43,7 @@ ON, OFF = Command(actuators={"cup": 1.0}), Command(actuators={"cup": 0.0})
 
 
 def _still(simulation: Simulation, count: int, command: Command | None = None) -> object:
-    for _ in range(count):
-        result = simulation.step(command, dt=0.002)
-        assert result.converged, result.message
-    return result
+    return advance(simulation, command, dt=0.002, count=count)
 
 
 def _carried() -> tuple[Simulation, list[np.ndarray]]:
@@ -104,16 +102,13 @@ def test_a_held_face_has_the_shape_and_force_of_a_handle() -> None:
         turn, shift = (0.0, 0.0, 0.1 * k), np.array([0.002 * k, 0.001 * k, 0.0])
         arm = np.array([-0.0051, 0.0, 0.0])
         turned = np.array([-0.0051 * np.cos(0.1 * k), -0.0051 * np.sin(0.1 * k), 0.0]) - arm
-        one = held.step(Command(handles={"hand": Pose(tuple(shift), turn)}))
-        two = driven.step(Command(handles={"tip": Pose(tuple(shift + turned), turn)}))
-        assert one.converged
-        assert two.converged
+        one = advance(held, Command(handles={"hand": Pose(tuple(shift), turn)}))
+        two = advance(driven, Command(handles={"tip": Pose(tuple(shift + turned), turn)}))
         assert one.stable
         np.testing.assert_allclose(one.positions, two.positions, atol=1e-9)
         np.testing.assert_allclose(one.reactions["hand"][:3], two.reactions["tip"][:3], atol=1e-6)
         np.testing.assert_allclose(one.reactions["hand"][:3], -one.reactions["base"][:3], atol=1e-6)
-    free = held.step(OFF)
-    assert free.converged
+    free = advance(held, OFF)
     np.testing.assert_allclose(free.positions, held.mesh.vertices, atol=1e-9)
 
 
@@ -151,9 +146,7 @@ def test_a_soft_arm_lifts_a_body_with_its_face() -> None:
     """A body that hangs at the face of a soft arm: the base bears both weights, and the pull is the body's weight."""
     simulation = Simulation(scene_from_text(SOFT))
     result = simulation.step(ON, dt=0.005)
-    for _ in range(150):
-        result = simulation.step(dt=0.005)
-        assert result.converged, result.message
+    result = advance(simulation, dt=0.005, count=150)
     assert simulation.actuator_states()["cup"].effort == pytest.approx(0.02 * 9.81, rel=1e-4)
     total = (0.02 + 1000 * 0.02 * 0.02 * 0.06) * 9.81
     np.testing.assert_allclose(result.reactions["base"][:3], [0, 0, total], rtol=1e-4, atol=1e-5)
@@ -220,13 +213,11 @@ def test_a_face_that_is_pressed_and_gripped_is_pulled_and_let_go() -> None:
     assert pressed[0] < -1.0
     np.testing.assert_allclose(simulation.step(ON).reactions["hand"], pressed, atol=1e-7)
     for k in range(1, 5):
-        result = simulation.step(Command(handles={"hand": Pose((-0.0015 + 0.001 * k, 0, 0), (0, 0, 0.05 * k))}))
-        assert result.converged, result.message
+        result = advance(simulation, Command(handles={"hand": Pose((-0.0015 + 0.001 * k, 0, 0), (0, 0, 0.05 * k))}))
         np.testing.assert_allclose(result.reactions["hand"][:3], -result.reactions["base"][:3], atol=1e-6)
         force = simulation.actuator_states()["cup"].effort
         assert force == pytest.approx(np.linalg.norm(result.reactions["hand"][:3]), abs=1e-6)
-    free = simulation.step(OFF)
-    assert free.converged, free.message
+    free = advance(simulation, OFF)
     np.testing.assert_allclose(free.positions, simulation.mesh.vertices, atol=1e-8)
 
 
