@@ -109,9 +109,14 @@ class Account:
         return self.simulation.scene.arms[0]
 
     @property
+    def gained(self) -> float:
+        """Energy that the links have gained [J]."""
+        return self._now - self._start
+
+    @property
     def error(self) -> float:
         """Error of the energy balance, divided by the work of the motors."""
-        return abs(self.net - self.hand - (self._now - self._start)) / self.motors
+        return abs(self.net - self.hand - self.gained) / self.motors
 
     def add(self, result: StepResult) -> None:
         """Add the works of one step, by the trapezoidal rule."""

@@ -14,6 +14,7 @@ from scipy.signal import find_peaks
 from gdfe_ros import Command, Pose, Simulation, load_scene
 from gdfe_ros.checkpoint import load_state, save_state
 from gdfe_ros.errors import GdfeError, SceneError
+from test.written import advance
 
 BLOCK = 1200.0 * 0.04 * 0.02 * 0.02
 """Mass of the soft block [kg]."""
@@ -81,10 +82,8 @@ def test_a_push_on_the_hand_moves_the_arm(yielding: Callable) -> None:
     """A plane that presses on the block turns the joint until its spring balances the moment of the contact force."""
     plane = "obstacles: {press: {plane: [0, 0, -1], at: [0, 0, 0.02]}}\n"
     simulation = yielding("{lift: {stiffness: 200}}, links: []", plane)
-    before = simulation.step()
-    after = simulation.step(Command(handles={"press": Pose(translation=(0.0, 0.0, -0.06))}))
-    assert before.converged
-    assert after.converged
+    advance(simulation)
+    after = advance(simulation, Command(handles={"press": Pose(translation=(0.0, 0.0, -0.06))}))
     touch = after.contacts["press"]
     moment = -(touch.forces[:, 2] * (touch.places[:, 0] + 0.6)).sum()
     q = simulation.joint_positions["lift"]
@@ -222,8 +221,7 @@ def test_a_swinging_hand_bounces_off_a_wall(yielding: Callable) -> None:
     simulation = yielding("{lift: {stiffness: 400}}, links: []", f"{table}dynamics: {{step: 0.0025}}\n", young=3.0e5)
     arm, angles, energies, pressed = simulation.scene.arms[0], [], [], 0.0
     for _ in range(80):
-        result = simulation.step()
-        assert result.converged, result.message
+        result = advance(simulation)
         reading = simulation.joint_states()["lift"]
         q = np.array([reading.position, 0.0])
         angles.append(reading.position - np.pi / 2.0)
@@ -245,8 +243,7 @@ def test_a_hand_pressed_on_a_floor_stays_in_balance(yielding: Callable) -> None:
     simulation, pressed = yielding(springs, f"{floor}{motion}", young=3.0e5), []
     for number in range(160):
         goal = np.interp(0.005 * number, [0.0, 0.4, 0.7], [np.pi / 2.0, 1.65, 1.5])
-        result = simulation.step(Command(joints={"lift": float(goal)}))
-        assert result.converged, result.message
+        result = advance(simulation, Command(joints={"lift": float(goal)}))
         pressed.append(result.contacts["floor"].presses.sum())
     assert max(pressed) > 10.0
 

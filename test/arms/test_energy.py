@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from gdfe_ros import Command, Simulation, load_scene
-from test.arms.held_box import measure
-
-GRAVITY = np.array([0.0, 0.0, -9.81])
+from test.arms.held_box import Account, measure
+from test.written import advance
 
 
 def test_the_work_of_the_motors_is_accounted_for(held_block: Path) -> None:
@@ -20,32 +19,16 @@ def test_the_work_of_the_motors_is_accounted_for(held_block: Path) -> None:
     Work is summed by the trapezoidal rule over steps of 5 ms, and velocities are averages over a step.
     """
     simulation = Simulation(load_scene(held_block, overrides={"dynamics": {"scheme": "bdf2", "step": 0.005}}))
-    arm, step, seconds = simulation.scene.arms[0], 0.005, 1.5
-    work, hand, last = 0.0, 0.0, None
+    account, step, seconds = Account(simulation), 0.005, 1.5
     for k in range(round(seconds / step) + 1):
         share = k * step / seconds
         smooth = share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
-        result = simulation.step(Command(joints={"lift": np.pi / 2 - smooth, "bend": 0.5 * smooth}), dt=step)
-        assert result.converged, result.message
-        states = simulation.joint_states()
-        q, v, efforts = (
-            np.array([getattr(states[joint.name], name) for joint in arm.joints])
-            for name in ("position", "velocity", "effort")
-        )
-        pose, wrench = simulation.targets["wrist"], result.reactions["wrist"]
-        place = np.concatenate([pose.translation, pose.rotation])
-        energy = arm.dynamics.kinetic_energy(q, v) + arm.dynamics.potential_energy(q, GRAVITY)
-        if last is None:
-            start = energy
-        else:
-            work += float(0.5 * (efforts + last[0]) @ (q - last[1]))
-            hand += float(0.5 * (wrench + last[2]) @ (place - last[3]))
-        last = efforts, q, wrench, place
-    assert work > 1.0
-    assert work == pytest.approx(energy - start + hand, rel=3e-3)
+        result = advance(simulation, Command(joints={"lift": np.pi / 2 - smooth, "bend": 0.5 * smooth}), dt=step)
+        account.add(result)
+    assert account.net > 1.0
+    assert account.net == pytest.approx(account.gained + account.hand, rel=3e-3)
     # The block's own account: what the handle gave it is kinetic, elastic and potential energy, or dissipated.
-    given = result.energies
-    assert given["work"] == pytest.approx(hand, rel=1e-3)
+    assert result.energies["work"] == pytest.approx(account.hand, rel=1e-3)
 
 
 @pytest.mark.slow

@@ -54,6 +54,13 @@ class Forgetful(TipTracking):
         return not lose
 
 
+def _start(kind: type[TipTracking], simulator: Simulator, **parameters: float) -> TipTracking:
+    """Return a patient controller of ``simulator`` that leads the tip round a circle of 5 mm."""
+    values = {"simulation": simulator.name, "radius": 0.005, "patience": PATIENT, **parameters}
+    overrides = [Parameter(name, value=value) for name, value in values.items()]
+    return kind(context=simulator.context, parameter_overrides=overrides)
+
+
 @pytest.mark.parametrize("name", ["two_robots", "tip_tracking", "tip_follower", "carrying_arm"])
 def test_help_says_what_a_node_is_for(name: str) -> None:
     """Each node prints help and refuses unknown arguments, without starting a node."""
@@ -68,11 +75,7 @@ def test_the_controller_node_leads_the_tip_round() -> None:
     """In 40 steps of a round of 100, the node keeps the tip within 5 % of the radius."""
     overrides = {"solver.tolerance": 1e-6}
     with Simulator("three_chamber_arm", overrides=overrides, inputs=[]) as simulator:
-        parameters = {"simulation": simulator.name, "period": 1.0, "radius": 0.005, "patience": PATIENT}
-        node = TipTracking(
-            context=simulator.context,
-            parameter_overrides=[Parameter(name, value=value) for name, value in parameters.items()],
-        )
+        node = _start(TipTracking, simulator, period=1.0)
         simulator.spin(node, steps=40)
         node.destroy_node()
     assert len(node.errors) >= 38
@@ -86,11 +89,7 @@ def test_the_controller_keeps_up_with_the_wall_clock() -> None:
     """
     parameters = {"clock": "wall", "publish_clock": True}
     with Simulator("three_chamber_arm", parameters=parameters, inputs=[]) as simulator:
-        own = {"simulation": simulator.name, "period": 2.0, "radius": 0.005, "patience": PATIENT}
-        node = TipTracking(
-            context=simulator.context,
-            parameter_overrides=[Parameter(name, value=value) for name, value in own.items()],
-        )
+        node = _start(TipTracking, simulator, period=2.0)
         states = []
         while len(node.errors) < 80 or not _keeps_up(node.errors[-80:]):
             assert len(node.errors) < 4000, "it never kept up"
@@ -107,11 +106,7 @@ def _keeps_up(errors: list[float]) -> bool:
 def test_the_controller_bears_lost_messages() -> None:
     """With every third pose and every fifth command lost, the node asks again, and the tip stays near the goal."""
     with Simulator("three_chamber_arm", inputs=[]) as simulator:
-        own = {"simulation": simulator.name, "period": 2.0, "radius": 0.005, "patience": PATIENT}
-        node = Forgetful(
-            context=simulator.context,
-            parameter_overrides=[Parameter(name, value=value) for name, value in own.items()],
-        )
+        node = _start(Forgetful, simulator, period=2.0)
         simulator.spin(node, steps=40)
         node.destroy_node()
     assert node.lost > 5
@@ -132,11 +127,7 @@ class LateScene(TipTracking):
 def test_the_controller_starts_with_messages_in_any_order() -> None:
     """A node that gets the scene after a state, which lockstep does not repeat, still starts."""
     with Simulator("three_chamber_arm", inputs=[]) as simulator:
-        own = {"simulation": simulator.name, "radius": 0.005, "patience": PATIENT}
-        node = LateScene(
-            context=simulator.context,
-            parameter_overrides=[Parameter(name, value=value) for name, value in own.items()],
-        )
+        node = _start(LateScene, simulator)
         simulator.spin(node, steps=2)
         node.destroy_node()
     assert node.errors
@@ -149,11 +140,7 @@ def test_two_robots_publish_from_one_process(ros: Any) -> None:
         node.create_subscription(PointCloud2, f"/{name}/gdfe_sim/mesh", lambda _, name=name: seen.add(name), 10)
     process = subprocess.Popen([sys.executable, "-m", "gdfe_ros.examples.two_robots"])
     try:
-        end = time.monotonic() + 300.0
-        while len(seen) < 2 and time.monotonic() < end:
-            assert process.poll() is None
-            ros.executor.spin_once(timeout_sec=0.1)
+        ros.wait(lambda: len(seen) == 2, alive=lambda: process.poll() is None)
     finally:
         process.send_signal(signal.SIGINT)
         assert process.wait(300) == 0
-    assert seen == {"left", "right"}

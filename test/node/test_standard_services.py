@@ -9,42 +9,29 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from std_srvs.srv import SetBool
+from test.node.services import OK, Services
 
-OK, INCORRECT_STATE, FAILED, ALREADY = 1, 3, 4, 101
+INCORRECT_STATE, FAILED, ALREADY = 3, 4, 101
 STOPPED, PLAYING, PAUSED, QUITTING, NO_WORLD = range(5)
 
 
-class _Standard:
-    """A client of a node's standard services."""
-
-    def __init__(self, client: Any) -> None:
-        from simulation_interfaces import action, srv
-
-        self._client, self.srv, self.action = client, srv, action
+class _Standard(Services):
+    """A client of a node's standard services, which returns codes and reasons."""
 
     def state(self) -> int:
-        kind = self.srv.GetSimulationState
-        response = self._client.call(kind, "get_simulation_state", kind.Request())
-        assert response.result.result == OK
-        return response.state.state
+        return self.ask("GetSimulationState").state.state
 
     def set(self, state: int) -> tuple[int, str]:
-        kind = self.srv.SetSimulationState
-        request = kind.Request()
-        request.state.state = state
-        return self._read(self._client.call(kind, "set_simulation_state", request))
+        return self._read(self.ask("SetSimulationState", state__state=state).result)
 
     def step(self, steps: int) -> tuple[int, str]:
-        kind = self.srv.StepSimulation
-        return self._read(self._client.call(kind, "step_simulation", kind.Request(steps=steps)))
+        return self._read(self.ask("StepSimulation", steps=steps).result)
 
     def reset(self, scope: int) -> tuple[int, str]:
-        kind = self.srv.ResetSimulation
-        return self._read(self._client.call(kind, "reset_simulation", kind.Request(scope=scope)))
+        return self._read(super().reset(scope))
 
-    def _read(self, response: Any) -> tuple[int, str]:
-        return response.result.result, response.result.error_message
+    def _read(self, result: Any) -> tuple[int, str]:
+        return result.result, result.error_message
 
 
 def test_a_node_is_played_paused_stepped_stopped_and_quit(
@@ -77,10 +64,7 @@ def test_a_node_is_played_paused_stepped_stopped_and_quit(
     assert standard.state() == STOPPED
     assert standard.set(PLAYING) == (OK, "")
     assert standard.state() == PLAYING
-    kind = standard.srv.GetSimulatorFeatures
-    assert {20, 24, 25, 26, 31, 32, 33} <= set(
-        client.call(kind, "get_simulator_features", kind.Request()).features.features
-    )
+    assert {20, 24, 25, 26, 31, 32, 33} <= set(standard.ask("GetSimulatorFeatures").features.features)
     assert standard.set(9)[0] == 0
     assert standard.set(QUITTING) == (OK, "")
     assert process.wait() == 0
@@ -142,9 +126,9 @@ def test_nothing_is_played_while_steps_are_made_on_demand(
     code, text = standard.set(PLAYING)
     assert code == INCORRECT_STATE
     assert "of 1000000 steps; cancel it" in text
-    refused = client.call(SetBool, "pause", SetBool.Request(data=False))
-    assert not refused.success
-    assert "of 1000000 steps; cancel it" in refused.message
+    success, message = client.switch("pause", False)
+    assert not success
+    assert "of 1000000 steps; cancel it" in message
     assert standard.state() == PAUSED
     before = int(client.status()["steps"])
     client.wait(lambda: int(client.status()["steps"]) > before)

@@ -176,20 +176,6 @@ def test_the_reserved_tail_of_zeros_does_no_harm(bag: Path) -> None:
     assert (report.total, report.cut_files) == (30, ("bag_1.mcap",))
 
 
-def test_a_damaged_chunk_costs_only_its_messages(bag: Path) -> None:
-    """Flipped bytes in the middle cost the message there, which is counted, and no other."""
-    file = bag / "bag_0.mcap"
-    content = bytearray(file.read_bytes())
-    place = content.find(np.random.default_rng(10).bytes(2000)[500:600])
-    content[place : place + 4] = b"\xff\xff\xff\xff"
-    file.write_bytes(content)
-    with pytest.raises(RecordingError, match=r"is damaged.*gdfe recover"):
-        list(BagReader(bag).messages())
-    report = recover(bag)
-    assert (report.total, report.damaged_chunks, report.missing) == (29, 1, {"/gdfe_sim/mesh": 1})
-    assert [m.log_time for m in BagReader(report.path).messages()] == [n for n in range(30) if n != 10]
-
-
 def test_messages_whose_topic_is_lost_are_counted(bag: Path) -> None:
     """In a file without its index, the messages after a damaged topic declaration have no type, and are counted."""
     (bag / "metadata.yaml").unlink()

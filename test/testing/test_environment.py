@@ -173,8 +173,8 @@ def test_the_list_of_scenes_to_explore_is_complete() -> None:
     assert sorted(fit) == sorted([*SCENES, *TOO_LARGE])
 
 
-def test_actions_are_rate_limited_and_resets_are_cheap() -> None:
-    """A command over the whole range is applied by a twentieth in each step, and a reset takes at most three solves."""
+def test_actions_are_rate_limited() -> None:
+    """A command over the whole range is applied by a twentieth in each step, or at once with a slew time of zero."""
     env = _env(BAR)
     env.reset(seed=1)
     seen = [env.step([2.0, 0.5])[4]["applied"] for _ in range(3)]
@@ -182,17 +182,6 @@ def test_actions_are_rate_limited_and_resets_are_cheap() -> None:
     env = _env(BAR, slew_time=0.0)
     env.reset(seed=1)
     np.testing.assert_allclose(env.step([2.0, 0.5])[4]["applied"], [2.0, 0.5])
-    made = 0
-    solve = env._walker.step
-
-    def counted(*arguments: Any, **options: Any) -> Any:
-        nonlocal made
-        made += 1
-        return solve(*arguments, **options)
-
-    env._walker.step = counted
-    env.reset(seed=2)
-    assert 1 <= made <= 3
 
 
 def test_a_step_that_would_not_converge_goes_as_far_as_one_does() -> None:

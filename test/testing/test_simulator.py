@@ -13,7 +13,6 @@ import pytest
 from geometry_msgs.msg import PoseStamped
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Trigger
 
@@ -25,11 +24,11 @@ from gdfe_ros.errors import CommandError, GdfeError, OverlapError
 from gdfe_ros.scene import load_scene
 from gdfe_ros.simulation import Command, Simulation
 from gdfe_ros.testing import PublishedState, Simulator, tracking_error
+from gdfe_ros.testing.client import STATE_QOS
 from gdfe_ros.testing.node_replay import NodeReplay
 
 COARSE = {"mesh.bar.cells": [20, 2, 2]}
 GOAL = 0.1
-LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 def _controller(state: PublishedState) -> Command:
@@ -178,7 +177,7 @@ class _Follower(Node):
         self.step = 0
         self._known = False
         self._publisher = self.create_publisher(PoseStamped, f"{simulator.name}/handles/tip/target", 10)
-        self.create_subscription(PointCloud2, f"{simulator.name}/mesh", self._take, LATCHED)
+        self.create_subscription(PointCloud2, f"{simulator.name}/mesh", self._take, STATE_QOS)
         self.create_timer(0.1, self._begin)
 
     def _begin(self) -> None:
@@ -214,7 +213,7 @@ class _Talker(Node):
         super().__init__("talker", context=simulator.context)
         self._publisher = self.create_publisher(PoseStamped, f"{simulator.name}/{topic}", 10)
         self._height = height
-        self.create_subscription(PointCloud2, f"{simulator.name}/mesh", self._see, LATCHED)
+        self.create_subscription(PointCloud2, f"{simulator.name}/mesh", self._see, STATE_QOS)
 
     def _see(self, mesh: PointCloud2) -> None:
         message = PoseStamped()

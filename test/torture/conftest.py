@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import os
 import resource
 import signal
 from collections.abc import Iterator
@@ -11,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-EXAMPLES = int(os.environ.get("TORTURE_EXAMPLES", "0"))
-"""Random examples of each fuzzing test; 0 for a few fixed ones."""
+from test.torture.examples import EXAMPLES
+
 MEMORY, SECONDS = 4 << 30, 300 + EXAMPLES
 """Address space [bytes] that a fuzzing test may use in addition, and its longest time [s]."""
 

@@ -3,13 +3,12 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gdfe_ros.errors import GdfeError
@@ -17,16 +16,10 @@ from gdfe_ros.recording.bag_info import TopicInfo
 from gdfe_ros.recording.reader import BagReader
 from gdfe_ros.recording.recovery import recover
 from gdfe_ros.recording.writer import BagWriter
+from test.torture.examples import examples
 
 pytestmark = pytest.mark.usefixtures("limited")
-EXAMPLES = int(os.environ.get("TORTURE_EXAMPLES", "0"))
-"""Random examples per test; 0 for a few fixed ones."""
-QUICK = settings(
-    max_examples=EXAMPLES or 80,
-    deadline=None,
-    suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture],
-    derandomize=not EXAMPLES,
-)
+QUICK = examples(80)
 TOPIC = TopicInfo(name="/text", type="std_msgs/msg/String")
 COUNT = 50
 

@@ -4,13 +4,12 @@
 from __future__ import annotations
 
 import copy
-import os
 from typing import Any
 
 import numpy as np
 import pytest
 import yaml
-from hypothesis import HealthCheck, example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
@@ -20,6 +19,7 @@ from gdfe_ros.scene import scene_from_text
 from gdfe_ros.scene.entity import read_entity, with_body, without_bodies
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.simulation import Simulation
+from test.torture.examples import entries_of, examples
 
 SCENE = """\
 name: small
@@ -43,8 +43,6 @@ BODIES = [
     )
 ]
 pytestmark = pytest.mark.usefixtures("limited")
-EXAMPLES = int(os.environ.get("TORTURE_EXAMPLES", "0"))
-"""Random examples; 0 for a few fixed ones."""
 ODD = st.one_of(
     st.none(),
     st.booleans(),
@@ -55,13 +53,7 @@ ODD = st.one_of(
 )
 
 
-def _places(data: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
-    """Return the key path of every entry."""
-    items = data.items() if isinstance(data, dict) else enumerate(data) if isinstance(data, list) else ()
-    return [place for key, value in items for place in ((*path, key), *_places(value, (*path, key)))]
-
-
-CHOICES = [(number, place) for number, body in enumerate(BODIES) for place in _places(body)]
+CHOICES = [(number, place) for number, body in enumerate(BODIES) for place in entries_of(body)]
 
 
 @pytest.fixture(scope="module")
@@ -79,12 +71,7 @@ def scene() -> Scene:
 @example((1, ("regions", 1, "material")), "body_hard")
 @example((2, ("mass",)), 1e-300)
 @example((3, ("radius",)), 1e-170)
-@settings(
-    max_examples=EXAMPLES or 60,
-    deadline=None,
-    suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture],
-    derandomize=not EXAMPLES,
-)
+@examples(60)
 def test_a_body_with_one_odd_value(scene: Scene, choice: tuple[int, tuple[Any, ...]], value: Any) -> None:
     """It is refused with a reason, or its first step converges to finite places, and it leaves nothing behind."""
     number, place = choice

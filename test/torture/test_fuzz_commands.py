@@ -3,17 +3,16 @@
 
 from __future__ import annotations
 
-import os
-
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from gdfe_ros.constraints import Pose
 from gdfe_ros.errors import CommandError
 from gdfe_ros.scene import scene_from_text
 from gdfe_ros.simulation import Command, Simulation
+from test.torture.examples import examples
 
 SCENE = """\
 name: small
@@ -29,14 +28,7 @@ loads: {weight: {gravity: [0, 0, -9.81]}}
 solver: {tolerance: 1.0e-3, max_iterations: 300}
 """
 pytestmark = pytest.mark.usefixtures("limited")
-EXAMPLES = int(os.environ.get("TORTURE_EXAMPLES", "0"))
-"""Random examples per test; 0 for a few fixed ones."""
-QUICK = settings(
-    max_examples=EXAMPLES or 60,
-    deadline=None,
-    suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture],
-    derandomize=not EXAMPLES,
-)
+QUICK = examples(60)
 NUMBER = st.one_of(st.floats(-0.3, 0.3), st.floats(), st.sampled_from([0.0, 1e-300, 1e300, 1e3, -1e3]))
 VECTOR = st.tuples(NUMBER, NUMBER, NUMBER)
 NAMES = st.sampled_from(["tip", "base", "nobody", ""])

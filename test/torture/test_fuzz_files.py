@@ -6,14 +6,13 @@ The readers run in a child process with limits of memory and processor time.
 
 from __future__ import annotations
 
-import os
 import subprocess
 import sys
 
 import pytest
 
-EXAMPLES = int(os.environ.get("TORTURE_EXAMPLES", "0"))
-"""Random files for each reader; 0 for a few fixed ones."""
+from test.torture.examples import EXAMPLES
+
 COUNT, SECONDS_EACH = EXAMPLES or 100, 10.0
 _MEMORY = 6 << 30
 """Address space of the child [bytes]; most of it is that of the libraries."""

@@ -4,18 +4,18 @@
 from __future__ import annotations
 
 import copy
-import os
 from typing import Any
 
 import numpy as np
 import pytest
 import yaml
-from hypothesis import HealthCheck, assume, example, given, settings
+from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
 from gdfe_ros.errors import SceneError
 from gdfe_ros.scene import scene_from_text
 from gdfe_ros.simulation import Simulation
+from test.torture.examples import entries_of, examples
 
 SOUND = """\
 name: sound
@@ -54,14 +54,7 @@ solver: {policy: energy, tolerance: 1.0e-3, max_iterations: 200}
 """
 DATA = yaml.safe_load(SOUND)
 pytestmark = pytest.mark.usefixtures("limited")
-EXAMPLES = int(os.environ.get("TORTURE_EXAMPLES", "0"))
-"""Random examples per test; 0 for a few fixed ones."""
-QUICK = settings(
-    max_examples=EXAMPLES or 120,
-    deadline=None,
-    suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture],
-    derandomize=not EXAMPLES,
-)
+QUICK = examples(120)
 ODD = st.one_of(
     st.none(),
     st.booleans(),
@@ -73,13 +66,7 @@ ODD = st.one_of(
 )
 
 
-def _places(data: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
-    """Return the key path of every entry."""
-    items = data.items() if isinstance(data, dict) else enumerate(data) if isinstance(data, list) else ()
-    return [place for key, value in items for place in ((*path, key), *_places(value, (*path, key)))]
-
-
-PLACES = _places(DATA)
+PLACES = entries_of(DATA)
 
 
 def _check(text: str) -> None:
