@@ -289,19 +289,9 @@ class Contact(ContactTerm):
         self._origin[...], self._axes[...] = self._frame(positions, self._pose)
 
     def _entered(self, starts: NDArray[np.float64], places: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the entry planes (p, 4) of points that move on straight lines to ``places`` (p, 3) [m].
-
-        The row of a point is zero if the point does not enter the obstacle, or if it moved by less than `ENTRY` times
-        the body's size. The positions ``starts`` (p, 3) [m] are in the obstacle's frame.
-        """
-        planes, ends, reach = np.zeros((len(places), 4)), self._in_frame(places), ENTRY * self._body.size
-        moved = ends - starts
-        fast = np.flatnonzero(np.einsum("pi,pi->p", moved, moved) > reach * reach)
-        if len(fast):
-            found = np.zeros((len(fast), 4))
-            gap.entries(starts[fast], ends[fast], reach, self._form, self._touched.form.kind, found)
-            planes[fast] = found
-        return planes
+        """Return the entry planes (p, 4) of points that move from ``starts``, in the frame, to ``places`` (p, 3) [m]."""
+        reach = ENTRY * self._body.size
+        return gap.find_entries(starts, self._in_frame(places), reach, self._form, self._touched.form.kind)
 
     def _starts(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the positions (p, 3) [m] of the points at the end of the last step, in the obstacle's frame.

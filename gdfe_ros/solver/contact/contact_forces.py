@@ -17,7 +17,7 @@ from gdfe_ros.solver.contact.answer import begin_step, look_again, settle
 from gdfe_ros.solver.contact.complementarity import HALF, find_violations
 from gdfe_ros.solver.contact.compliance import project, pull
 from gdfe_ros.solver.contact.contact_term import FAINT, ROUNDING, ContactTerm
-from gdfe_ros.solver.contact.field import Field
+from gdfe_ros.solver.contact.field import PointField
 from gdfe_ros.solver.contact.kept_compliance import Compliance
 from gdfe_ros.solver.contact.points import FOUND, Surfaces
 from gdfe_ros.solver.descent.loop import Metric
@@ -88,7 +88,7 @@ class ContactForces:
         self.left, self._nearest, self._changes = 0.0, np.inf, 0
         self._least, self._in_vain, self._faint = np.inf, 0, 0.0
         self._last, self._inertia, self._head[0] = np.zeros(self._rows), 0.0, 0
-        self._field: Field | None = None
+        self._field: PointField | None = None
 
     @property
     def near(self) -> bool:
@@ -202,7 +202,7 @@ class ContactForces:
         self._shorten(work, field)
         return found
 
-    def _shorten(self, work: Workspace, field: Field) -> None:
+    def _shorten(self, work: Workspace, field: PointField) -> None:
         """Shorten the step if it swings, or if points move farther past what they touch than their stencils hold.
 
         The distance to the equilibrium is still measured by the whole step.
@@ -251,7 +251,7 @@ class ContactForces:
 
         return multiply
 
-    def _gather(self, problem: Problem, work: Workspace) -> Field:
+    def _gather(self, problem: Problem, work: Workspace) -> PointField:
         """Return the near points of all contacts; they are gathered again after any contact has chosen others."""
         unknowns = problem.unknowns
         if self._numbered is not unknowns:
@@ -261,13 +261,13 @@ class ContactForces:
         if self._field is None:
             starts = problem.terms.real_start[self._at], problem.terms.integer_start[self._at]
             scratch = self._change, np.empty(self._rows), self._head
-            self._field = Field.of(self.contacts, self._surfaces, *starts, scratch)
+            self._field = PointField.of(self.contacts, self._surfaces, *starts, scratch)
             ends = np.searchsorted(self._field.owner, np.arange(len(self.contacts) + 1))
             self._parts = [slice(*each) for each in pairwise(ends)]
             self._correct(self._field, work)
         return self._field
 
-    def _correct(self, field: Field, work: Workspace) -> None:
+    def _correct(self, field: PointField, work: Workspace) -> None:
         """Update the offsets of gaps that depend on the positions."""
         for contact, part in zip(self.contacts, self._parts, strict=True):
             if part.stop > part.start and contact.corrects:

@@ -14,7 +14,7 @@ from gdfe_ros.solver.contact.points import Near, Surfaces
 from gdfe_ros.solver.contact.stencil import Stencils, pad_columns
 
 
-class Field(NamedTuple):
+class PointField(NamedTuple):
     """The k near points of all t contacts.
 
     Attributes:
@@ -63,7 +63,7 @@ class Field(NamedTuple):
         reals: NDArray[np.int64],
         integers: NDArray[np.int64],
         scratch: tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]],
-    ) -> Field:
+    ) -> PointField:
         """Return the near points of ``contacts``, whose numbers begin at ``reals`` and ``integers`` (t,).
 
         ``surfaces`` are those of all contacts; ``scratch`` is kept from field to field: `change`, `before` and `head`.

@@ -87,6 +87,19 @@ def distances(points, frame, form, kind, out, normals):
         out[i], normals[i, 0], normals[i, 1], normals[i, 2] = found
 
 
+def find_entries(
+    starts: NDArray[np.float64], ends: NDArray[np.float64], reach: float, form: NDArray[np.float64], kind: int
+) -> NDArray[np.float64]:
+    """Return the entry planes (k, 4) of points, see `entries`: zero for those that move by less than ``reach`` [m]."""
+    planes, moved = np.zeros((len(ends), 4)), ends - starts
+    fast = np.flatnonzero(np.einsum("ki,ki->k", moved, moved) > reach * reach)
+    if len(fast):
+        found = np.empty((len(fast), 4))
+        entries(starts[fast], ends[fast], reach, form, kind, found)
+        planes[fast] = found
+    return planes
+
+
 @kernel
 def entries(starts, ends, reach, form, kind, planes):
     """Write the entry planes (k, 4) of points that move on straight lines from ``starts`` to ``ends`` (k, 3) [m].

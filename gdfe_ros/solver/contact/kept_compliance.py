@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.solver.contact.compliance import add_history, join
-from gdfe_ros.solver.contact.field import Field
+from gdfe_ros.solver.contact.field import PointField
 from gdfe_ros.solver.contact.kept_columns import ConstantColumns, HalvedColumns, KeptColumns
 from gdfe_ros.solver.descent.loop import Metric
 from gdfe_ros.solver.descent.workspace import MEMORY, Problem, Workspace, numbers
@@ -27,7 +27,7 @@ class Numbered(NamedTuple):
     """
 
     kept: KeptColumns
-    field: Field
+    field: PointField
     chosen: NDArray[np.int64]
     every: NDArray[np.int64]
     rows: NDArray[np.int64]
@@ -58,7 +58,7 @@ class Compliance:
         work: Workspace,
         metric: Metric,
         key: tuple[object, ...],
-        field: Field,
+        field: PointField,
         count: int,
     ) -> NDArray[np.float64]:
         """Return W (3 c, 3 c) [m/N] of the points that take part; the next call overwrites it."""
@@ -81,7 +81,7 @@ class Compliance:
         add_history(work, metric, self._images, self._known, *given, field.stencils.soft, self._w)
         return self._w
 
-    def _number_rows(self, field: Field, chosen: NDArray[np.int64], kept: KeptColumns) -> Numbered:
+    def _number_rows(self, field: PointField, chosen: NDArray[np.int64], kept: KeptColumns) -> Numbered:
         """Return the numbered rows of the ``chosen`` points, whose columns are known then."""
         last = self._last_rows
         if last is not None and last.field is field and last.kept is kept and np.array_equal(last.chosen, chosen):
