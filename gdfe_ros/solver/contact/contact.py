@@ -74,8 +74,7 @@ class Contact(ContactTerm):
         self._scale, self._held_fast = np.zeros(count), np.zeros(count, dtype=bool)
         self._distances, self._normals = np.zeros(count), np.zeros((count, 3))
         self._take_none()
-        self._clear, self._lag, self._led = -np.inf, 0.0, np.zeros((0, 3))
-        self._began = np.zeros((0, 3))
+        self._clear, self._lag, self._led, self._began = -np.inf, 0.0, *np.zeros((2, 0, 3))
         self._pose = self._seen_at = Pose()
         self._last: State | None = None
         self._seen: NDArray[np.float64] | None = None
@@ -162,8 +161,7 @@ class Contact(ContactTerm):
     @property
     def near_points(self) -> Near:
         """Data from which the kernels find the stencils of the near points."""
-        anchors = np.ascontiguousarray(self._anchors[:, :3])
-        return Near(anchors, self._planes, self._fixed, self._offsets, self._shear)
+        return Near(self._anchors[:, :3].copy(), self._planes, self._fixed, self._offsets, self._shear)
 
     def present_stencils(self, positions: NDArray[np.float64]) -> Stencils:
         """Return the stencils, whose friction acts on a touched rigid body at the points' present places."""
@@ -289,9 +287,9 @@ class Contact(ContactTerm):
         self._origin[...], self._axes[...] = self._frame(positions, self._pose)
 
     def _entered(self, starts: NDArray[np.float64], places: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the entry planes (p, 4) of points that move from ``starts``, in the frame, to ``places`` (p, 3) [m]."""
-        reach = ENTRY * self._body.size
-        return gap.find_entries(starts, self._in_frame(places), reach, self._form, self._touched.form.kind)
+        """Return entry planes (p, 4) of points that move from ``starts``, in the frame, to ``places`` (p, 3) [m]."""
+        given = ENTRY * self._body.size, self._form, self._touched.form.kind
+        return gap.find_entries(starts, self._in_frame(places), *given)
 
     def _starts(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the positions (p, 3) [m] of the points at the end of the last step, in the obstacle's frame.
