@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from benchmarks.cases import CASES, CHEETAH, CaseName, LogNeoHooke
-from benchmarks.peers.ccx_deck import CcxElement, Incrementation, law_cards, write_deck
-from benchmarks.peers.ccx_output import read_displacements, read_reactions
+from benchmarks.grids import Grid
+from benchmarks.peers.ccx_deck import CcxElement, Incrementation, law_cards, used_nodes, write_deck
+from benchmarks.peers.ccx_output import count_iterations, read_displacements, read_reactions, to_lattice
 
 DATA = Path(__file__).resolve().parents[1] / "data" / "calculix"
 PATIENT = Incrementation(first=0.25, patient=True)
@@ -65,6 +66,15 @@ def test_quadratic_elements_have_twenty_nodes_and_no_face_centres() -> None:
     assert set(numbers[1:]) == {int(line.split(",")[0]) for line in nodes}
 
 
+def test_load_steps_follow_the_arc_of_a_turning_handle() -> None:
+    """At the end of every load step the prescribed positions are on the circle of a turning handle."""
+    text = _deck(CaseName.TWIST90, (2, 1, 1), CcxElement.C3D8, steps=2)
+    first = text.split("*STEP")[1]
+    corner = re.search(r"^3,2,2,(\S+)$", first, flags=re.MULTILINE)
+    assert corner is not None
+    assert float(corner.group(1)) == pytest.approx(25.0, abs=1e-8)  # (-25, -25) mm turned by 45 degrees: (0, -35.4)
+
+
 @pytest.mark.parametrize(
     ("element", "order", "steps", "text"), [(CcxElement.C3D8, 2, 1, "order 1"), (CcxElement.C3D8, 1, 0, "steps 0")]
 )
@@ -83,9 +93,45 @@ def test_displacements_are_read_from_touching_columns() -> None:
     assert found[12] == (40.0, 0.0, 0.0)
 
 
+def test_the_last_block_of_displacements_counts() -> None:
+    """The displacements read are those at the end of the last step."""
+    text = DATA.joinpath("bar.frd").read_text()
+    block = text[text.index(" -4  DISP") : text.index(" 9999")]
+    assert read_displacements(text.replace(block, block.replace("4.00000E+01", "2.00000E+01") + block))[12][0] == 40.0
+
+
 def test_reactions_are_read_and_balance_sideways() -> None:
     """The handle's nodal forces are read; they sum to a force along x and to zero across."""
     forces = read_reactions(DATA.joinpath("bar.dat").read_text())
     total = np.sum(list(forces.values()), axis=0)
     assert set(forces) == {3, 6, 9, 12}
     np.testing.assert_allclose(total, [4 * 2993.679, 0.0, 0.0], atol=1e-9)
+
+
+def test_cut_off_output_is_refused() -> None:
+    """Files that end before their results are refused."""
+    text = DATA.joinpath("bar.frd").read_text()
+    with pytest.raises(ValueError, match="cut off"):
+        read_displacements(text[: text.rindex(" -3")])
+    with pytest.raises(ValueError, match="no block DISP"):
+        read_displacements("nothing")
+    with pytest.raises(ValueError, match="no forces"):
+        read_reactions("nothing")
+
+
+def test_nodes_find_their_place_in_the_lattice() -> None:
+    """Node n is at index n - 1, and numbers beyond the lattice are refused."""
+    np.testing.assert_array_equal(to_lattice({2: (1.0, 2.0, 3.0)}, size=3), [[0, 0, 0], [1, 2, 3], [0, 0, 0]])
+    with pytest.raises(ValueError, match="node 4"):
+        to_lattice({4: (0.0, 0.0, 0.0)}, size=3)
+
+
+def test_iterations_are_counted_from_the_log() -> None:
+    """One linear solve is counted for each iteration in the log."""
+    assert count_iterations(" increment 1 attempt 1 \n iteration 1\n\n average force= 1\n iteration 2\n") == 2
+
+
+def test_used_nodes_skip_what_the_element_lacks() -> None:
+    """Elements of 8 nodes use every lattice node, elements of 20 nodes no face or body centres."""
+    assert len(used_nodes(Grid(size=(1, 1, 1), cells=(2, 1, 1)), CcxElement.C3D8)) == 12
+    assert len(used_nodes(Grid(size=(1, 1, 1), cells=(2, 1, 1), order=2), CcxElement.C3D20R)) == 32

@@ -81,3 +81,12 @@ def test_without_calculix_its_columns_are_empty(report: dict[str, Any], monkeypa
     table = all_tables({**report, "calculix": contact.press_by_calculix()})["pressing"]
     assert table.endswith("CalculiX: no program ccx; install it")
     assert all(" - |" in line for line in table.splitlines()[2:-2])
+
+
+def test_what_is_missing_is_told(report: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without MuJoCo our rows are printed alone, with the remedy below the table."""
+    monkeypatch.setattr(mujoco_grip, "available", lambda: "not installed: mujoco; pip install mujoco")
+    monkeypatch.setattr(contact, "HELD", {1.02: 0.0})
+    found = contact.measure_grips()
+    assert [row["solver"] for row in found["grip"]] == ["gdfe_ros"]
+    assert all_tables({**report, **found})["grip"].endswith("MuJoCo: not installed: mujoco; pip install mujoco")

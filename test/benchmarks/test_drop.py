@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,9 +14,22 @@ from benchmarks import drop, motion
 from benchmarks.grids import Grid
 from benchmarks.peers import ccx_drop, mujoco_drop
 from benchmarks.peers.ccx_deck import CcxElement
+from benchmarks.peers.ccx_output import read_paths
 from benchmarks.peers.drop_case import DENSITY, GRAVITY, LAW, SIZE, TIP
+from benchmarks.peers.mujoco_model import Drive, write_model
 from benchmarks.report import KEPT, read_report
 from gdfe_ros.scene import load_scene
+
+DATA = Path(__file__).resolve().parents[1] / "data"
+PRINTED = """
+ displacements (vx,vy,vz) for set TIP and time  0.1000000E-01
+
+        12  1.000000E+00  0.000000E+00 -2.000000E+00
+
+ displacements (vx,vy,vz) for set TIP and time  0.2000000E-01
+
+        12  2.000000E+00  0.000000E+00 -4.000000E+00
+"""
 
 
 def test_peers_are_given_our_scene() -> None:
@@ -44,6 +59,25 @@ def test_calculix_gets_a_deck_in_its_units() -> None:
     assert "BODY,GRAV,9810,0.,0.,-1." in deck
     assert "*DYNAMIC\n0.005,1," in deck
     assert "NLGEOM" in deck
+
+
+def test_paths_are_read_back() -> None:
+    """Two blocks of a .dat file are read, and a file without any is refused."""
+    times, paths = read_paths(PRINTED)
+    assert times.tolist() == [0.01, 0.02]
+    assert [path[12] for path in paths] == [(1.0, 0.0, -2.0), (2.0, 0.0, -4.0)]
+    with pytest.raises(ValueError, match="no displacements"):
+        read_paths(" forces (fx,fy,fz) for set TIP\n")
+
+
+def test_mujoco_gets_the_mass_of_the_bar() -> None:
+    """The masses of MuJoCo's bodies and of the clamped part of the lattice sum to the bar's mass."""
+    grid = Grid(size=SIZE, cells=(4, 1, 1))
+    text = write_model([LAW], grid, Drive.FREE, timestep=0.01, density=DENSITY, gravity=GRAVITY)
+    masses = [float(mass) for mass in re.findall(r'mass="([^"]+)"', text)]
+    whole = DENSITY * float(np.prod(SIZE))
+    assert sum(masses) == pytest.approx(whole * (1.0 - 0.5 / 4.0))
+    assert len(masses) == 4 * 4
 
 
 @pytest.mark.skipif(mujoco_drop.available() is not None, reason="MuJoCo is not installed")

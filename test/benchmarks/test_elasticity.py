@@ -7,11 +7,12 @@ from functools import partial
 
 import numpy as np
 import pytest
+import scipy.sparse as sparse
 from scipy.spatial.transform import Rotation
 
 from benchmarks.elasticity import felupe_rows, law, newton, own
 from benchmarks.elasticity.__main__ import compare, measure
-from benchmarks.elasticity.problem import DECREMENT, PROBLEMS, Kind, Problem
+from benchmarks.elasticity.problem import DECREMENT, PROBLEMS, Kind, Problem, lattice
 from benchmarks.elasticity.table import size_table
 from gdfe_ros.element_fields import strain_energies
 from gdfe_ros.mesh import bar
@@ -55,6 +56,21 @@ def test_the_scene_has_the_benchmarks_energy(problem: Problem) -> None:
 
 
 @pytest.mark.parametrize("order", [1, 2])
+def test_affine_displacements_pass_the_patch_test(order: int) -> None:
+    """Under an affine motion F is constant, inner nodes have no force, and the energy is that of the density."""
+    body = newton.Tetrahedra(2, order)
+    slope = np.array([[0.2, 0.1, 0.0], [-0.1, 0.1, 0.2], [0.0, 0.1, -0.1]])
+    u = (body.points @ slope.T).ravel()
+    gradients = body.gradients(u)
+    np.testing.assert_allclose(gradients, np.broadcast_to((np.eye(3) + slope).ravel(), gradients.shape), atol=1e-12)
+    force = body.forces(law.stress(gradients, MILD.mu, MILD.lame)).reshape(-1, 3)
+    inside = np.abs(body.points - [0.5, 0.0, 0.0]).max(axis=1) < 0.5 - 1e-9
+    assert inside.any()
+    assert np.abs(force[inside]).max() < 1e-12
+    assert body.energy(u, MILD) == pytest.approx(float(law.density(gradients[0, 0], MILD.mu, MILD.lame)))
+
+
+@pytest.mark.parametrize("order", [1, 2])
 def test_the_matrix_is_the_derivative_of_the_forces(order: int) -> None:
     """The assembled upper triangle is a central difference of the forces of the free unknowns."""
     body, step = newton.Tetrahedra(2, order), 1e-6
@@ -70,6 +86,18 @@ def test_the_matrix_is_the_derivative_of_the_forces(order: int) -> None:
         move[body.free[column]] = step
         difference = (force(u + move) - force(u - move)) / (2.0 * step)
         np.testing.assert_allclose(whole[:, column], difference, atol=1e-7 * np.abs(whole).max())
+
+
+def test_filters_and_factors_refuse_negative_curvature() -> None:
+    """The filter leaves no negative eigenvalue, and an indefinite matrix has no factor."""
+    hessian = law.tangent(deformations(), 1.0, 1.5)[1]
+    assert np.linalg.eigvalsh(hessian).min() < -0.1
+    assert np.linalg.eigvalsh(law.positive_part(hessian)).min() > -1e-10
+    cholesky = newton.Cholesky()
+    matrix = sparse.csr_matrix(np.array([[2.0, 1.0], [0.0, 3.0]]))
+    np.testing.assert_allclose(cholesky.solve(matrix, np.array([5.0, 10.0])), [1.0, 3.0])
+    assert cholesky.solve(sparse.csr_matrix(np.array([[2.0, 4.0], [0.0, 3.0]])), np.ones(2)) is None
+    cholesky.close()
 
 
 def test_all_rows_agree_on_a_small_problem() -> None:
@@ -91,6 +119,15 @@ def test_the_decrement_sees_a_state_that_is_no_equilibrium() -> None:
     moved = x.copy()
     moved[np.linalg.norm(x - [0.5, 0.0, 0.0], axis=1) < 1e-9] += [0.0, 0.01, 0.0]
     assert own.measure_decrement(NEARLY, mesh, moved, held)[0] > 10.0 * DECREMENT
+
+
+def test_meshes_share_the_lattice() -> None:
+    """The lattice's points are the same for hexahedra and tetrahedra; another mesh is refused."""
+    points = [own.cube(4, tetrahedra=False).vertices, newton.Tetrahedra(2, 2).points]
+    for each in points:
+        np.testing.assert_allclose(each[lattice(each)], points[0][lattice(points[0])], atol=1e-12)
+    with pytest.raises(ValueError, match="inner points of the lattice of 4 intervals"):
+        lattice(own.cube(3, tetrahedra=False).vertices)
 
 
 def test_the_table_has_each_row() -> None:

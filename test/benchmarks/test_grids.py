@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchmarks.grids import HEXAHEDRON20, Grid
+from benchmarks.grids import HEXAHEDRON8, HEXAHEDRON20, Grid, lagrange_weights, serendipity_weights
 
 SIZE = (0.5, 0.05, 0.04)
 
@@ -22,6 +22,25 @@ def test_nodes_follow_the_formula_of_the_scenes() -> None:
     index = 4 + 6 * (1 + 4 * 2)
     np.testing.assert_allclose(grid.points()[index], [0.4, -0.025 + 0.05 / 3, 0.02], atol=1e-15)
     assert len(grid.points()) == 6 * 4 * 3
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_cells_fill_the_bar_with_positive_orientation(order: int) -> None:
+    """Every cell has a positive volume, and all cells together have the bar's."""
+    grid = Grid(size=SIZE, cells=(5, 3, 2), order=order)
+    corners = grid.points()[grid.connectivity(HEXAHEDRON8)]
+    edges = corners[:, [1, 3, 4]] - corners[:, :1]
+    volumes = np.linalg.det(edges)
+    assert volumes.min() > 0
+    np.testing.assert_allclose(volumes.sum(), np.prod(SIZE), rtol=1e-13)
+
+
+def test_faces_lie_at_the_ends() -> None:
+    """The end faces have exactly the nodes at x = 0 and at x = L."""
+    grid = Grid(size=SIZE, cells=(5, 3, 2), order=2)
+    x = grid.points()[:, 0]
+    np.testing.assert_array_equal(grid.face(right=False), np.nonzero(x == 0.0)[0])
+    np.testing.assert_array_equal(grid.face(right=True), np.nonzero(x == SIZE[0])[0])
 
 
 def _trilinear(p: np.ndarray) -> np.ndarray:
@@ -47,6 +66,28 @@ def test_interpolation_is_exact_for_the_elements_own_polynomials(order: int, fie
     np.testing.assert_allclose(grid.evaluate(field(grid.points()), points), exact, atol=1e-13 * np.abs(exact).max())
 
 
+def test_interpolation_keeps_nodal_values() -> None:
+    """At the nodes, also on the bar's boundary, interpolation returns the nodal values."""
+    grid = Grid(size=SIZE, cells=(4, 3, 2), order=2)
+    values = np.random.default_rng(1).normal(size=(len(grid.points()), 3))
+    np.testing.assert_allclose(grid.evaluate(values, grid.points()), values, atol=1e-13)
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_interpolation_error_falls_at_the_elements_rate(order: int) -> None:
+    """The interpolation error of a smooth field falls as h^(order + 1)."""
+    points = _inside()
+
+    def wave(p: np.ndarray) -> np.ndarray:
+        return np.sin(12 * p[:, :1] + 20 * p[:, 1:2])
+
+    errors = []
+    for cells in ((8, 4, 2), (16, 8, 2)):
+        grid = Grid(size=SIZE, cells=cells, order=order)
+        errors.append(np.abs(grid.evaluate(wave(grid.points()), points) - wave(points)).mean())
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(order + 1, abs=0.25)
+
+
 def test_serendipity_lattice_is_completed_by_the_elements_own_shape() -> None:
     """Face and body centres are filled so that the lattice interpolates like the 20-node element."""
     grid, points = Grid(size=SIZE, cells=(4, 3, 2), order=2), _inside()
@@ -57,8 +98,26 @@ def test_serendipity_lattice_is_completed_by_the_elements_own_shape() -> None:
     np.testing.assert_allclose(grid.evaluate(filled, points), _serendipity(points), atol=1e-14)
 
 
+def test_serendipity_weights_are_one_at_their_own_node() -> None:
+    """Shape function a is one at node a and zero at the others."""
+    weights = np.array([serendipity_weights(node) for node in HEXAHEDRON20])
+    np.testing.assert_allclose(weights, np.eye(20), atol=1e-15)
+
+
 def test_points_outside_the_bar_are_refused() -> None:
     """Points outside the bar are refused and named."""
     grid = Grid(size=SIZE, cells=(4, 3, 2))
     with pytest.raises(ValueError, match=r"points \[1\] lie outside"):
         grid.evaluate(grid.points(), np.array([[0.1, 0.0, 0.0], [0.6, 0.0, 0.0]]))
+
+
+def test_values_of_another_grid_are_refused() -> None:
+    """Values that do not match the lattice are refused."""
+    with pytest.raises(ValueError, match="expected"):
+        Grid(size=SIZE, cells=(4, 3, 2)).evaluate(np.zeros((7, 3)), np.zeros((1, 3)))
+
+
+def test_unknown_orders_are_refused() -> None:
+    """Only linear and quadratic weights are accepted."""
+    with pytest.raises(ValueError, match="order 3"):
+        lagrange_weights(np.array([0.5]), order=3)

@@ -9,7 +9,10 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 
+from benchmarks.loop import bodies
+from benchmarks.loop.__main__ import GROUPS, choose_rows, probe
 from benchmarks.loop.compare import make_lines, time_row
 from benchmarks.loop.judge import summarise
 from benchmarks.loop.playing import Player, drop_results
@@ -95,3 +98,24 @@ def test_the_table_says_what_is_met() -> None:
     assert "| bar | 8 ms | 6 ms | 0.75 | 40 to 20 | 0.9 to 0.2 | 0 |" in text
     assert "**missed**: ratio, after |" in text
     assert "Of 3 targets, 1 are met, 2 missed, 0 not judged." in text
+
+
+def test_every_row_can_be_asked_for() -> None:
+    """Names of rows are unique, and groups and parts of names choose rows."""
+    rows = choose_rows([])
+    assert len({row.name for row in rows}) == len(rows)
+    assert {row.group for row in rows} == set(GROUPS)
+    assert [row.name for row in choose_rows(["10x1x1, cold"])] == ["bend5 10x1x1, cold"]
+
+
+@pytest.mark.parametrize("name", ["strip_lifted", "tube_vacuum", "sheet_of_fibres"])
+def test_thin_bodies_are_scenes(name: str) -> None:
+    """A thin body's text is a scene, and a step of its program is made."""
+    task = next(task for task in bodies.make_thin_bodies() if task.label == name)
+    player = Player(replace(task, parts={"": (0, 1)}, tolerance=1e-1).request)
+    assert player.play()[""]["steps"] == 1
+
+
+def test_the_probe_is_of_small_steps() -> None:
+    """The probe has iterations and displacements."""
+    assert set(probe()) == {"cold: moved [m]", "streamed: moved [m]", "iterations of all"}

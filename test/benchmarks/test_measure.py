@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import sys
 import time
 from pathlib import Path
 
@@ -58,6 +59,19 @@ def test_a_table_is_measured_once(table: Table, capsys: pytest.CaptureFixture[st
         assert "skipped: good: of this solver already" in capsys.readouterr().out
 
 
+def test_a_table_without_a_probe_is_measured_again(table: Table) -> None:
+    """A report without a probe is never current."""
+    keep(table.file, Report([], stamp()))
+    assert not is_current(table)
+
+
+def test_a_file_of_another_form_is_measured_again(table: Table) -> None:
+    """A file in the former format, bare rows, is not current and is measured again."""
+    table.file.write_text("[]")
+    assert not is_current(table)
+    assert measure(table) is None
+
+
 def test_a_failure_does_not_stop_the_others(table: Table, tmp_path: Path) -> None:
     """With a failing script, an empty one and a good one, two are reported, and kept files stay."""
     bad = script(tmp_path, "bad", "raise SystemExit('no such robot')")
@@ -107,3 +121,11 @@ def test_every_table_has_a_script_and_a_probe() -> None:
     for item in TABLES:
         assert item.missing() or callable(item.replay_function()), item.name
     assert sum(item.minutes for item in TABLES) <= 85.0
+
+
+def test_the_list_shows_every_table(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    """The list shows each table with its minutes, and the total."""
+    monkeypatch.setattr(sys, "argv", ["measure", "--list"])
+    assert command.main() == 0
+    shown = capsys.readouterr().out
+    assert all(name in shown for name in (*NAMES, "all"))

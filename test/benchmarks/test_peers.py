@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import json
 import xml.etree.ElementTree as ElementTree
 
 import numpy as np
@@ -10,8 +11,8 @@ import pytest
 
 from benchmarks.cases import CASES, Case, CaseName
 from benchmarks.grids import Grid
-from benchmarks.peers import PeerError, PeerSolution, Solver, Variant, load_peer, run_peer
-from benchmarks.peers.mujoco_model import Drive, write_model
+from benchmarks.peers import PeerError, PeerResult, PeerSolution, Solver, Variant, load_peer, run_peer
+from benchmarks.peers.mujoco_model import Drive, node_masses, tetrahedra, write_model
 from benchmarks.peers.peer import handle_reaction, worker_environment
 from benchmarks.peers.worker import measure
 from benchmarks.references import load_reference
@@ -57,11 +58,37 @@ def test_short_runs_are_warmed_up_and_long_ones_are_not_repeated(times, counted)
     assert [run.time_solve for run in runs] == counted
 
 
+def test_results_survive_json() -> None:
+    """A result rebuilt from its text is equal."""
+    result = PeerResult(
+        solver=Solver.MUJOCO,
+        label="quadratic 10x1x1",
+        scene="bend5",
+        mesh="10x1x1 quadratic",
+        time_setup=0.1,
+        time_solve=0.2,
+        mean_error=0.003,
+        max_error=0.004,
+        reaction=(1.0, 2.0, 3.0, 4.0, 5.0, 6.0),
+        settings={"steps": 3, "warnings": ["none to speak of"]},
+    )
+    assert PeerResult.from_json(json.loads(json.dumps(result.to_json()))) == result
+
+
 def test_a_missing_peer_is_named_with_its_remedy(monkeypatch: pytest.MonkeyPatch) -> None:
     """A missing ccx is an error with the command that installs it, not a skip."""
     monkeypatch.setenv("PATH", "/nowhere")
     variant = load_peer(Solver.CALCULIX).variants(CASES[CaseName.TENSILE])[0]
     with pytest.raises(PeerError, match="apt-get install calculix-ccx"):
+        run_peer(Solver.CALCULIX, CaseName.TENSILE, variant)
+
+
+def test_a_failing_worker_is_reported_with_the_end_of_its_output(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An error inside a worker becomes one that names the run and the end of its output."""
+    module = load_peer(Solver.CALCULIX)
+    monkeypatch.setattr(module, "available", lambda: None)
+    variant = Variant(label="C3D99 2x1x1", element="C3D99", cells=(2, 1, 1))
+    with pytest.raises(PeerError, match=r"calculix, tensile, C3D99 2x1x1.*\n(.*\n)*.*C3D99"):
         run_peer(Solver.CALCULIX, CaseName.TENSILE, variant)
 
 
@@ -113,6 +140,35 @@ def test_the_mujoco_model_has_a_body_for_every_moving_node() -> None:
     nodes = [flex.get("node").split() for flex in flexes]
     assert set(nodes[0][-9:]) == set(nodes[1][:9])
     assert nodes[0][:9] == ["world"] * 9
+
+
+def test_mujoco_nodes_run_fastest_along_z() -> None:
+    """The nodes of a flex are listed in MuJoCo's order, with z changing fastest."""
+    case = CASES[CaseName.TWIST90_UNIFORM]
+    grid = case.grid((2, 1, 1))
+    root = ElementTree.fromstring(write_model(case.laws, grid, Drive.MOCAP, timestep=0.2))
+    nodes = [int(name.removeprefix("node")) for name in root.find("deformable/flex").get("node").split()[4:]]
+    points = grid.points()[nodes]
+    order = np.lexsort((points[:, 2], points[:, 1], points[:, 0]))
+    np.testing.assert_array_equal(order, np.arange(len(nodes)))
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_nodal_masses_sum_to_the_mass_of_the_bar(order: int) -> None:
+    """The nodal masses are positive, symmetric and sum to the bar's mass."""
+    masses = node_masses(Grid(size=(0.5, 0.05, 0.05), cells=(5, 2, 3), order=order))
+    assert masses.sum() == pytest.approx(10.0 * 0.5 * 0.05 * 0.05)
+    assert masses.min() > 0
+    np.testing.assert_allclose(masses, masses[::-1], rtol=1e-12)
+
+
+def test_embedded_tetrahedra_fill_the_bar() -> None:
+    """The bar is divided into tetrahedra of positive volume without gaps."""
+    grid = Grid(size=(0.5, 0.05, 0.05), cells=(3, 2, 1))
+    corners = grid.points()[tetrahedra(grid)]
+    volumes = np.linalg.det(corners[:, 1:] - corners[:, :1]) / 6
+    assert volumes.min() > 0
+    assert volumes.sum() == pytest.approx(0.5 * 0.05 * 0.05)
 
 
 def test_mujoco_has_no_ogden_law() -> None:

@@ -9,7 +9,12 @@ import numpy as np
 import pytest
 
 from benchmarks.cases import CASES, CaseName
-from benchmarks.references import ReferenceKind, load_reference, measure_error
+from benchmarks.references import (
+    Error,
+    ReferenceKind,
+    load_reference,
+    measure_error,
+)
 
 
 def test_the_metric_is_the_ratio_of_means_and_of_maxima() -> None:
@@ -19,6 +24,35 @@ def test_the_metric_is_the_ratio_of_means_and_of_maxima() -> None:
     error = measure_error(moved, reference)
     assert error.mean == pytest.approx((0.3 + 0.1) / (5.0 + 1.0))
     assert error.maximum == pytest.approx(0.3 / 5.0)
+
+
+def test_a_perfect_solution_has_no_error() -> None:
+    """The reference itself has no error."""
+    reference = load_reference(CaseName.BEND5).displacement
+    assert measure_error(reference.copy(), reference) == Error(0.0, 0.0)
+
+
+def test_the_error_does_not_depend_on_units_or_frame() -> None:
+    """Scaling and rotating everything leaves the error unchanged."""
+    rng = np.random.default_rng(5)
+    reference, other = rng.normal(size=(2, 40, 3))
+    turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    before, after = measure_error(other, reference), measure_error(7 * other @ turn, 7 * reference @ turn)
+    assert (after.mean, after.maximum) == pytest.approx((before.mean, before.maximum), rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("displacement", "reference", "text"),
+    [
+        (np.zeros((2, 3)), np.ones((3, 3)), "shape"),
+        (np.array([[0, 0, 0], [0, np.nan, 0]]), np.ones((2, 3)), r"vertices \[1\]"),
+        (np.zeros((2, 3)), np.zeros((2, 3)), "does not move"),
+    ],
+)
+def test_meaningless_comparisons_are_refused(displacement, reference, text: str) -> None:
+    """Arrays of another shape, values that are not finite and an undeformed reference are refused."""
+    with pytest.raises(ValueError, match=text):
+        measure_error(displacement, reference)
 
 
 @pytest.mark.parametrize("name", list(CaseName))
@@ -48,3 +82,12 @@ def test_a_missing_reference_names_the_file_and_the_remedy(tmp_path: Path) -> No
     """A missing reference is an error with the file and the remedy."""
     with pytest.raises(FileNotFoundError, match=r"tensile_fine\.npz.*give the directory that holds it"):
         load_reference(CaseName.TENSILE, directory=tmp_path)
+
+
+def test_a_damaged_reference_is_refused(tmp_path: Path) -> None:
+    """Displacements that do not fit the vertices are refused."""
+    arrays = {"X": np.zeros((3, 3)), "u": np.zeros((2, 3)), "energy": 0.0, "meta": "{}"}
+    forces = {"reaction_force": np.zeros(3), "reaction_moment": np.zeros(3)}
+    np.savez(tmp_path / "bend5_fine.npz", **arrays, **forces)
+    with pytest.raises(ValueError, match="must both be"):
+        load_reference(CaseName.BEND5, directory=tmp_path)

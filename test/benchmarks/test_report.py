@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks import provenance
-from benchmarks.provenance import Provenance, solver_commit, stamp
+from benchmarks.provenance import Provenance, ProvenanceError, solver_commit, stamp
 from benchmarks.report import Report, read_report, write_report
 
 MADE = Provenance("5eecb34", "2026-11-23", "AMD EPYC, 2 cores, Python 3.11.7, numba 0.68.1")
@@ -65,6 +65,13 @@ def test_words_do_not_make_another_solver(checkout: Path) -> None:
     assert not Provenance("0000000").is_current
 
 
+def test_no_checkout_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Outside of a checkout, the commit is an error that says where, why, and what to do."""
+    monkeypatch.setattr(provenance, "ROOT", tmp_path)
+    with pytest.raises(ProvenanceError, match=rf"{re.escape(str(tmp_path))}.*measure in a git checkout"):
+        provenance.solver_commit.__wrapped__()
+
+
 def test_the_stamp_is_of_today_and_of_this_machine() -> None:
     """The stamp is one line with a commit, a day, a processor, cores and versions."""
     made = stamp()
@@ -84,6 +91,23 @@ def test_a_report_survives_its_file(tmp_path: Path) -> None:
     assert [item.name for item in path.parent.iterdir()] == ["rows.json"]
 
 
+def test_a_report_that_cannot_be_written_leaves_the_old_one(tmp_path: Path) -> None:
+    """Data that are no JSON raise an error, and the old report stays."""
+    path = tmp_path / "rows.json"
+    write_report(path, [1], {"a": 1})
+    with pytest.raises(TypeError, match="cannot hold"):
+        write_report(path, [object()], {"a": 2})
+    assert read_report(path).data == [1]
+
+
+def test_another_form_is_refused(tmp_path: Path) -> None:
+    """A file with bare rows is refused with its name and a remedy."""
+    path = tmp_path / "robots.json"
+    path.write_text("[]")
+    with pytest.raises(ValueError, match=r"robots.json .* make measure ONLY=robots"):
+        read_report(path)
+
+
 @pytest.mark.parametrize(
     ("now", "stale"),
     [
@@ -100,3 +124,8 @@ def test_what_differs_by_more_than_a_tenth_is_stale(now: dict[str, float | str],
     """A probe is stale if a figure differs by more than a tenth, a text differs, or one is missing."""
     report = Report([], MADE, {"iterations": 100, "kind": "Fronts"})
     assert [text.partition(":")[0] for text in report.stale(now)] == stale
+
+
+def test_a_report_without_a_probe_is_stale() -> None:
+    """A report without a probe is stale."""
+    assert Report([], MADE).stale({"iterations": 1}) == ["measured before probes were kept"]
