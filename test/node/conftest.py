@@ -23,20 +23,21 @@ from rcl_interfaces.msg import SetParametersResult
 from rcl_interfaces.srv import SetParameters
 from rclpy.action import ActionClient
 from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from rosbags.highlevel import AnyReader
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Int32MultiArray, String
-from std_srvs.srv import SetBool, Trigger
 
 from gdfe_ros.recording.step_record import StepRecord
 from gdfe_ros.testing import NodeProcess
-from gdfe_ros.testing.client import STATE_QOS, await_discovery
+from gdfe_ros.testing.client import await_discovery
 
 DATA = Path(__file__).parents[1] / "data"
 COARSE = {"scene": "bend5", "scene_overrides": ["mesh.bar.cells=[20, 2, 2]"]}
 """Parameters of a scene that is solved in a millisecond."""
 
+_QOS = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _OUTPUTS = {
     "mesh": PointCloud2,
     "strain": PointCloud2,
@@ -57,16 +58,14 @@ class Client:
 
     Attributes:
         received: dict from the topic's name, without the node's, to its messages.
-        wait: function that spins until its argument, a function, returns a true value, and returns that value.
     """
 
     def __init__(self, ros: Any, name: str = "/gdfe_sim") -> None:
         self.node = ros.node("client")
         self._executor, self._name = ros.executor, name
-        self.wait = ros.wait
         self.received: dict[str, list[Any]] = defaultdict(list)
         for topic, kind in _OUTPUTS.items():
-            self.listen(topic, kind)
+            self.node.create_subscription(kind, self.full(topic), self.received[topic].append, _QOS)
         self._publishers: dict[str, Any] = {}
         self._services: dict[str, Any] = {}
 
@@ -74,10 +73,13 @@ class Client:
         """Return a topic's full name."""
         return topic if topic.startswith("/") else f"{self._name}/{topic}"
 
-    def listen(self, topic: str, kind: type) -> list[Any]:
-        """Subscribe to a topic; return the list of its messages."""
-        self.node.create_subscription(kind, self.full(topic), self.received[topic].append, STATE_QOS)
-        return self.received[topic]
+    def wait(self, done: Callable[[], Any], *, seconds: float = 300.0) -> Any:
+        """Spin until ``done`` returns a true value, and return that value."""
+        end = time.monotonic() + seconds
+        while not (value := done()):
+            assert time.monotonic() < end, f"waited for {seconds} s in vain"
+            self._executor.spin_once(timeout_sec=0.05)
+        return value
 
     def spin(self, seconds: float) -> None:
         """Receive messages for a time [s]."""
@@ -117,22 +119,6 @@ class Client:
         future = self._services[service].call_async(request)
         self.wait(future.done)
         return future.result()
-
-    def trigger(self, name: str) -> tuple[bool, str]:
-        """Call a service without arguments; return whether it succeeded, and its message."""
-        response = self.call(Trigger, name, Trigger.Request())
-        return response.success, response.message
-
-    def switch(self, name: str, on: bool) -> tuple[bool, str]:
-        """Call a service that turns something on or off; return whether it succeeded, and its message."""
-        response = self.call(SetBool, name, SetBool.Request(data=on))
-        return response.success, response.message
-
-    def steps(self, count: int) -> None:
-        """Make steps in lockstep."""
-        for _ in range(count):
-            success, message = self.trigger("step")
-            assert success, message
 
     def action(self, kind: type, name: str) -> ActionClient:
         """Return a client of an action once the node knows it; before that, an answer could get lost."""

@@ -15,7 +15,7 @@ from builtin_interfaces.msg import Duration
 from geometry_msgs.msg import PoseStamped
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
-from std_srvs.srv import Trigger
+from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from gdfe_ros.analysis.bag_run import BagRun
@@ -76,7 +76,7 @@ def test_two_publishers_of_one_topic_lose_no_command(client: Any, start: Callabl
     client.wait(client.records)
     publishers = [client.node.create_publisher(JointState, client.full("actuation"), 100) for _ in range(2)]
     client.wait(lambda: all(publisher.get_subscription_count() for publisher in publishers))
-    assert client.switch("pause", True)[0]
+    assert client.call(SetBool, "pause", SetBool.Request(data=True)).success
     for count in range(1, 4):
         for _ in range(5):
             for publisher, name in zip(publishers, ("flexor", "extensor"), strict=True):
@@ -84,7 +84,7 @@ def test_two_publishers_of_one_topic_lose_no_command(client: Any, start: Callabl
                 message.effort[message.name.index(name)] = float(count)
                 publisher.publish(message if count == 2 else JointState(name=[name], effort=[float(count)]))
         client.wait_taken(10 * count)
-        assert client.trigger("step")[0]
+        assert client.call(Trigger, "step", Trigger.Request()).success
         client.wait(lambda count=count: client.record().actuators == {"flexor": count, "extensor": count})
     assert client.diagnostics()["commands refused"] == "0"
 
@@ -133,9 +133,10 @@ def test_a_course_that_starts_too_far_ahead_is_refused(client: Any, start: Calla
 
 def test_the_jacobian_predicts_the_motion_of_the_tip(client: Any, start: Callable) -> None:
     """The Jacobian d tip / d tension predicts the tip's motion for a small change, and its labels name both."""
+    tips: list[PoseStamped] = []
     jacobians: list[Float64MultiArray] = []
     start(**FINGER, scene_overrides=["solver.tolerance=1e-6"])
-    tips = client.listen("probe/tip", PoseStamped)
+    client.node.create_subscription(PoseStamped, client.full("probe/tip"), tips.append, 10)
     client.node.create_subscription(Float64MultiArray, client.full("jacobian"), jacobians.append, 10)
     client.publish("commands", Float64MultiArray(data=[1.0, 0.0]))
     client.wait(lambda: client.record().actuators.get("flexor") == 1.0)
@@ -165,10 +166,10 @@ def test_a_bag_begun_under_load_replays(client: Any, start: Callable, tmp_path: 
     client.wait(client.records)
     client.publish("actuation", JointState(name=["flexor"], effort=[1.0]))
     client.wait(lambda: any(record.actuators.get("flexor") == 1.0 for record in client.records()))
-    assert client.switch("record", True)[0]
+    assert client.call(SetBool, "record", SetBool.Request(data=True)).success
     client.publish("actuation", JointState(name=["flexor"], effort=[1.5]))
     client.wait(lambda: any(record.actuators.get("flexor") == 1.5 for record in client.records()))
-    assert client.switch("record", False)[0]
+    assert client.call(SetBool, "record", SetBool.Request(data=False)).success
     report = Replay(BagRun(tmp_path / "bag")).run()
     assert report.verdict() is Difference.IDENTICAL
     assert ("joint_states", "velocity") in report.differences.fields

@@ -13,6 +13,7 @@ import pytest
 from action_msgs.msg import GoalStatus
 from builtin_interfaces.msg import Duration
 from geometry_msgs.msg import PoseStamped
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
@@ -25,9 +26,10 @@ from gdfe_ros.analysis.difference import Difference
 from gdfe_ros.analysis.replay import Replay
 from gdfe_ros.errors import CommandError
 from gdfe_ros.testing import Simulator
-from gdfe_ros.testing.client import STATE_QOS
 from gdfe_ros.testing.node_replay import NodeReplay
 from test.arms.conftest import SCENE, TWO_LINKS
+
+_LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 @pytest.fixture
@@ -90,7 +92,7 @@ def test_a_node_tells_of_the_arm(client: Any, start: Callable, interfaces: Calla
 
     client.node.create_subscription(TFMessage, "/tf", hear, 100)
     topic = "/gdfe_sim/arms/arm/robot_description"
-    client.node.create_subscription(String, topic, lambda message: told.append(message.data), STATE_QOS)
+    client.node.create_subscription(String, topic, lambda message: told.append(message.data), _LATCHED)
     start(scene=str(held_block), clock="fast", heartbeat=0.0, dt=0.01)
     client.wait(lambda: told and "tip" in heard)
     assert told[0].startswith("<robot")
@@ -141,7 +143,8 @@ def test_a_foreign_client_moves_the_arm(client: Any, start: Callable, interfaces
 
     start(scene=str(held_block), clock="fast", heartbeat=0.0, dt=0.01)
     client.wait(client.records)
-    states = client.listen("joint_states", JointState)
+    states: list[JointState] = []
+    client.node.create_subscription(JointState, "/gdfe_sim/joint_states", states.append, 100)
     action = client.action(FollowJointTrajectory, "follow_joint_trajectory")
     feedback: list[Any] = []
 
@@ -189,7 +192,8 @@ def test_a_foreign_client_moves_the_arm(client: Any, start: Callable, interfaces
 def test_the_hardware_moves_joints_and_tendons(client: Any, start: Callable) -> None:
     """A message of JointStateTopicSystem moves all joints and tendons, with NaN for interfaces without a command."""
     start(scene="arm_grasp", clock="fast", heartbeat=0.0, dt=0.01)
-    heard = client.listen("joint_states", JointState)
+    heard: list[JointState] = []
+    client.node.create_subscription(JointState, "/gdfe_sim/joint_states", heard.append, 100)
     client.wait(lambda: heard)
     names = [*list(heard[-1].name)[2:], "left", "right"]
     rest = dict(zip(heard[-1].name, heard[-1].position, strict=True))

@@ -13,7 +13,7 @@ import pytest
 from geometry_msgs.msg import TwistStamped
 from rclpy.parameter import Parameter
 
-from test.node import idle
+from test.node import idle, lockstep
 
 
 def _twist(client: Any, *, z: float = 0.0, turn: float = 0.0) -> None:
@@ -93,6 +93,12 @@ def test_fast_steps_until_the_motion_is_over(
     assert turns[-1] > np.pi
 
 
+def test_lockstep_loses_no_command() -> None:
+    """In lockstep, 600 commands, 500 of them sent ahead, give 600 steps, each with its own command, in order."""
+    found = lockstep.measure(600)
+    assert (found.sent, found.consumed) == (600, 600)
+
+
 def test_a_bag_in_lockstep_is_complete(
     client: Any, start: Callable, coarse: dict, records_of: Callable, tmp_path: Path
 ) -> None:
@@ -162,6 +168,15 @@ def test_a_ticking_wall_clock_goes_on_without_commands(client: Any, start: Calla
     assert not any(record.handles for record in records)
     # In one second, whoever waits for the processor may shift the factor.
     client.wait(lambda: 0.0 < float(client.diagnostics()["real-time factor"]) < 1.5)
+
+
+def test_overruns_are_reported(client: Any, start: Callable, coarse: dict) -> None:
+    """At 10 kHz, steps are too slow, and diagnostics count the overruns and warn."""
+    start(**coarse, rate=1e4, dt=1e-3, velocity_timeout=8.0)
+    _twist(client, z=0.005)
+    client.wait(lambda: "overruns since the last report" in client.diagnostics()["message"])
+    client.wait(lambda: int(client.diagnostics()["overruns"]) > 100)
+    assert float(client.diagnostics()["real-time factor"]) < 10.0
 
 
 def test_a_body_that_settles_does_not_hide_lateness(client: Any, start: Callable) -> None:

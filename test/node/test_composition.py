@@ -63,6 +63,28 @@ def test_two_robots_run_in_one_process(make: Callable[[Any], Any]) -> None:
         rclpy.shutdown(context=context)
 
 
+def test_a_destroyed_node_leaves_the_graph(ros: Any) -> None:
+    """A destroyed node that is still referenced disappears from the graph of other nodes."""
+    context = rclpy.Context()
+    rclpy.init(context=context)
+    node = SimNode(namespace="leaving", context=context, parameter_overrides=[Parameter("autostart", value=False)])
+    watcher, end = ros.node("watcher"), time.monotonic() + 300.0
+
+    def is_seen() -> bool:
+        assert time.monotonic() < end
+        ros.executor.spin_once(timeout_sec=0.1)
+        return ("gdfe_sim", "/leaving") in watcher.get_node_names_and_namespaces()
+
+    while not is_seen():
+        pass
+    node.close()
+    node.destroy_node()
+    while is_seen():
+        pass
+    rclpy.shutdown(context=context)
+    assert node.lifecycle_state == "finalized"
+
+
 def test_an_active_node_that_is_destroyed_leaves_the_graph(ros: Any, slab: Path) -> None:
     """A node that is destroyed while it steps ends its threads, and leaves the graph before it is collected."""
     context = rclpy.Context()
@@ -109,20 +131,26 @@ def test_a_spawned_body_is_read_in_a_thread_of_its_own(
 
     monkeypatch.setattr(things, "read_entity", read)
     parameters = [Parameter("scene", value=str(slab)), Parameter("clock", value="lockstep")]
-    node = ros.node(SimNode, parameter_overrides=parameters)
+    node, end = ros.node(SimNode, parameter_overrides=parameters), time.monotonic() + 120.0
     service = ros.node("client").create_client(SpawnEntity, "/gdfe_sim/spawn_entity")
-    ros.wait(lambda: node.lifecycle_state == "active" and service.service_is_ready())
+
+    def wait(done: Callable[[], Any]) -> None:
+        while not done():
+            assert time.monotonic() < end
+            ros.executor.spin_once(timeout_sec=0.1)
+
+    wait(lambda: node.lifecycle_state == "active" and service.service_is_ready())
     request = SpawnEntity.Request(name="part", allow_renaming=False)
     request.entity_resource.resource_string = "{box: {size: [1, 1, 1]}, mass: 1}"
     request.initial_pose.pose.position.x = 0.3
     answers = []
     for number in range(MOST_WAITING + 1):  # the first one is being read
         answers.append(service.call_async(request))
-        ros.wait(lambda waiting=number: len(node._entities._exchange._waiting) == waiting)
+        wait(lambda waiting=number: len(node._entities._exchange._waiting) == waiting)
     answers.append(service.call_async(request))
-    ros.wait(answers[-1].done)
+    wait(answers[-1].done)
     go_on.set()
-    ros.wait(lambda: all(answer.done() for answer in answers))
+    wait(lambda: all(answer.done() for answer in answers))
     texts = [answer.result().result.error_message for answer in answers]
     node.close()
     assert sum("is taken" in text for text in texts) == MOST_WAITING + 1

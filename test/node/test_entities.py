@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from std_srvs.srv import SetBool, Trigger
 
 from gdfe_ros.analysis.bag_run import BagRun
 from gdfe_ros.analysis.difference import Difference
 from gdfe_ros.analysis.replay import Replay
 from gdfe_ros.scene import scene_from_text
-from test.node.services import OK, Services, body, point
 
 CUBE = """<robot name="cube"><link name="cube">
 <inertial><mass value="0.02"/><inertia ixx="3e-6" ixy="0" ixz="0" iyy="3e-6" iyz="0" izz="3e-6"/></inertial>
@@ -27,25 +27,75 @@ BOMB = "a: &a [1, 1, 1, 1, 1, 1, 1, 1, 1]\n" + "\n".join(
 """YAML of ten lines that stands for 9^9 values."""
 PATIENCE = 60.0
 """Longest time of an answer on a busy machine [s]; without limits, it would be hours."""
-UNSUPPORTED, NOT_FOUND, FAILED = 0, 2, 4
+UNSUPPORTED, OK, NOT_FOUND, FAILED = 0, 1, 2, 4
 NOT_UNIQUE, NAME_INVALID, FORMAT, NO_RESOURCE, NAMESPACE, PARSE, POSE = 101, 102, 103, 104, 105, 106, 109
 
 
-class _Entities(Services):
-    """A client of the services for entities, which spawns cubes."""
+class _Entities:
+    """A client of a node's services for entities."""
 
-    def spawn(self, name: str = "", at: Any = (0.0, 0.0, 0.0), text: str = CUBE, **fields: Any) -> Any:
-        return super().spawn(name, text, at, **fields)
+    def __init__(self, client: Any) -> None:
+        from simulation_interfaces import srv
+
+        self._client, self._srv = client, srv
+
+    def spawn(self, name: str = "", at: Any = (0.0, 0.0, 0.0), text: str = CUBE, **changes: Any) -> Any:
+        request = self._srv.SpawnEntity.Request(name=name)
+        request.entity_resource.resource_string = text
+        self._place(request.initial_pose.pose, at)
+        for key, value in changes.items():
+            holder = request
+            *path, last = key.split("__")
+            for part in path:
+                holder = getattr(holder, part)
+            setattr(holder, last, value)
+        return self._client.call(self._srv.SpawnEntity, "spawn_entity", request)
+
+    def delete(self, name: str) -> Any:
+        request = self._srv.DeleteEntity.Request(entity=name)
+        return self._client.call(self._srv.DeleteEntity, "delete_entity", request).result
 
     def spawn_together(self, names: list[str]) -> list[Any]:
         """Ask for cubes without waiting for the answers; return the futures."""
-        service = self.client.node.create_client(self.srv.SpawnEntity, self.client.full("spawn_entity"))
-        self.client.wait(service.service_is_ready)
-        wanted = (body(name, CUBE, (0.3 + 0.1 * place, 0.0, 0.2)) for place, name in enumerate(names))
-        return [service.call_async(self.request("SpawnEntity", **each)) for each in wanted]
+        service = self._client.node.create_client(self._srv.SpawnEntity, self._client.full("spawn_entity"))
+        self._client.wait(service.service_is_ready)
+        answers = []
+        for place, name in enumerate(names):
+            request = self._srv.SpawnEntity.Request(name=name)
+            request.entity_resource.resource_string = CUBE
+            self._place(request.initial_pose.pose, (0.3 + 0.1 * place, 0.0, 0.2))
+            answers.append(service.call_async(request))
+        return answers
+
+    def names(self, pattern: str = "") -> list[str]:
+        return list(self._matching(pattern).entities)
+
+    def asked(self, pattern: str) -> Any:
+        return self._matching(pattern).result
+
+    def _matching(self, pattern: str) -> Any:
+        request = self._srv.GetEntities.Request()
+        request.filters.filter = pattern
+        return self._client.call(self._srv.GetEntities, "get_entities", request)
+
+    def state(self, name: str) -> Any:
+        request = self._srv.GetEntityState.Request(entity=name)
+        response = self._client.call(self._srv.GetEntityState, "get_entity_state", request)
+        assert response.result.result == OK, response.result.error_message
+        return response.state
 
     def put(self, name: str, at: Any) -> Any:
-        return self.ask("SetEntityState", entity=name, set_pose=True, state__pose__position=point(at)).result
+        request = self._srv.SetEntityState.Request(entity=name, set_pose=True)
+        self._place(request.state.pose, at)
+        return self._client.call(self._srv.SetEntityState, "set_entity_state", request).result
+
+    def reset(self, scope: int) -> Any:
+        request = self._srv.ResetSimulation.Request(scope=scope)
+        return self._client.call(self._srv.ResetSimulation, "reset_simulation", request).result
+
+    @staticmethod
+    def _place(pose: Any, at: Any) -> None:
+        pose.position.x, pose.position.y, pose.position.z = map(float, at)
 
 
 @pytest.fixture
@@ -53,6 +103,12 @@ def entities(client: Any, interfaces: Callable) -> _Entities:
     """Give a client of the services."""
     interfaces("simulation_interfaces")
     return _Entities(client)
+
+
+def _steps(client: Any, count: int) -> None:
+    for _ in range(count):
+        response = client.call(Trigger, "step", Trigger.Request())
+        assert response.success, response.message
 
 
 def _height(entities: _Entities, name: str) -> float:
@@ -65,20 +121,20 @@ def test_a_spawned_box_falls_onto_the_body_and_is_recorded(
     """A box from URDF joins a running simulation, falls onto the slab, and is part of a bag, which replays."""
     start(scene=str(slab), clock="lockstep", dt=0.005)
     client.wait(client.records)
-    client.steps(3)
+    _steps(client, 3)
     spawned = entities.spawn(at=(0.15, 0.0, 0.1))
     assert (spawned.result.result, spawned.entity_name) == (OK, "cube"), spawned.result.error_message
     assert entities.names() == ["part", "cube"]
-    assert entities.names(filters__filter="^cu") == ["cube"]
+    assert entities.names("^cu") == ["cube"]
     assert _height(entities, "cube") == pytest.approx(0.1, abs=1e-12)
     client.set(bag_path=str(tmp_path / "bag"))
-    assert client.switch("record", True)[0]
-    client.steps(4)
+    assert client.call(SetBool, "record", SetBool.Request(data=True)).success
+    _steps(client, 4)
     state = entities.state("cube")
     assert state.twist.linear.z == pytest.approx(-9.81 * 0.02, rel=0.2)
     assert state.pose.position.z == pytest.approx(0.1 - 0.5 * 9.81 * 0.02**2, abs=5e-4)
     assert "bag is being written" in entities.spawn("second", at=(0.3, 0.0, 0.1)).result.error_message
-    assert client.switch("record", False)[0]
+    assert client.call(SetBool, "record", SetBool.Request(data=False)).success
     assert Replay(BagRun(tmp_path / "bag")).run().differences.verdict() is Difference.IDENTICAL
 
 
@@ -86,15 +142,15 @@ def test_bodies_that_stay_are_not_disturbed(client: Any, start: Callable, slab: 
     """Mesh and part move through a spawn and a deletion as they would without them; time goes on."""
     start(scene=str(slab), clock="lockstep", dt=0.005)
     client.wait(client.records)
-    client.steps(4)
+    _steps(client, 4)
     assert entities.spawn(at=(0.3, 0.0, 0.2)).result.result == OK
-    client.steps(4)
+    _steps(client, 4)
     assert entities.delete("cube").result == OK
-    client.steps(4)
+    _steps(client, 4)
     assert client.record().time == pytest.approx(0.06)
     found = client.mesh()
-    assert client.trigger("reset")[0]
-    client.steps(12)
+    assert client.call(Trigger, "reset", Trigger.Request()).success
+    _steps(client, 12)
     client.wait(lambda: client.record().time == pytest.approx(0.06))
     assert np.abs(client.mesh() - found).max() < 1e-5
 
@@ -103,7 +159,7 @@ def test_spawned_bodies_go_with_a_reset(client: Any, start: Callable, slab: Path
     """The scope of spawned bodies removes them and time goes on; a whole reset removes them and starts anew."""
     start(scene=str(slab), clock="lockstep", dt=0.005)
     client.wait(client.records)
-    client.steps(2)
+    _steps(client, 2)
     names = [entities.spawn("box", at=(0.3 + 0.1 * i, 0, 0.2), allow_renaming=True).entity_name for i in range(2)]
     assert names == ["box", "box_2"]
     assert entities.reset(4).result == OK
@@ -113,7 +169,7 @@ def test_spawned_bodies_go_with_a_reset(client: Any, start: Callable, slab: Path
     assert entities.reset(0).result == OK
     assert entities.names() == ["part"]
     assert client.status()["simulation time [s]"] == "0"
-    client.steps(1)
+    _steps(client, 1)
 
 
 def test_a_body_is_put_elsewhere(client: Any, start: Callable, slab: Path, entities: _Entities) -> None:
@@ -123,7 +179,7 @@ def test_a_body_is_put_elsewhere(client: Any, start: Callable, slab: Path, entit
     assert entities.spawn(at=(0.3, 0, 0.2)).result.result == OK
     for name, y in (("cube", 0.1), ("part", 0.3)):
         assert entities.put(name, (0.4, y, 0.5)).result == OK
-        client.steps(1)
+        _steps(client, 1)
         pose = entities.state(name).pose.position
         assert (pose.x, pose.y) == pytest.approx((0.4, y), abs=1e-6)
         assert pose.z == pytest.approx(0.5, abs=1e-3)
@@ -139,11 +195,11 @@ def test_a_body_joins_while_the_clock_runs(client: Any, start: Callable, slab: P
     client.wait(client.records)
     assert entities.spawn(at=(0.3, 0, 0.2)).result.result == OK
     client.wait(lambda: _height(entities, "cube") < 0.1)
-    assert client.switch("pause", True)[0]
+    assert client.call(SetBool, "pause", SetBool.Request(data=True)).success
     assert entities.spawn("late", at=(0.5, 0, 0.2)).result.result == OK
     client.spin(0.3)
     assert _height(entities, "late") == pytest.approx(0.2)
-    assert client.switch("pause", False)[0]
+    assert client.call(SetBool, "pause", SetBool.Request(data=False)).success
     client.wait(lambda: _height(entities, "late") < 0.19)
 
 
@@ -190,7 +246,7 @@ def test_a_body_that_cannot_join_is_refused_soon(client: Any, start: Callable, s
         assert time.monotonic() - began < PATIENCE
         assert (answer.result, text in answer.error_message) == (code, True), (changes, answer.error_message)
         assert entities.names() == ["part"]
-        client.steps(2)
+        _steps(client, 2)
         assert client.record().converged
 
 
@@ -200,10 +256,10 @@ def test_what_waits_for_the_next_step_survives_a_spawn(
     """A teleport and a queued command that were accepted before a spawn take effect after it; steps count on."""
     start(scene=str(slab), clock="lockstep", dt=0.005)
     client.wait(client.records)
-    client.steps(2)
+    _steps(client, 2)
     assert entities.put("part", (0.4, 0.3, 0.5)).result == OK
     assert entities.spawn(at=(0.3, 0, 0.2)).result.result == OK
-    client.steps(1)
+    _steps(client, 1)
     assert entities.state("part").pose.position.x == pytest.approx(0.4, abs=1e-6)
     assert int(client.status()["steps"]) >= 4
 
@@ -214,11 +270,11 @@ def test_a_finished_bag_does_not_begin_again(
     """With `record` true, a spawn after the bag was finished begins no bag, whether it succeeds or not."""
     start(scene=str(slab), clock="lockstep", dt=0.005, record=True, bag_path=str(tmp_path / "bag"))
     client.wait(client.records)
-    assert client.switch("record", False)[0]
+    assert client.call(SetBool, "record", SetBool.Request(data=False)).success
     assert entities.spawn("low", at=(0.05, 0.05, 0.0)).result.result == FAILED
     assert entities.spawn("high", at=(0.3, 0.0, 0.2)).result.result == OK
-    client.steps(2)
-    assert "not recording" in client.switch("record", False)[1]
+    _steps(client, 2)
+    assert "not recording" in client.call(SetBool, "record", SetBool.Request(data=False)).message
     assert [path.name for path in tmp_path.iterdir() if path.name.startswith("bag")] == ["bag"]
 
 
@@ -243,10 +299,10 @@ def test_strange_requests_are_answered(client: Any, start: Callable, slab: Path,
     start(scene=str(slab), clock="lockstep", dt=0.005)
     client.wait(client.records)
     assert "unknown bits" in entities.reset(8).error_message
-    assert entities.ask("GetEntities", filters__filter=r"^(\w+_?)+!$").result.result == UNSUPPORTED
-    assert entities.ask("GetEntities", filters__filter="(").result.result == FAILED
-    assert entities.ask("GetEntities", filters__filter=".*" * 10 + "!$").result.result == UNSUPPORTED
-    assert entities.ask("GetEntities", filters__filter="a" * 1000).result.result == UNSUPPORTED
+    assert entities.asked(r"^(\w+_?)+!$").result == UNSUPPORTED
+    assert entities.asked("(").result == FAILED
+    assert entities.asked(".*" * 10 + "!$").result == UNSUPPORTED
+    assert entities.asked("a" * 1000).result == UNSUPPORTED
 
 
 def test_a_scene_without_dynamics_takes_no_bodies(

@@ -13,6 +13,7 @@ import pytest
 import rclpy
 from rclpy.executors import MultiThreadedExecutor
 from rclpy.parameter import Parameter
+from std_srvs.srv import SetBool, Trigger
 
 from gdfe_ros.errors import CommandError, GdfeError, RecordingError
 from gdfe_ros.node.orders import PoseOrder
@@ -163,6 +164,41 @@ def test_what_publishing_raises_is_told_and_ends_nothing(tmp_path: Path) -> None
     assert BagReader(tmp_path / "bag").counts["/gdfe_sim/mesh"] == 2
 
 
+def _fail_often(robot: _Robot, count: int) -> None:
+    """Let every other step raise, and continue after each."""
+    session = robot.node.session
+    step, made = session.simulation.step, session.stepper.count
+    for number in range(count):
+        session.simulation.step = _broken
+        robot.command(0.05)
+        robot.wait(lambda number=number: session.stepper.failures == number + 1)
+        session.simulation.step = step
+        session.stepper.pause(False)
+        robot.command(0.05 + 0.01 * (number % 2))
+        robot.wait(lambda number=number: session.stepper.count == made + number + 1)
+    assert session.stepper.failures == count
+    assert robot.node.lifecycle_state == "active"
+    assert session.run.last.result.converged
+
+
+@pytest.mark.parametrize(
+    ("make", "count"),
+    [
+        (make_executor, 30),
+        (MultiThreadedExecutor, 10),
+        pytest.param(make_executor, 1000, marks=pytest.mark.torture),
+    ],
+    ids=["events", "threads", "thousand"],
+)
+def test_many_failed_steps_lose_nothing(tmp_path: Path, make: Callable[..., Any], count: int) -> None:
+    """After each of many failed steps the next step converges, and the bag has all converged steps."""
+    robot = _Robot(make, bag_path=str(tmp_path / "bag"))
+    robot.wait_for_the_first_step()
+    _fail_often(robot, count)
+    robot.close()
+    assert BagReader(tmp_path / "bag").counts["/gdfe_sim/mesh"] == count + 1
+
+
 @pytest.mark.parametrize("count", [20, pytest.param(1000, marks=pytest.mark.torture)])
 def test_a_node_of_its_own_outlives_failed_steps(client: Any, start: Callable, tmp_path: Path, count: int) -> None:
     """Steps of 1000 s fail because of too many internal steps; all other steps are made and in the bag."""
@@ -172,17 +208,17 @@ def test_a_node_of_its_own_outlives_failed_steps(client: Any, start: Callable, t
     client.wait(client.records)
     for number in range(count):
         client.set(dt=1e3)
-        success, message = client.trigger("step")
-        assert not success
-        assert "paused in the last good state" in message
+        answer = client.call(Trigger, "step", Trigger.Request())
+        assert not answer.success
+        assert "paused in the last good state" in answer.message
         client.set(dt=0.01)
         if number % 2:
-            assert client.switch("pause", False)[0]
-        assert client.trigger("step")[0]
+            assert client.call(SetBool, "pause", SetBool.Request(data=False)).success
+        assert client.call(Trigger, "step", Trigger.Request()).success
     values = client.status()
     assert (values["state"], values["steps failed"], values["steps"]) == ("active", str(count), str(count + 1))
     client.set(dt=1e3)
-    assert not client.trigger("step")[0]
+    assert not client.call(Trigger, "step", Trigger.Request()).success
     assert process.stop() == 0, process.log
     assert "Traceback" not in process.log
     assert BagReader(bag).counts["/gdfe_sim/mesh"] == count + 1

@@ -17,6 +17,7 @@ from typing import Any
 
 import pytest
 import yaml
+from std_srvs.srv import Trigger
 
 DATA = Path(__file__).parents[1] / "data"
 CUBE = """{bar: {size: [0.03, 0.03, 0.03], cells: [2, 2, 2]},
@@ -71,7 +72,7 @@ def test_a_body_is_spawned_by_flat_fields_and_put_elsewhere(client: Any, ask: Ca
     assert wrong["result"]["result"] == FAILED
     moved = {"pose": {"position": {"x": 0.3, "y": 0.2, "z": 0.4}, "orientation": {"w": 1.0}}}
     assert ask("set_entity_state", entity="gel", state=moved)["result"]["result"] == OK
-    assert client.trigger("step")[0]
+    assert client.call(Trigger, "step", Trigger.Request()).success
     place = ask("get_entity_state", entity="gel")["state"]["pose"]["position"]
     assert (place["x"], place["y"]) == pytest.approx((0.3, 0.2), abs=1e-4)
     assert place["z"] == pytest.approx(0.4, abs=1e-3)

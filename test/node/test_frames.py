@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 import pytest
 from geometry_msgs.msg import PoseStamped, TransformStamped, TwistStamped, WrenchStamped
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from scipy.spatial.transform import Rotation
 
-from gdfe_ros.testing.client import STATE_QOS
-
 QUARTER = Rotation.from_euler("z", 90.0, degrees=True)
+_LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 class _Tree:
@@ -28,10 +28,10 @@ class _Tree:
 
         self._kind, self._client, self.heard = TFMessage, client, {}
         node = client.node
-        for topic, qos in (("/tf", 100), ("/tf_static", STATE_QOS)):
+        for topic, qos in (("/tf", 100), ("/tf_static", _LATCHED)):
             node.create_subscription(TFMessage, topic, lambda message: self._hear(message.transforms), qos)
         self._publishers = [node.create_publisher(TFMessage, "/tf", 100)]
-        self._publishers.append(node.create_publisher(TFMessage, "/tf_static", STATE_QOS))
+        self._publishers.append(node.create_publisher(TFMessage, "/tf_static", _LATCHED))
 
     def tell(
         self,
@@ -79,7 +79,8 @@ def _vector(value: Any) -> list[float]:
 def test_plates_are_told_on_tf(client: Any, start: Callable, coarse: dict, interfaces: Callable) -> None:
     """The frames of all headers are on /tf and /tf_static, at the tip's pose; wrenches agree in both frames."""
     interfaces("tf2_msgs")
-    tree, felt = _Tree(client), client.listen("handles/tip/force_torque", WrenchStamped)
+    tree, felt = _Tree(client), []
+    client.node.create_subscription(WrenchStamped, client.full("handles/tip/force_torque"), felt.append, _LATCHED)
     start(**coarse, clock="lockstep", frame_id="left/base_link", publish_clock=True)
     client.target(0.1, turn=(0.0, 0.3, 0.0))
     client.wait_steps(2)
@@ -144,6 +145,8 @@ def test_commands_in_other_frames_are_transformed(
 
 def test_a_plate_follows_a_frame(client: Any, start: Callable, coarse: dict, interfaces: Callable) -> None:
     """A tip that follows a frame moves with it, refuses other commands, and returns to it after a reset."""
+    from std_srvs.srv import Trigger
+
     interfaces("tf2_msgs")
     tree = _Tree(client)
     process = start(**coarse, follow=["tip=frame:tool0"])
@@ -158,7 +161,7 @@ def test_a_plate_follows_a_frame(client: Any, start: Callable, coarse: dict, int
     client.publish("handles/tip/target", _pose("", [0, 0, 0.1], turn))
     client.wait(lambda: client.diagnostics().get("refused: handle follows") == "1")
     assert "handle 'tip' follows frame tool0 and takes no commands" in process.log
-    assert client.trigger("reset")[0]
+    assert client.call(Trigger, "reset", Trigger.Request()).success
     after = len(client.received["handles/tip/pose"])
     client.wait(lambda: len(client.received["handles/tip/pose"]) > after)
     client.wait(lambda: client.received["handles/tip/pose"][-1].pose.position.z == pytest.approx(0.05))

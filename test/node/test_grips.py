@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from std_msgs.msg import String
+from std_srvs.srv import SetBool, Trigger
 
 from gdfe_ros.analysis.bag_run import BagRun
 from gdfe_ros.analysis.difference import Difference
@@ -35,7 +36,7 @@ def test_a_grip_is_attached_and_released_by_its_name(
     given = {"scene": str(tmp_path / "cup.yaml"), "clock": "fast", "dt": 0.002, "heartbeat": 0.0, "step_count": 5}
     process = start(**given, record=True, bag_path=str(tmp_path / "bag"))
     client.wait(client.records)
-    assert client.switch("pause", True)[0]
+    assert client.call(SetBool, "pause", SetBool.Request(data=True)).success
 
     def told(count: int) -> None:
         client.wait(lambda: int(client.diagnostics()["commands refused"]) >= count)
@@ -45,11 +46,11 @@ def test_a_grip_is_attached_and_released_by_its_name(
     client.publish("attach", String(data="cap"))
     told(2)
     client.publish("attach", String(data="cup"))
-    assert client.trigger("step")[0]
+    assert client.call(Trigger, "step", Trigger.Request()).success
     client.publish("attach", String(data="cup"))
     told(3)
     client.publish("release", String(data="cup"))
-    assert client.trigger("step")[0]
+    assert client.call(Trigger, "step", Trigger.Request()).success
     values = client.diagnostics()
     assert (values["refused: unknown name"], values["refused: out of order"]) == ("1", "2")
     process.stop()

@@ -11,6 +11,7 @@ import pytest
 from lifecycle_msgs.srv import ChangeState
 from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.parameter import Parameter
+from std_srvs.srv import SetBool, Trigger
 
 from test.node import flood, hostile
 from test.node.meter import read_processor
@@ -63,7 +64,7 @@ def test_texts_of_requests_are_plain_in_the_log(client: Any, start: Callable, co
     refused = not text.isprintable() or len(text) > 4096
     for name in ("bag_path", "state_path"):
         assert client.set(**{name: text})[0].successful is not refused
-    client.switch("record", True)
+    client.call(SetBool, "record", SetBool.Request(data=True))
     assert client.transition(text) is False
     for label in ("deactivate", "cleanup"):
         assert client.transition(label)
@@ -125,7 +126,7 @@ def test_wild_commands_at_a_thousand_a_second_leave_finite_meshes(client: Any, s
         client.target(chance.uniform(-2.5, 2.5), turn=tuple(chance.uniform(-3.0, 3.0, 3)))
         client.spin(0.001)
     client.wait_taken(1000)
-    assert client.trigger("reset")[0]
+    assert client.call(Trigger, "reset", Trigger.Request()).success
     client.target(0.05)
     client.wait(lambda: client.mesh()[:, 5].max() == pytest.approx(0.05, abs=1e-6))
     client.wait(lambda: client.diagnostics()["converged"] == "True")  # the deadline may cut the step; others follow

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import re
+import time
 from collections.abc import Callable
 from typing import Any
 
@@ -11,7 +12,7 @@ import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped, WrenchStamped
-from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState, PointCloud2
 from std_msgs.msg import String
@@ -20,8 +21,8 @@ from visualization_msgs.msg import Marker
 
 from gdfe_ros.recording.reader import BagReader
 from gdfe_ros.recording.step_record import StepRecord
-from gdfe_ros.testing.client import STATE_QOS
 
+_QOS = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _BEST_EFFORT = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
 _TOPICS = {
     "mesh": PointCloud2,
@@ -36,29 +37,29 @@ _TOPICS = {
 class _Newcomer:
     """A client that subscribes to diagnostics only, until `listen` adds topics."""
 
-    def __init__(self, ros: Any) -> None:
-        self.node, self.wait = ros.node("newcomer"), ros.wait
-        self.status: dict[str, str] = {}
-        self.node.create_subscription(DiagnosticArray, "/diagnostics", self._read, STATE_QOS)
+    def __init__(self, ros: Any, wait: Callable) -> None:
+        self.node, self._wait = ros.node("newcomer"), wait
+        self._status: dict[str, str] = {}
+        self.node.create_subscription(DiagnosticArray, "/diagnostics", self._read, _QOS)
 
     def _read(self, message: DiagnosticArray) -> None:
-        self.status = {value.key: value.value for status in message.status for value in status.values}
+        self._status = {value.key: value.value for status in message.status for value in status.values}
 
     def wait_for_steps(self, count: int) -> None:
-        self.wait(lambda: int(self.status.get("steps", 0)) == count)
+        self._wait(lambda: int(self._status.get("steps", 0)) == count)
 
     def publish(self, topic: str, message: Any) -> None:
         publisher = self.node.create_publisher(type(message), f"/gdfe_sim/{topic}", 10)
-        self.wait(publisher.get_subscription_count)
+        self._wait(publisher.get_subscription_count)
         publisher.publish(message)
 
     def call(self, kind: type, name: str, request: Any) -> None:
         client = self.node.create_client(kind, f"/gdfe_sim/{name}")
-        self.wait(client.service_is_ready)
+        self._wait(client.service_is_ready)
         # The answer may get lost where the node does not know this client yet; what it does is seen in diagnostics.
         client.call_async(request)
 
-    def listen(self, topic: str, kind: type, qos: QoSProfile = STATE_QOS) -> Any:
+    def listen(self, topic: str, kind: type, qos: QoSProfile = _QOS) -> Any:
         """Subscribe to a topic; return the list to which its messages are appended."""
         got: list[Any] = []
         self.node.create_subscription(kind, topic if topic[0] == "/" else f"/gdfe_sim/{topic}", got.append, qos)
@@ -68,7 +69,14 @@ class _Newcomer:
 @pytest.fixture
 def newcomer(ros: Any) -> _Newcomer:
     """Give a client that subscribes to diagnostics only."""
-    return _Newcomer(ros)
+
+    def wait(done: Callable[[], Any]) -> None:
+        end = time.monotonic() + 300.0
+        while not done():
+            assert time.monotonic() < end, "waited in vain"
+            ros.executor.spin_once(timeout_sec=0.05)
+
+    return _Newcomer(ros, wait)
 
 
 def _lift(newcomer: _Newcomer, z: float, *, turned: bool = False) -> None:
@@ -86,31 +94,44 @@ def test_late_joiners_get_the_present_state(newcomer: _Newcomer, start: Callable
     newcomer.wait_for_steps(1)
     if clock == "wall":
         newcomer.call(SetBool, "pause", SetBool.Request(data=True))
-        newcomer.wait(lambda: newcomer.status["clock"] == "paused")
+        newcomer._wait(lambda: newcomer._status["clock"] == "paused")
     _lift(newcomer, 0.1)
-    newcomer.wait(lambda: newcomer.status["commands taken"] == "1")
+    newcomer._wait(lambda: newcomer._status["commands taken"] == "1")
     if clock == "wall":
         newcomer.call(Trigger, "step", Trigger.Request())
     newcomer.wait_for_steps(2)
     got = {topic: newcomer.listen(topic, kind) for topic, kind in _TOPICS.items()}
     got["volatile"] = newcomer.listen("mesh", PointCloud2, _BEST_EFFORT)
-    newcomer.wait(lambda: all(_lifted(messages) for messages in got.values()))
-    assert newcomer.status["steps"] == "2"
+    newcomer._wait(lambda: all(_lifted(messages) for messages in got.values()))
+    assert newcomer._status["steps"] == "2"
 
 
 def test_late_joiners_get_the_last_state_during_a_long_step(newcomer: _Newcomer, start: Callable) -> None:
-    """During a step, a late subscriber gets the state before it, and of what nobody saw before this state first."""
+    """While a step takes long, a late subscriber of any topic gets the state after the step before it."""
     fine = ["mesh.bar.cells=[60, 14, 14]", "solver.tolerance=1e-12", "solver.max_iterations=100000"]
     start(scene="bend5", scene_overrides=fine, clock="lockstep")
     newcomer.wait_for_steps(1)
     _lift(newcomer, 0.1)
     newcomer.wait_for_steps(2)
     _lift(newcomer, 0.2, turned=True)
-    newcomer.wait(lambda: re.search("[1-9] rounds of iterations", newcomer.status.get("working on", "")))
+    newcomer._wait(lambda: "rounds of iterations" in newcomer._status.get("working on", ""))
     got = {topic: newcomer.listen(topic, kind) for topic, kind in _TOPICS.items()}
-    newcomer.wait(lambda: all(_lifted(messages) for messages in got.values()))
-    assert newcomer.status["steps"] == "2"
-    assert all(_lifted(got[topic][:1]) for topic in ("mesh", "strain", "markers"))
+    newcomer._wait(lambda: all(_lifted(messages) for messages in got.values()))
+    assert newcomer._status["steps"] == "2"
+
+
+def test_the_stored_state_is_the_last_one_during_a_long_step(newcomer: _Newcomer, start: Callable) -> None:
+    """After steps that nobody saw, a subscriber first receives, during a long step, the state before this step."""
+    fine = ["mesh.bar.cells=[60, 14, 14]", "solver.tolerance=1e-12", "solver.max_iterations=100000"]
+    start(scene="bend5", scene_overrides=fine, clock="lockstep")
+    newcomer.wait_for_steps(1)
+    _lift(newcomer, 0.1)
+    newcomer.wait_for_steps(2)
+    _lift(newcomer, 0.2, turned=True)
+    newcomer._wait(lambda: re.search("[1-9] rounds of iterations", newcomer._status.get("working on", "")))
+    got = {topic: newcomer.listen(topic, _TOPICS[topic]) for topic in ("mesh", "strain", "markers")}  # store the last
+    newcomer._wait(lambda: all(got.values()))
+    assert all(_lifted(messages[:1]) for messages in got.values())
 
 
 def _lifted(messages: list[Any]) -> bool:
@@ -139,7 +160,7 @@ def test_a_late_joiner_gets_the_time_and_the_joints(newcomer: _Newcomer, start: 
     newcomer.publish("actuation", JointState(name=["flexor"], effort=[2.0]))
     newcomer.wait_for_steps(2)
     clock, joints = newcomer.listen("/clock", Clock, _BEST_EFFORT), newcomer.listen("joint_states", JointState)
-    newcomer.wait(lambda: clock and joints and joints[-1].effort[0] == 2.0)
+    newcomer._wait(lambda: clock and joints and joints[-1].effort[0] == 2.0)
     assert clock[-1].clock.nanosec == 250_000_000
 
 
@@ -152,6 +173,6 @@ def test_a_bag_holds_each_step_once_whoever_comes_late(
     _lift(newcomer, 0.1)
     newcomer.wait_for_steps(2)
     got = newcomer.listen("mesh", PointCloud2)
-    newcomer.wait(lambda: _lifted(got))
+    newcomer._wait(lambda: _lifted(got))
     process.stop()
     assert BagReader(tmp_path / "bag").counts["/gdfe_sim/mesh"] == 2

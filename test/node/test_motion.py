@@ -10,7 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 from geometry_msgs.msg import PoseStamped, TwistStamped
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import Imu, PointCloud2
+from std_srvs.srv import SetBool, Trigger
 
 from gdfe_ros.analysis.bag_run import BagRun
 from gdfe_ros.analysis.difference import Difference
@@ -21,18 +23,30 @@ from gdfe_ros.recording.step_record import Begin
 from gdfe_ros.scene import load_scene
 from gdfe_ros.simulation import Simulation
 
+_QOS = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _DROP = {"scene": "drop", "scene_overrides": ["mesh.bar.cells=[10, 1, 1]"]}
+
+
+@pytest.fixture
+def listen(client: Any) -> Callable[..., list[Any]]:
+    """Give a function that subscribes the client to a topic of the node and returns the list of received messages."""
+
+    def subscribe(topic: str, kind: type) -> list[Any]:
+        client.node.create_subscription(kind, client.full(topic), client.received[topic].append, _QOS)
+        return client.received[topic]
+
+    return subscribe
 
 
 def _advance(client: Any, steps: int = 1) -> None:
     """Make steps in lockstep; repeat the request until the node is active."""
     for _ in range(steps):
-        client.wait(lambda: client.trigger("step")[0])
+        client.wait(lambda: client.call(Trigger, "step", Trigger.Request()).success)
 
 
-def test_every_vertex_tells_its_velocity(client: Any, start: Callable) -> None:
+def test_every_vertex_tells_its_velocity(client: Any, start: Callable, listen: Callable) -> None:
     """A released bar starts without velocity; later each vertex velocity equals differences of its positions."""
-    client.listen("velocity", PointCloud2)
+    listen("velocity", PointCloud2)
     start(**_DROP, clock="lockstep", dt=0.001)
     first = client.last("velocity")
     assert [field.name for field in first.fields] == ["x", "y", "z", "vx", "vy", "vz"]
@@ -74,9 +88,9 @@ def test_diagnostics_warn_of_a_stuck_body(client: Any, start: Callable) -> None:
     assert told["message"].startswith("not converged: simulated 0 of 0.01 s: an internal step of")
 
 
-def test_each_probe_has_an_inertial_unit(client: Any, start: Callable) -> None:
+def test_each_probe_has_an_inertial_unit(client: Any, start: Callable, listen: Callable) -> None:
     """The IMU of the tip reads gravity before the release, nothing after it, and later the simulation's values."""
-    client.listen("probe/tip/imu", Imu)
+    listen("probe/tip/imu", Imu)
     start(**_DROP, clock="lockstep", dt=0.002)
     _advance(client, 10)
     units = client.wait(lambda: client.received["probe/tip/imu"][10:] and client.received["probe/tip/imu"])
@@ -92,13 +106,13 @@ def test_each_probe_has_an_inertial_unit(client: Any, start: Callable) -> None:
     assert [*_vector(told.orientation), told.orientation.w] == list(expected.orientation.as_quat())
 
 
-def test_the_frame_of_a_unit_is_on_tf(client: Any, start: Callable, interfaces: Callable) -> None:
+def test_the_frame_of_a_unit_is_on_tf(client: Any, start: Callable, listen: Callable, interfaces: Callable) -> None:
     """The IMU frame of the tip is at the probe and is rotated as the IMU reports."""
     interfaces("tf2_msgs")
     from tf2_msgs.msg import TFMessage
 
-    client.listen("probe/tip/imu", Imu)
-    client.listen("probe/tip", PoseStamped)
+    listen("probe/tip/imu", Imu)
+    listen("probe/tip", PoseStamped)
     told: dict[int, dict[str, Any]] = {}
 
     def hear(message: TFMessage) -> None:
@@ -157,7 +171,7 @@ def test_a_bag_begun_in_flight_replays(client: Any, start: Callable, tmp_path: P
     """A bag started during a motion, with the wall clock and a deadline that cuts steps, replays bit for bit."""
     process = start(**_DROP, deadline=0.004, bag_path=str(tmp_path / "bag"))
     client.wait(lambda: client.record().energies["kinetic"] > 1e-3)
-    assert client.switch("record", True)[0]
+    assert client.call(SetBool, "record", SetBool.Request(data=True)).success
     count = client.record().step
     client.wait(lambda: client.record().step > count + 50)
     process.stop()
@@ -168,12 +182,12 @@ def test_a_saved_motion_goes_on_as_it_was(client: Any, start: Callable, tmp_path
     """A motion saved and loaded repeats the same bits; after a reset the body starts undeformed and falls again."""
     start(**_DROP, clock="lockstep", state_path=str(tmp_path / "state"))
     _advance(client, 5)
-    assert client.trigger("save_state")[0]
+    assert client.call(Trigger, "save_state", Trigger.Request()).success
     _advance(client, 5)
-    success, message = client.trigger("load_state")
-    assert success, message
+    answer = client.call(Trigger, "load_state", Trigger.Request())
+    assert answer.success, answer.message
     _advance(client, 5)
-    assert client.trigger("reset")[0]
+    assert client.call(Trigger, "reset", Trigger.Request()).success
     _advance(client, 5)
     client.wait_steps(23)
     records, meshes = client.records(), client.meshes()

@@ -10,9 +10,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+import trimesh
 from geometry_msgs.msg import PoseStamped, TransformStamped, TwistStamped, WrenchStamped
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from scipy.spatial.transform import Rotation
 from std_msgs.msg import Header, String
+from std_srvs.srv import Trigger
 
 from gdfe_ros.analysis.bag_run import BagRun
 from gdfe_ros.analysis.difference import Difference
@@ -26,9 +29,9 @@ from gdfe_ros.node.messages import pose_stamped
 from gdfe_ros.scene.loader import load_scene
 from gdfe_ros.simulation import Command
 from gdfe_ros.testing import Simulator
-from gdfe_ros.testing.client import STATE_QOS
 from gdfe_ros.testing.node_replay import NodeReplay
 
+_QOS = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 CUBE = """
 name: cube
 description: A cube held at its top, above a ball and beside a wall.
@@ -58,16 +61,24 @@ def cube(tmp_path: Path) -> str:
     return str(path)
 
 
+@pytest.fixture
+def hear(client: Any) -> Callable[[str, type], list[Any]]:
+    """Give a function that subscribes the client to a topic of the node and returns the list of received messages."""
+
+    def subscribe(topic: str, kind: type) -> list[Any]:
+        client.node.create_subscription(kind, client.full(topic), client.received[topic].append, _QOS)
+        return client.received[topic]
+
+    return subscribe
+
+
 def _pose(frame: str = "", *, z: float = LIFT, turn: tuple[float, float, float] = (0, 0, 0)) -> PoseStamped:
     return pose_stamped(Header(frame_id=frame), Pose((0.0, 0.0, z), turn))
 
 
-def test_an_obstacle_is_commanded_as_a_handle_is(client: Any, start: Callable, cube: str) -> None:
+def test_an_obstacle_is_commanded_as_a_handle_is(client: Any, start: Callable, hear: Callable, cube: str) -> None:
     """A ball pressed into the cube by a target and drawn back by a velocity has the right pose, wrench and frames."""
-    poses, wrenches = (
-        client.listen("obstacles/ball/pose", PoseStamped),
-        client.listen("obstacles/ball/wrench", WrenchStamped),
-    )
+    poses, wrenches = hear("obstacles/ball/pose", PoseStamped), hear("obstacles/ball/wrench", WrenchStamped)
     start(scene=cube, clock="lockstep", dt=0.01, velocity_timeout=0.03, frame_id="left/base_link")
     client.publish("obstacles/ball/target", _pose("left/ball_rest", turn=(0.0, 0.2, 0.0)))
     client.wait(lambda: len(poses) == 2 == len(wrenches))
@@ -91,7 +102,7 @@ def test_an_obstacle_is_commanded_as_a_handle_is(client: Any, start: Callable, c
     client.publish("obstacles/ball/velocity", twist)
     client.wait(lambda: len(poses) == 3)
     for _ in range(4):  # the velocity is in force for three steps
-        assert client.trigger("step")[0]
+        assert client.call(Trigger, "step", Trigger.Request()).success
     client.wait(lambda: len(poses) == 7)
     heights = [message.pose.position.z for message in poses[2:]]
     np.testing.assert_allclose(heights, [0.010, 0.005, 0.0, 0.0, 0.0], atol=1e-9)
@@ -123,18 +134,20 @@ def test_wrong_leaders_of_obstacles_are_refused(cube: str) -> None:
         leaders_of(["wall=topic:/x"], load_scene(cube), listening=False)
 
 
-def test_an_obstacle_has_frames_and_follows_one(client: Any, start: Callable, interfaces: Callable, cube: str) -> None:
+def test_an_obstacle_has_frames_and_follows_one(
+    client: Any, start: Callable, hear: Callable, interfaces: Callable, cube: str
+) -> None:
     """An obstacle has frames on TF and follows a frame, also after a reset."""
     interfaces("tf2_msgs")
     from tf2_msgs.msg import TFMessage
 
-    heard, poses = {}, client.listen("obstacles/ball/pose", PoseStamped)
+    heard, poses = {}, hear("obstacles/ball/pose", PoseStamped)
 
     def listen(message: Any) -> None:
         heard.update({each.child_frame_id: each.transform for each in message.transforms})
 
     client.node.create_subscription(TFMessage, "/tf", listen, 100)
-    client.node.create_subscription(TFMessage, "/tf_static", listen, STATE_QOS)
+    client.node.create_subscription(TFMessage, "/tf_static", listen, _QOS)
     teller = client.node.create_publisher(TFMessage, "/tf", 100)
     process = start(scene=cube, follow=["ball=frame:tool0"])
     client.wait(lambda: "ball_rest" in heard and "ball" in heard)
@@ -157,16 +170,16 @@ def test_an_obstacle_has_frames_and_follows_one(client: Any, start: Callable, in
     client.wait(lambda: client.diagnostics().get("refused: handle follows") == "1")
     assert "obstacle 'ball' follows frame tool0 and takes no commands" in process.log
     count = len(poses)
-    assert client.trigger("reset")[0]
+    assert client.call(Trigger, "reset", Trigger.Request()).success
     client.wait(lambda: len(poses) > count + 1 and poses[-1].pose.position.z == pytest.approx(LIFT))
 
 
 def test_a_target_in_the_frame_of_an_obstacle_is_beside_it(
-    client: Any, start: Callable, interfaces: Callable, cube: str
+    client: Any, start: Callable, hear: Callable, interfaces: Callable, cube: str
 ) -> None:
     """A target in the moved ball's own frame is relative to the ball."""
     interfaces("tf2_msgs")
-    poses = client.listen("obstacles/ball/pose", PoseStamped)
+    poses = hear("obstacles/ball/pose", PoseStamped)
     start(scene=cube, clock="lockstep")
     for count, frame in ((2, ""), (3, "ball_centre"), (4, "ball")):
         client.publish("obstacles/ball/target", _pose(frame, z=0.004))
@@ -178,7 +191,7 @@ def test_every_point_that_touches_is_told(cube: str, tmp_path: Path) -> None:
     """Contact points and forces of an obliquely pressed ball sum to its wrench, and the sensors divide it."""
     names = []
     with Simulator(cube, bag=tmp_path / "bag") as simulator:
-        simulator._node.create_subscription(String, f"{simulator.name}/contact_names", names.append, STATE_QOS)
+        simulator._node.create_subscription(String, f"{simulator.name}/contact_names", names.append, _QOS)
         assert not len(simulator.state.contacts)
         state = simulator.step(Command(handles={"ball": Pose((0.004, 0.0, 1.5 * LIFT), (0.0, 0.1, 0.0))}))
         simulator._wait(lambda: names, "the names of contacts")
@@ -239,6 +252,38 @@ def test_runs_with_obstacles_are_replayed_to_the_bit(tmp_path: Path, cube: str, 
         assert text in said
 
 
+def test_a_bag_replays_without_the_file_of_an_obstacle(tmp_path: Path, cube: str) -> None:
+    """A bag with a ball of triangles replays without the files of the ball and the scene."""
+    trimesh.creation.icosphere(subdivisions=3, radius=40.0).export(tmp_path / "ball.stl")
+    scene, bag = Path(cube), tmp_path / "bag"
+    scene.write_text(CUBE.replace("{sphere: {radius: 0.04}", "{mesh: {file: ball.stl, scale: 0.001}"))
+    with Simulator(scene, bag=bag) as simulator:
+        state = simulator.step(Command(handles={"ball": Pose((0.0, 0.0, LIFT), (0.0, 0.1, 0.0))}))
+    assert state.poses["ball"].translation == (0.0, 0.0, LIFT)
+    assert state.wrenches["ball"][2] > 1.0
+    scene.unlink()
+    (tmp_path / "ball.stl").unlink()
+    assert Replay(BagRun(bag)).run().verdict() is Difference.IDENTICAL
+
+
+def test_states_with_obstacles_are_saved_and_loaded(client: Any, start: Callable, cube: str, tmp_path: Path) -> None:
+    """A state saved in contact and loaded later has the same next step."""
+    start(scene=cube, clock="lockstep", state_path=str(tmp_path / "state"))
+    client.publish("obstacles/ball/target", _pose(turn=(0.0, 0.1, 0.0)))
+    client.wait_steps(2)
+    assert client.call(Trigger, "save_state", Trigger.Request()).success
+    meshes = []
+    for _ in range(2):
+        count = len(client.received["mesh"])
+        client.publish("obstacles/ball/target", _pose(z=1.2 * LIFT, turn=(0.0, 0.3, 0.0)))
+        client.wait(lambda count=count: len(client.received["mesh"]) > count)
+        meshes.append(client.mesh())
+        assert client.call(Trigger, "load_state", Trigger.Request()).success
+        client.wait(lambda count=count: len(client.received["mesh"]) > count + 1)
+    assert np.array_equal(*meshes)
+    assert np.abs(meshes[0][:, 3:]).max() > 1e-3
+
+
 def test_a_scene_has_obstacles_and_bodies_but_no_handles(tmp_path: Path, slab: Path) -> None:
     """A slab on a table with a box on it carries the weights and replays; a free box takes no command."""
     bag = tmp_path / "bag"
@@ -261,9 +306,9 @@ def test_a_scene_has_obstacles_and_bodies_but_no_handles(tmp_path: Path, slab: P
         leaders_of(["part=topic:/x"], load_scene(slab), listening=False)
 
 
-def test_a_rigid_body_is_put_by_topic(slab: Path, client: Any, start: Callable) -> None:
+def test_a_rigid_body_is_put_by_topic(slab: Path, client: Any, start: Callable, hear: Callable) -> None:
     """A box is put beside the slab in two frames; unknown names, invalid numbers and far places are refused by name."""
-    poses = client.listen("bodies/part/pose", PoseStamped)
+    poses = hear("bodies/part/pose", PoseStamped)
     process = start(scene=str(slab), clock="lockstep", frame_id="left/base_link")
     for count, (frame, z) in enumerate((("", 0.3), ("left/part_rest", 0.2)), start=2):
         client.publish("bodies/part/set", _pose(frame, z=z, turn=(0.0, 0.0, 0.1)))

@@ -10,15 +10,17 @@ from typing import Any
 import numpy as np
 import pinocchio
 import pytest
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
+from std_srvs.srv import Trigger
 
 from gdfe_ros.node.interface.topics import TF
-from gdfe_ros.testing.client import STATE_QOS
 
 HANDS = {"front_mesh", "left_mesh", "right_mesh", "palm_mesh", "palm", "front_sensor", "left_sensor", "right_sensor"}
 OBJECTS = {"box", "box_centre", "cube_mesh", "table", "table_centre"}
+LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 class Watch:
@@ -31,7 +33,7 @@ class Watch:
         client.node.create_subscription(TFMessage, TF.name, self._hear, 100)
         client.node.create_subscription(JointState, client.full("joint_states"), self._feel, 100)
         topic = client.full("arms/arm/robot_description")
-        client.node.create_subscription(String, topic, lambda message: self.urdf.append(message.data), STATE_QOS)
+        client.node.create_subscription(String, topic, lambda message: self.urdf.append(message.data), LATCHED)
 
     def _hear(self, message: Any) -> None:
         for each in message.transforms:
@@ -83,7 +85,7 @@ def test_links_hand_and_objects_are_on_tf(
     client.wait(lambda: watch.urdf and client.records(), seconds=300.0)
     client.publish("actuation", JointState(name=list(goal), position=list(goal.values())))
     for _ in range(8):
-        assert client.trigger("step")[0]
+        assert client.call(Trigger, "step", Trigger.Request()).success
     client.wait(lambda: len(watch.trees.keys() & watch.joints.keys()) >= 8)
     model = pinocchio.buildModelFromXML(watch.urdf[-1])
     data = model.createData()

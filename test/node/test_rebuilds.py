@@ -9,17 +9,17 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import PointCloud2
 
 from gdfe_ros.testing import NodeProcess
-from gdfe_ros.testing.client import STATE_QOS
-from test.node.services import OK, Services
 
 PACKAGES = ("tf2_msgs", "simulation_interfaces", "control_msgs")
 BOX = "{box: {size: [0.02, 0.02, 0.02]}, mass: 0.01}"
 CUBE = """{bar: {size: [0.02, 0.02, 0.02], cells: [2, 2, 2]},
   material: {law: neo_hookean, young: 1.0e5, poisson: 0.45, density: 1000}}"""
-ALL = 255
+ALL, OK = 255, 1
+_QOS = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _COUNTS = [40, pytest.param(500, marks=pytest.mark.slow)]
 GROWTH = 20.0
 """Largest growth of the memory [MB] of a node in all measured changes."""
@@ -37,30 +37,55 @@ def _memory(client: Any, process: NodeProcess) -> float:
     return next(int(line.split()[1]) for line in lines if line.startswith("VmRSS")) / 1000.0
 
 
-def _spawn(asked: Services, number: int) -> str:
-    """Spawn a rigid box or, each second time, a soft cube high above the scene, and return its name."""
-    result = asked.spawn(f"body{number}", CUBE if number % 2 else BOX, (0.0, 0.0, 0.3)).result
-    assert result.result == OK, result.error_message
-    return f"body{number}"
+class _Asked:
+    """A client of the services that open the topics of a node anew."""
+
+    def __init__(self, client: Any) -> None:
+        from simulation_interfaces import srv
+
+        self._client, self._srv = client, srv
+        self._numbers = count()
+
+    def spawn(self) -> str:
+        """Spawn a rigid box or, each second time, a soft cube high above the scene, and return its name."""
+        number = next(self._numbers)
+        name = f"body{number}"
+        request = self._srv.SpawnEntity.Request(name=name)
+        request.entity_resource.resource_string = CUBE if number % 2 else BOX
+        request.initial_pose.pose.position.z = 0.3
+        result = self._client.call(self._srv.SpawnEntity, "spawn_entity", request).result
+        assert result.result == OK, result.error_message
+        return name
+
+    def delete(self, name: str) -> None:
+        """Delete a spawned body."""
+        result = self._client.call(self._srv.DeleteEntity, "delete_entity", self._srv.DeleteEntity.Request(entity=name))
+        assert result.result.result == OK, result.result.error_message
+
+    def reset(self) -> None:
+        """Reset everything, also what was spawned."""
+        request = self._srv.ResetSimulation.Request(scope=ALL)
+        result = self._client.call(self._srv.ResetSimulation, "reset_simulation", request).result
+        assert result.result == OK, result.error_message
 
 
-def _spawns(asked: Services, client: Any) -> Iterator[None]:
-    for number in count():
-        name = _spawn(asked, number)
+def _spawns(asked: _Asked, client: Any) -> Iterator[None]:
+    while True:
+        name = asked.spawn()
         yield
-        assert asked.delete(name).result == OK
+        asked.delete(name)
         yield
 
 
-def _resets(asked: Services, client: Any) -> Iterator[None]:
-    for number in count():
-        _spawn(asked, number)
+def _resets(asked: _Asked, client: Any) -> Iterator[None]:
+    while True:
+        asked.spawn()
         yield
-        assert asked.reset(ALL).result == OK
+        asked.reset()
         yield
 
 
-def _lifecycles(asked: Services, client: Any) -> Iterator[None]:
+def _lifecycles(asked: _Asked, client: Any) -> Iterator[None]:
     while True:
         for label in ("deactivate", "cleanup", "configure", "activate"):
             assert client.transition(label)
@@ -83,12 +108,12 @@ def test_topics_are_opened_anew_without_a_crash(
         interfaces(package)
     process: NodeProcess = start(scene=str(slab) if scene == "slab" else scene, clock="wall", dt=0.005)
     client.wait(client.records)
-    asked = Services(client)
+    asked = _Asked(client)
     found = []
     for number, change in zip(range(rebuilds), kind(asked, client), strict=False):
         if number in (_FIRST, rebuilds // 2):
             found.append(_memory(client, process))
-        client.node.create_subscription(PointCloud2, client.full("mesh"), print, STATE_QOS)
+        client.node.create_subscription(PointCloud2, client.full("mesh"), print, _QOS)
         subscription = list(client.node.subscriptions)[-1]
         assert change is None
         client.node.destroy_subscription(subscription)

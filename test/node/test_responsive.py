@@ -13,7 +13,7 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
 from lifecycle_msgs.srv import ChangeState
 from rcl_interfaces.srv import GetParameters
-from std_srvs.srv import Trigger
+from std_srvs.srv import SetBool, Trigger
 
 from gdfe_ros.testing import forking
 from gdfe_ros.testing.client import await_discovery
@@ -52,12 +52,12 @@ def test_many_steps_leave_the_node_responsive_and_can_be_ended(client: Any, star
     assert "of 1000000 steps; ~/pause or ~/reset ends it" in second.message
     assert "of 1000000 steps" in client.diagnostics()["working on"]
     assert not walk.done()
-    assert client.switch("pause", True)[0]
+    assert client.call(SetBool, "pause", SetBool.Request(data=True)).success
     client.wait(walk.done)
     assert not walk.result().success
     assert walk.result().message.startswith("~/pause ended it; ")
     client.set(step_count=3)
-    assert client.trigger("step")[1].startswith("3 steps, time ")
+    assert client.call(Trigger, "step", Trigger.Request()).message.startswith("3 steps, time ")
 
 
 def test_a_node_that_ends_answers_those_who_wait(client: Any, start: Callable, coarse: dict) -> None:
@@ -116,7 +116,7 @@ def test_a_long_solve_is_ended_where_somebody_waits_for_its_end(client: Any, sta
 
     assert any(deactivation_cuts() for _ in range(5))
     keep_busy()
-    assert client.trigger("reset")[1] == "at rest, time 0"
+    assert client.call(Trigger, "reset", Trigger.Request()).message == "at rest, time 0"
     client.wait(lambda: client.records()[-1].time == 0.0)
     keep_busy()
     assert process.stop() == 0

@@ -40,6 +40,25 @@ def _target(z: float, *, stamp: Time | None = None, frame: str = "") -> PoseStam
     return message
 
 
+def test_commands_in_other_frames_are_refused(client: Any, start: Callable, coarse: dict) -> None:
+    """Commands of the tip in odom and tool0 are refused by name; poses and wrenches have their own frames."""
+    process = start(**coarse)
+    twist = TwistStamped()
+    twist.header.frame_id, twist.twist.linear.z = "tool0", 0.1
+    client.publish("handles/tip/velocity", twist)
+    client.publish("handles/tip/target", _target(0.1, frame="odom"))
+    client.wait(lambda: client.diagnostics().get("refused: other frame") == "2")
+    assert "header.frame_id is 'odom'; allowed: empty, 'base_link' or 'tip_rest'" in process.log
+    assert "header.frame_id is 'tool0'" in process.log
+    assert abs(client.mesh()[:, 3:]).max() == 0.0
+    client.publish("handles/tip/target", _target(0.1, frame="base_link"))
+    client.wait(lambda: client.mesh()[:, 5].max() == pytest.approx(0.1, abs=1e-6))
+    frames = [client.last(f"handles/tip/{name}").header.frame_id for name in ("pose", "wrench")]
+    assert frames == ["tip_rest", "tip_centre"]
+    client.publish("handles/tip/target", client.last("handles/tip/pose"))
+    client.wait(lambda: client.diagnostics()["commands taken"] == "2")
+
+
 def test_one_wrong_stamp_blocks_nothing(client: Any, start: Callable, coarse: dict) -> None:
     """A target stamped a day ahead is refused with the limit, and the next one is accepted."""
     process = start(**coarse, clock="lockstep")

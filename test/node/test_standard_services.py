@@ -9,29 +9,42 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from test.node.services import OK, Services
+from std_srvs.srv import SetBool
 
-INCORRECT_STATE, FAILED, ALREADY = 3, 4, 101
+OK, INCORRECT_STATE, FAILED, ALREADY = 1, 3, 4, 101
 STOPPED, PLAYING, PAUSED, QUITTING, NO_WORLD = range(5)
 
 
-class _Standard(Services):
-    """A client of a node's standard services, which returns codes and reasons."""
+class _Standard:
+    """A client of a node's standard services."""
+
+    def __init__(self, client: Any) -> None:
+        from simulation_interfaces import action, srv
+
+        self._client, self.srv, self.action = client, srv, action
 
     def state(self) -> int:
-        return self.ask("GetSimulationState").state.state
+        kind = self.srv.GetSimulationState
+        response = self._client.call(kind, "get_simulation_state", kind.Request())
+        assert response.result.result == OK
+        return response.state.state
 
     def set(self, state: int) -> tuple[int, str]:
-        return self._read(self.ask("SetSimulationState", state__state=state).result)
+        kind = self.srv.SetSimulationState
+        request = kind.Request()
+        request.state.state = state
+        return self._read(self._client.call(kind, "set_simulation_state", request))
 
     def step(self, steps: int) -> tuple[int, str]:
-        return self._read(self.ask("StepSimulation", steps=steps).result)
+        kind = self.srv.StepSimulation
+        return self._read(self._client.call(kind, "step_simulation", kind.Request(steps=steps)))
 
     def reset(self, scope: int) -> tuple[int, str]:
-        return self._read(super().reset(scope))
+        kind = self.srv.ResetSimulation
+        return self._read(self._client.call(kind, "reset_simulation", kind.Request(scope=scope)))
 
-    def _read(self, result: Any) -> tuple[int, str]:
-        return result.result, result.error_message
+    def _read(self, response: Any) -> tuple[int, str]:
+        return response.result.result, response.result.error_message
 
 
 def test_a_node_is_played_paused_stepped_stopped_and_quit(
@@ -64,7 +77,10 @@ def test_a_node_is_played_paused_stepped_stopped_and_quit(
     assert standard.state() == STOPPED
     assert standard.set(PLAYING) == (OK, "")
     assert standard.state() == PLAYING
-    assert {20, 24, 25, 26, 31, 32, 33} <= set(standard.ask("GetSimulatorFeatures").features.features)
+    kind = standard.srv.GetSimulatorFeatures
+    assert {20, 24, 25, 26, 31, 32, 33} <= set(
+        client.call(kind, "get_simulator_features", kind.Request()).features.features
+    )
     assert standard.set(9)[0] == 0
     assert standard.set(QUITTING) == (OK, "")
     assert process.wait() == 0
@@ -126,9 +142,9 @@ def test_nothing_is_played_while_steps_are_made_on_demand(
     code, text = standard.set(PLAYING)
     assert code == INCORRECT_STATE
     assert "of 1000000 steps; cancel it" in text
-    success, message = client.switch("pause", False)
-    assert not success
-    assert "of 1000000 steps; cancel it" in message
+    refused = client.call(SetBool, "pause", SetBool.Request(data=False))
+    assert not refused.success
+    assert "of 1000000 steps; cancel it" in refused.message
     assert standard.state() == PAUSED
     before = int(client.status()["steps"])
     client.wait(lambda: int(client.status()["steps"]) > before)

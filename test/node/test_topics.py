@@ -3,10 +3,22 @@
 
 from __future__ import annotations
 
+import signal
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+from rosbags.highlevel import AnyReader
+
+from gdfe_ros.constraints import Pose
+from gdfe_ros.recording.reader import BagReader
+from gdfe_ros.recording.step_record import StepRecord
+from gdfe_ros.scene.loader import scene_from_text
+from gdfe_ros.simulation import Command, Simulation
 
 
 def test_the_mesh_follows_the_commands(client: Any, start: Callable, coarse: dict) -> None:
@@ -36,3 +48,57 @@ def test_a_handle_turns_on_and_on(client: Any, start: Callable, coarse: dict) ->
     client.wait(lambda: len(client.records()) >= 10)
     turns = [record.handles["tip"].rotation[0] for record in client.records()[1:]]
     np.testing.assert_allclose(turns, np.arange(0.5, 4.6, 0.5), atol=1e-12)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_leaves_a_whole_bag_that_others_read(
+    client: Any, start: Callable, coarse: dict, tmp_path: Path, number: signal.Signals
+) -> None:
+    """A node that records and is ended by a signal leaves a bag whose meshes rosbags and mcap-ros2 can read."""
+    process = start(**coarse, record=True, bag_path=str(tmp_path / "bag"))
+    for z in np.linspace(0.01, 0.1, 10):
+        client.target(z)
+        client.spin(0.03)
+    client.wait_taken(10)
+    client.wait(lambda: client.mesh()[:, 5].max() > 0.0999)
+    assert process.stop(number) == 0, process.log
+    live = [_stamped(message) for message in client.received["mesh"]]
+    with AnyReader([tmp_path / "bag"]) as reader:
+        chosen = [c for c in reader.connections if c.topic == "/gdfe_sim/mesh"]
+        rosbags = [_stamped(reader.deserialize(raw, c.msgtype)) for c, _, raw in reader.messages(chosen)]
+    with (tmp_path / "bag" / "bag_0.mcap").open("rb") as file:
+        reader = make_reader(file, decoder_factories=[DecoderFactory()])
+        decoded = reader.iter_decoded_messages("/gdfe_sim/mesh", log_time_order=False)
+        mcap = [_stamped(message) for _, _, _, message in decoded]
+    assert rosbags == mcap
+    # Not all that was published arrives where the process is slow to read; what does is in the bag, in this order.
+    places = [rosbags.index(message) for message in live]
+    assert places == sorted(set(places))
+    counts = BagReader(tmp_path / "bag").counts
+    assert counts["/gdfe_sim/handles/tip/target"] == 10
+    assert counts["/gdfe_sim/topology"] == counts["/gdfe_sim/scene"] == 1
+
+
+def _stamped(message: Any) -> tuple[int, int, bytes]:
+    return message.header.stamp.sec, message.header.stamp.nanosec, bytes(message.data)
+
+
+def test_a_bag_of_the_wall_clock_replays_to_the_bit(client: Any, start: Callable, coarse: dict, tmp_path: Path) -> None:
+    """The step records of a bag, applied to its scene, give every mesh bit for bit."""
+    process = start(**coarse, record=True, bag_path=str(tmp_path / "bag"))
+    for z in np.linspace(0.01, 0.1, 10):
+        client.target(z, turn=(0, -z, 0))
+        # A step without a command may be made in between: only that with this one will do.
+        client.wait(lambda z=z: any(r.handles and r.handles["tip"].translation[2] == z for r in client.records()))
+    process.stop()
+    with AnyReader([tmp_path / "bag"]) as reader:
+        messages = [(c.topic, reader.deserialize(raw, c.msgtype)) for c, _, raw in reader.messages()]
+    records = [StepRecord.from_json(m.data) for topic, m in messages if topic == "/gdfe_sim/step_record"]
+    meshes = [m.data.view("<f4").reshape(-1, 6) for topic, m in messages if topic == "/gdfe_sim/mesh"]
+    simulation = Simulation(scene_from_text(BagReader(tmp_path / "bag").run.scene))
+    assert len(records) == len(meshes) > 3
+    for record, mesh in zip(records, meshes, strict=True):
+        result = simulation.step(Command(handles=record.handles), dt=record.dt)
+        assert (result.time, result.error_estimate) == (record.time, record.error_estimate)
+        assert np.array_equal(result.positions.astype(np.float32), mesh[:, :3])
+    assert simulation.targets["tip"].translation == Pose((0, 0, 0.1)).translation

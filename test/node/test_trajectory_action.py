@@ -11,6 +11,7 @@ import pytest
 from action_msgs.msg import GoalStatus
 from builtin_interfaces.msg import Duration
 from sensor_msgs.msg import JointState
+from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 FINGER = {"scene": "tendon_finger", "clock": "fast", "heartbeat": 0.0, "dt": 0.1}
@@ -97,7 +98,7 @@ def test_a_goal_ends_by_what_others_do(client: Any, follower: _Follower) -> None
     status, code, reason = follower.result(goal)
     assert (status, code, reason) == (GoalStatus.STATUS_ABORTED, -1, "a later command of flexor took its place")
     goal = follower.send([2.0], seconds=1000)
-    assert client.trigger("reset")[0]
+    assert client.call(Trigger, "reset", Trigger.Request()).success
     assert follower.result(goal)[2] == "the simulation was reset"
 
 
@@ -110,7 +111,7 @@ def test_tolerances_hold_what_a_rate_limit_holds_back(client: Any, start: Callab
     status, code, reason = follower.result(follower.send([1.0], path_tolerance=0.2))
     assert (status, code) == (GoalStatus.STATUS_ABORTED, -4)
     assert "allowed: 0.2 off" in reason
-    assert client.trigger("reset")[0]
+    assert client.call(Trigger, "reset", Trigger.Request()).success
     status, code, reason = follower.result(follower.send([1.0], goal_tolerance=0.2))
     assert (status, code) == (GoalStatus.STATUS_ABORTED, -5)
     assert "flexor is at 0.5 instead of 1" in reason

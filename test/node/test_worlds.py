@@ -7,9 +7,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from test.node.services import OK, Services
+from std_srvs.srv import Trigger
 
-INCORRECT, FORMAT, NO_RESOURCE, PARSE, NO_WORLD, SOURCES = 3, 101, 102, 103, 101, 101
+OK, INCORRECT, FORMAT, NO_RESOURCE, PARSE, NO_WORLD, SOURCES = 1, 3, 101, 102, 103, 101, 101
 STOPPED, PLAYING, STATE_NO_WORLD = 0, 1, 4
 TEXT = """
 name: other
@@ -22,14 +22,27 @@ LARGE = TEXT.replace("[5, 1, 1]", "[50, 10, 10]")
 """A world that takes longer to load than the slab takes for a step."""
 
 
-class _Worlds(Services):
+class _Worlds:
     """A client of the services for worlds."""
 
+    def __init__(self, client: Any) -> None:
+        from simulation_interfaces import srv
+
+        self._client, self._srv = client, srv
+
+    def ask(self, kind: str, service: str, **fields: Any) -> Any:
+        return self._client.call(getattr(self._srv, kind), service, getattr(self._srv, kind).Request(**fields))
+
+    def request(self, uri: str = "", text: str = "") -> Any:
+        found = self._srv.LoadWorld.Request()
+        found.world_resource.uri, found.world_resource.resource_string = uri, text
+        return found
+
     def load(self, uri: str = "", text: str = "") -> Any:
-        return self.ask("LoadWorld", world_resource__uri=uri, world_resource__resource_string=text)
+        return self._client.call(self._srv.LoadWorld, "load_world", self.request(uri, text))
 
     def state(self) -> int:
-        return self.ask("GetSimulationState").state.state
+        return self.ask("GetSimulationState", "get_simulation_state").state.state
 
 
 def test_a_world_is_loaded_while_the_old_one_steps(
@@ -40,10 +53,9 @@ def test_a_world_is_loaded_while_the_old_one_steps(
     worlds = _Worlds(client)
     start(scene=str(slab), clock="fast")
     client.wait(lambda: client.records() and client.records()[-1].time > 0.05)  # all kernels are compiled
-    service = client.node.create_client(worlds.srv.LoadWorld, client.full("load_world"))
+    service = client.node.create_client(worlds._srv.LoadWorld, client.full("load_world"))
     client.wait(service.service_is_ready)
-    wanted = worlds.request("LoadWorld", world_resource__resource_string=LARGE)
-    before, answer = client.record().time, service.call_async(wanted)
+    before, answer = client.record().time, service.call_async(worlds.request(text=LARGE))
     client.wait(lambda: answer.done() or client.record().time > before)
     second = worlds.load(text=LARGE)
     client.wait(answer.done)
@@ -57,7 +69,9 @@ def test_a_world_is_loaded_while_the_old_one_steps(
     assert worlds.state() == STOPPED
     assert client.state() == "active"
     client.wait(lambda: "name: other" in client.last("scene").data)
-    assert worlds.ask("SetSimulationState", state__state=PLAYING).result.result == OK
+    request = worlds._srv.SetSimulationState.Request()
+    request.state.state = PLAYING
+    assert client.call(worlds._srv.SetSimulationState, "set_simulation_state", request).result.result == OK
     assert worlds.state() == PLAYING
     client.wait(lambda: client.received["mesh"] and len(client.mesh()) == 51 * 11 * 11)
 
@@ -70,10 +84,10 @@ def test_worlds_are_listed_unloaded_and_loaded_by_file(
     worlds = _Worlds(client)
     start(scene=str(slab), clock="lockstep", dt=0.005)
     client.wait(client.records)
-    found = worlds.ask("GetAvailableWorlds", additional_sources=[str(tmp_path)])
+    found = worlds.ask("GetAvailableWorlds", "get_available_worlds", additional_sources=[str(tmp_path)])
     uris = {each.name: each.world_resource.uri for each in found.worlds}
     assert {"bend5", "gripper", "slab"} <= uris.keys()
-    wrong = worlds.ask("GetAvailableWorlds", additional_sources=["/nowhere"])
+    wrong = worlds.ask("GetAvailableWorlds", "get_available_worlds", additional_sources=["/nowhere"])
     assert (wrong.result.result, "/nowhere" in wrong.result.error_message) == (SOURCES, True)
     for given, code, reason in (
         ({}, NO_RESOURCE, "are empty"),
@@ -85,16 +99,16 @@ def test_worlds_are_listed_unloaded_and_loaded_by_file(
     ):
         answer = worlds.load(**given).result
         assert (answer.result, reason in answer.error_message) == (code, True), answer.error_message
-    assert client.trigger("step")[0]  # the present scene goes on
-    assert worlds.ask("GetCurrentWorld").world.world_resource.uri == uris["slab"]
-    assert worlds.ask("UnloadWorld").result.result == OK
+    assert client.call(Trigger, "step", Trigger.Request()).success  # the present scene goes on
+    assert worlds.ask("GetCurrentWorld", "get_current_world").world.world_resource.uri == uris["slab"]
+    assert worlds.ask("UnloadWorld", "unload_world").result.result == OK
     assert (client.state(), worlds.state()) == ("unconfigured", STATE_NO_WORLD)
-    assert worlds.ask("UnloadWorld").result.result == NO_WORLD
-    assert worlds.ask("GetCurrentWorld").result.result == NO_WORLD
+    assert worlds.ask("UnloadWorld", "unload_world").result.result == NO_WORLD
+    assert worlds.ask("GetCurrentWorld", "get_current_world").result.result == NO_WORLD
     loaded = worlds.load(uri=uris["slab"])
     assert (loaded.result.result, loaded.world.name) == (OK, "slab"), loaded.result.error_message
     assert worlds.state() == STOPPED
-    assert client.trigger("step")[0]
-    features = worlds.ask("GetSimulatorFeatures").features.features
+    assert client.call(Trigger, "step", Trigger.Request()).success
+    features = worlds.ask("GetSimulatorFeatures", "get_simulator_features").features.features
     assert {0, 1, 2, 4, 5, 6, 8, 9, 10, 11, 12, 14, 40, 41, 43, 44, 45, 50} <= set(features)
     assert not {3, 7, 13, 21, 22, 42} & set(features)
