@@ -5,12 +5,14 @@ from __future__ import annotations
 
 import os
 import signal
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 from geometry_msgs.msg import PoseStamped
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
 
 from gdfe_ros.analysis.bag_run import BagRun
@@ -20,7 +22,6 @@ from gdfe_ros.cli import main
 from gdfe_ros.recording.recovery import recover
 from gdfe_ros.recording.step_record import StepRecord
 from gdfe_ros.testing import forking
-from gdfe_ros.testing.client import STATE_QOS
 
 REMAPS = {
     "mesh": "/cloud",
@@ -54,15 +55,16 @@ def start(tmp_path: Path) -> Iterator[Callable[[], forking.Forked]]:
 def bag(ros: Any, start: Callable[[], forking.Forked], tmp_path: Path) -> Path:
     """Return the bag of three steps commanded over a remapped topic."""
     node, records = ros.node("commander"), []
-    node.create_subscription(String, "/records/sim", lambda m: records.append(StepRecord.from_json(m.data)), STATE_QOS)
+    latched = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    node.create_subscription(String, "/records/sim", lambda m: records.append(StepRecord.from_json(m.data)), latched)
     goal = node.create_publisher(PoseStamped, "/goal", 10)
-    process = start()
+    process, end = start(), time.monotonic() + 300.0
 
     def wait(count: int) -> None:
-        ros.wait(
-            lambda: len({record.step for record in records}) >= count and goal.get_subscription_count(),
-            alive=lambda: process.poll() is None,
-        )
+        while len({record.step for record in records}) < count or not goal.get_subscription_count():
+            assert process.poll() is None
+            assert time.monotonic() < end
+            ros.executor.spin_once(timeout_sec=0.05)
 
     wait(1)
     for step in range(1, 4):

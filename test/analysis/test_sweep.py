@@ -5,13 +5,15 @@ from __future__ import annotations
 
 import os
 import signal
+import weakref
 from pathlib import Path
 from typing import Any
 
 import pyarrow.parquet
 import pytest
 
-from gdfe_ros.analysis.sweep import Case, grid_cases, read_axes, read_list, run_cases
+from gdfe_ros.analysis import sweep
+from gdfe_ros.analysis.sweep import Case, grid_cases, read_axes, read_list, run_case, run_cases
 from gdfe_ros.cli import main
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.scene import load_scene
@@ -58,6 +60,17 @@ def test_a_sweep_is_resumed_and_reports_failures(tmp_path: Path, capsys: Any) ->
     again = {path.name: path.stat().st_mtime_ns for path in (out / "cases").iterdir()}
     assert len(again) == 4
     assert {name: again[name] for name in stamps} == stamps
+
+
+def test_cases_with_an_equal_matrix_share_its_factor() -> None:
+    """A second case with an equal matrix in the same worker uses the factor of the first."""
+    text, factors = load_scene("bend5", overrides={"mesh.bar.cells": [10, 1, 1]}).source, []
+    for steps in (2, 3):
+        assert run_case(text, {"solver.steps": steps})["status"] == "converged"
+        (kept,) = sweep._KEPT
+        factors.append(weakref.ref(kept.stepper.equilibrium.matrix._factor))
+        del kept
+    assert factors[0]() is factors[1]() is not None
 
 
 def test_cases_that_did_not_converge_are_drawn_as_failed() -> None:

@@ -198,6 +198,13 @@ def _parameters(executable: str) -> set[str]:
     return {call.args[0].value for call in calls if call.func.attr == "declare_parameter"}
 
 
+def test_the_parameter_file_names_parameters_of_the_node() -> None:
+    """Every entry of config/sim.yaml is a parameter of the node, with the type of its default."""
+    entries = yaml.safe_load((ROOT / "config" / "sim.yaml").read_text(encoding="utf-8"))["/**"]["ros__parameters"]
+    kinds = {spec.name: type(spec.default) for spec in PARAMETERS}
+    assert {name: type(value) for name, value in entries.items()}.items() <= kinds.items()
+
+
 def test_the_gripper_follows_the_arm_that_is_started_beside_it(stand_ins: None) -> None:
     """gripper_on_arm.launch.py lets a handle of the scene follow a topic of the arm's node."""
     module = _module(ROOT / "launch" / "gripper_on_arm.launch.py")

@@ -4,8 +4,8 @@
 from __future__ import annotations
 
 import os
+import time
 from collections.abc import Callable, Iterator
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -25,10 +25,9 @@ class Node:
     """A ``sim_node`` with another name in a namespace, and its parameter services."""
 
     def __init__(self, ros: Any, place: str, log: Path, words: list[str]) -> None:
-        self._client, self._name = ros.node(f"asker_{place}"), f"/{place}/arm"
+        self._ros, self._client, self._name = ros, ros.node(f"asker_{place}"), f"/{place}/arm"
         names = ["-r", f"__ns:=/{place}", "-r", "__node:=arm"]
         self.process = forking.start(["--ros-args", *names, *words], log, os.environ)
-        self._wait = partial(ros.wait, alive=lambda: self.process.poll() is None)
 
     def call(self, kind: type, service: str, request: Any) -> Any:
         """Call a service of the node."""
@@ -59,6 +58,13 @@ class Node:
         """Set a parameter; return the result."""
         request = SetParameters.Request(parameters=[Parameter(name, value=value).to_parameter_msg()])
         return self.call(SetParameters, "set_parameters", request).results[0]
+
+    def _wait(self, done: Callable[[], Any]) -> None:
+        end = time.monotonic() + 300.0
+        while not done():
+            assert self.process.poll() is None
+            assert time.monotonic() < end
+            self._ros.executor.spin_once(timeout_sec=0.05)
 
 
 @pytest.fixture

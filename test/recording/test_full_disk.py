@@ -4,8 +4,7 @@
 from __future__ import annotations
 
 import resource
-from collections.abc import Iterator
-from contextlib import closing, contextmanager
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -62,9 +61,10 @@ class Watcher(Client):
         self.report = [values.get(key, "") for key in ("messages dropped", "messages written", "bag error")]
 
 
-@contextmanager
-def _record_without_room(bag: Path, clock: str) -> Iterator[tuple[NodeProcess, Watcher]]:
-    """Yield a node that records steps into files of at most 5 MiB, and its watcher."""
+@pytest.mark.parametrize("clock", ["wall", "fast"])
+def test_a_full_disk_is_told_at_once_and_agreed_upon(tmp_path: Path, clock: str) -> None:
+    """With files limited to 5 MiB, log, diagnostics, bag and ~/record agree, and steps continue."""
+    bag = tmp_path / "bag"
     with (
         NodeProcess({**PARAMETERS, "clock": clock, "bag_path": str(bag)}) as process,
         closing(Watcher(process)) as watcher,
@@ -72,14 +72,6 @@ def _record_without_room(bag: Path, clock: str) -> Iterator[tuple[NodeProcess, W
         watcher.transition("configure")
         resource.prlimit(process.pid, resource.RLIMIT_FSIZE, (ROOM, resource.RLIM_INFINITY))
         watcher.transition("activate")
-        yield process, watcher
-
-
-@pytest.mark.parametrize("clock", ["wall", "fast"])
-def test_a_full_disk_is_told_at_once_and_agreed_upon(tmp_path: Path, clock: str) -> None:
-    """With files limited to 5 MiB, log, diagnostics, bag and ~/record agree, and steps continue."""
-    bag = tmp_path / "bag"
-    with _record_without_room(bag, clock) as (process, watcher):
         watcher.wait(lambda: "recording ended, the simulation goes on" in process.log, "the end of the recording")
         watcher.wait_for_steps(20)
         watcher.wait(lambda: "File too large" in watcher.report[2], "the error in diagnostics")
@@ -99,7 +91,13 @@ def test_a_full_disk_is_told_at_once_and_agreed_upon(tmp_path: Path, clock: str)
 def test_a_node_whose_disk_is_full_ends_in_order(tmp_path: Path) -> None:
     """A node with files limited to 5 MiB, ended by SIGINT, leaves no traceback and a bag with the counted messages."""
     bag = tmp_path / "bag"
-    with _record_without_room(bag, "fast") as (process, watcher):
+    with (
+        NodeProcess({**PARAMETERS, "clock": "fast", "bag_path": str(bag)}) as process,
+        closing(Watcher(process)) as watcher,
+    ):
+        watcher.transition("configure")
+        resource.prlimit(process.pid, resource.RLIMIT_FSIZE, (ROOM, resource.RLIM_INFINITY))
+        watcher.transition("activate")
         watcher.wait(lambda: "File too large" in watcher.report[2], "the error in diagnostics")
         assert process.stop() == 0
         assert "Traceback" not in process.log
