@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -18,6 +19,7 @@ from gdfe_ros.materials import Linear, Material, NeoHookean
 from gdfe_ros.mesh import HexMesh, bar
 from gdfe_ros.simulation import Command, Simulation
 from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.deadline import Deadline
 from gdfe_ros.solver.equilibrium.energy import EquilibriumSolver
 from gdfe_ros.solver.forces.reactions import vertex_forces
 from gdfe_ros.solver.settings import Policy
@@ -203,6 +205,25 @@ def test_stopping_early_is_said(bend: Callable[..., Bar]) -> None:
     assert outcome.iterations == 5
 
 
+def test_a_deadline_that_has_passed_returns_the_best_so_far(bend: Callable[..., Bar]) -> None:
+    """With no time at all, a solve makes few iterations, is not converged, and has finite positions."""
+    bar_ = bend(NeoHookean(young=1e5, poisson=0.3), angle=1.5)
+    _, outcome = bar_.solve(deadline=Deadline(time.perf_counter()))
+    assert_unfinished(outcome, "the deadline passed")
+    assert outcome.iterations <= 30
+
+
+def test_a_later_solve_goes_on_from_an_unfinished_one(bend: Callable[..., Bar]) -> None:
+    """A solve that continues after ten iterations ends at the same equilibrium as one solve."""
+    bar_ = bend(NeoHookean(young=1e5, poisson=0.3))
+    _, exact = bar_.solve(tolerance=1e-7)
+    equilibrium, outcome = bar_.solve(limit=10, tolerance=1e-7)
+    state = equilibrium.accept(outcome, equilibrium.at_rest())
+    outcome = equilibrium.solve(Increment.at(state, tolerance=1e-7, limit=2000), state)
+    assert outcome.converged
+    np.testing.assert_allclose(outcome.positions, exact.positions, atol=1e-6 * bar_.body.size)
+
+
 def test_a_body_held_everywhere_needs_no_iteration(make_body: MakeBody) -> None:
     """A body with every vertex held converges without an iteration at the commanded positions."""
     everything = Handle("all", np.arange(MESH.n_vertices, dtype=np.int32))
@@ -211,6 +232,16 @@ def test_a_body_held_everywhere_needs_no_iteration(make_body: MakeBody) -> None:
     outcome = solve(EquilibriumSolver(body), MESH.vertices.copy(), base, tolerance=1e-6, limit=100)
     assert outcome.converged
     np.testing.assert_array_equal(outcome.positions, base)
+
+
+def test_reset_repeats_bit_by_bit(bend: Callable[..., Bar], law: Material) -> None:
+    """A solve repeated from the undeformed state gives the same bits."""
+    bar_ = bend(law)
+    equilibrium, first = bar_.solve()
+    equilibrium.accept(first, equilibrium.at_rest())
+    second = solve(equilibrium, bar_.body.rest.copy(), bar_.base, tolerance=1e-6, limit=2000)
+    np.testing.assert_array_equal(second.positions, first.positions)
+    assert second.iterations == first.iterations
 
 
 def test_mirrored_scene_gives_the_mirrored_result(make_body: MakeBody, end: End, law: Material) -> None:
@@ -222,6 +253,37 @@ def test_mirrored_scene_gives_the_mirrored_result(make_body: MakeBody, end: End,
     grid = x.reshape(3, 3, 7, 3)  # k, j, i
     np.testing.assert_allclose(grid[::-1] * (1, 1, -1), grid, atol=1e-8)
     np.testing.assert_allclose(grid[:, ::-1] * (1, -1, 1), grid, atol=1e-8)
+
+
+@pytest.mark.parametrize("poisson", [0.0, 0.3])
+@pytest.mark.parametrize("cells", [(10, 1, 1), (20, 1, 1), (5, 1, 1), (10, 3, 1)])
+def test_bar_one_element_thick_bends_like_a_beam(
+    make_body: MakeBody, end: End, poisson: float, cells: tuple[int, int, int]
+) -> None:
+    """The moment of a thin bar turned by a milliradian is E I angle / L within 1 %, plus the effect of the clamps."""
+    mesh = bar([0.1, 0.01, 0.01], cells)
+    tip = Handle("tip", end(mesh, "x+"), free=(Axis.X, Axis.Z))
+    body = make_body(mesh, Linear(young=1e5, poisson=poisson), [Handle("base", end(mesh, "x-"), fixed=True), tip])
+    base, centre = mesh.vertices.copy(), tip.centre(mesh.vertices)
+    base[tip.vertices] = Rotation.from_rotvec([0.0, 1e-3, 0.0]).apply(base[tip.vertices] - centre) + centre
+    equilibrium = EquilibriumSolver(body)
+    outcome = solve(equilibrium, mesh.vertices.copy(), base, tolerance=1e-8, limit=3000)
+    moment = outcome.state.summary.reactions["tip"][4]
+    clamps = poisson**2 * 0.1 * 5 / cells[0]  # end cells cannot curve across: stiffer by 1 / (1 - nu^2)
+    assert moment / (1e5 * 0.01**4 / 12.0 * 1e-3 / 0.1) == pytest.approx(1.0 + clamps, rel=0.01)
+
+
+def test_bar_one_element_thick_twists_like_saint_venants(make_body: MakeBody, end: End) -> None:
+    """The torque of a square bar whose tip is free along x is G J angle / L within 1 %."""
+    mesh = bar([0.1, 0.01, 0.01], [10, 1, 1])
+    tip = Handle("tip", end(mesh, "x+"), free=(Axis.X,))
+    body = make_body(mesh, Linear(young=1e5, poisson=0.3), [Handle("base", end(mesh, "x-"), fixed=True), tip])
+    base = mesh.vertices.copy()
+    base[tip.vertices] = Rotation.from_rotvec([1e-3, 0.0, 0.0]).apply(base[tip.vertices])
+    equilibrium = EquilibriumSolver(body)
+    outcome = solve(equilibrium, mesh.vertices.copy(), base, tolerance=1e-8, limit=3000)
+    torque = outcome.state.summary.reactions["tip"][3]
+    assert torque / (1e5 / 2.6 * 0.14057702 * 0.01**4 * 1e-3 / 0.1) == pytest.approx(1.0, rel=0.01)
 
 
 def assert_unfinished(outcome: Solution, reason: str) -> None:

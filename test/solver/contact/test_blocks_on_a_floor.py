@@ -8,7 +8,6 @@ import pytest
 
 from gdfe_ros import Simulation
 from gdfe_ros.scene.loader import scene_from_text
-from test.written import advance
 
 BLOCK = """
 name: block
@@ -28,7 +27,8 @@ def test_a_block_lands_in_few_iterations_and_enters_nothing() -> None:
     """A block that falls half a millimetre takes at most ten iterations a step, and stays above the floor to 1e-9."""
     simulation = Simulation(scene_from_text(BLOCK, overrides={"obstacles.floor.at": [0, 0, -0.0505]}))
     for _ in range(14):
-        result = advance(simulation)
+        result = simulation.step()
+        assert result.converged, result.message
         assert result.iterations <= 10
         assert result.positions[:, 2].min() > -0.0505 - 1e-9 * SIZE
 
@@ -39,7 +39,23 @@ def test_the_published_force_is_the_weight(scheme: str) -> None:
     dynamics = {"scheme": scheme, "step": 0.01, "damping": {"viscosity": 500}}
     simulation, forces = Simulation(scene_from_text(BLOCK, overrides={"dynamics": dynamics})), []
     for _ in range(80):
-        result = advance(simulation)
+        result = simulation.step()
+        assert result.converged, result.message
         forces.append(result.reactions["floor"][2])
     assert min(forces[20:]) > 0.0
     assert np.mean(forces[20:]) == pytest.approx(MASS * 9.81, rel=0.01)
+
+
+@pytest.mark.parametrize(("push", "acceleration"), [(3.0, 0.0), (6.0, 6.0 - 0.5 * 9.81)])
+def test_a_pushed_block_sticks_or_slides(push: float, acceleration: float) -> None:
+    """Within the cone of friction a block does not move at all; beyond it, it slides with a constant acceleration."""
+    more = {"loads.weight.gravity": [push, 0, -9.81], "dynamics.damping": {"viscosity": 500}}
+    simulation, places = Simulation(scene_from_text(BLOCK, overrides=more)), []
+    for _ in range(200):
+        result = simulation.step()
+        assert result.converged, result.message
+        places.append(result.positions[:, 0].mean())
+    times = 0.005 * np.arange(200)
+    assert 2.0 * np.polyfit(times[120:], places[120:], 2)[0] == pytest.approx(acceleration, abs=1e-6)
+    if acceleration == 0.0:
+        assert abs(places[-1] - places[-40]) < 1e-12 * SIZE

@@ -11,10 +11,9 @@ import numpy as np
 import pytest
 import trimesh
 
-from gdfe_ros import Simulation
+from gdfe_ros import Simulation, load_scene
 from gdfe_ros.scene.loader import scene_from_text
 from gdfe_ros.solver.contact.round_contact import RoundContact
-from test.written import advance
 
 G = 9.81
 SCENE = """
@@ -52,7 +51,9 @@ def on_slope() -> Callable[..., Simulation]:
 
 def run(simulation: Simulation, duration: float) -> None:
     """Make steps for a duration [s]; each must converge."""
-    advance(simulation, count=round(duration / simulation.scene.dynamics.step))
+    for _ in range(round(duration / simulation.scene.dynamics.step)):
+        result = simulation.step()
+        assert result.converged, result.message
 
 
 def moved(simulation: Simulation) -> float:
@@ -191,3 +192,18 @@ def test_a_ball_that_rolls_is_replayed_to_the_bit(on_slope: Callable[..., Simula
     second.restore(kept)
     run(second, 0.1)
     assert first.handle_pose("ball") == second.handle_pose("ball")
+
+
+def test_a_hand_holds_a_ball() -> None:
+    """The fingers of `grasp` close on a ball instead of the box, and lift it."""
+    ball = {"sphere": {"radius": 0.0165}, "density": 500, "at": [0.030, 0, -0.0385], "friction": 0.8}
+    program = {
+        "program.actuators.left": [{"time": 0.0, "value": 0}, {"time": 0.5, "value": 6.0}],
+        "program.actuators.right": [{"time": 0.0, "value": 0}, {"time": 0.5, "value": 6.0}],
+        "program.handles.wrist": [{"time": 0.6}, {"time": 1.0, "translation": [0, 0, 0.02]}],
+        "program.duration": 1.2,
+    }
+    simulation = Simulation(load_scene("grasp", overrides={"bodies.part": ball, **program}))
+    for result in simulation.play():
+        assert result.converged, (result.time, result.message)
+    assert simulation.handle_pose("part").translation[2] > 0.015

@@ -13,11 +13,11 @@ from gdfe_ros import Command, Pose
 from gdfe_ros.materials import NeoHookean
 from gdfe_ros.mesh.generators import bar
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.motion.dynamics import Branch, Damping, Dynamics
+from gdfe_ros.solver.motion.dynamics import Branch, Dynamics
 from gdfe_ros.solver.motion.viscosity import Viscosity
 from gdfe_ros.solver.terms.term import TermTable, terms_energy
 
-DYNAMICS = Dynamics(damping=Damping(viscosity=300.0), prony=(Branch(0.2, 0.05), Branch(0.1, 0.5)))
+DYNAMICS = Dynamics(viscosity=300.0, prony=(Branch(0.2, 0.05), Branch(0.1, 0.5)))
 H = 0.01
 
 
@@ -49,10 +49,28 @@ def test_the_force_is_the_derivative() -> None:
         assert (high - low) / 2e-7 == pytest.approx(np.vdot(force, direction), rel=1e-6)
 
 
+def test_the_tangent_is_the_derivative_of_the_force() -> None:
+    """At the strains of the last step, the tangent equals central differences of the viscous force."""
+    body, random = make_body(), np.random.default_rng(1)
+    term, x = Viscosity(body, DYNAMICS, H), body.rest + 0.001 * random.standard_normal(body.rest.shape)
+    saved = term.neutral()
+    saved = {**saved, "strain": term._strains(x), "before": term._strains(x)}
+    saved["branches"] = np.repeat(saved["strain"][None], len(DYNAMICS.prony), axis=0)
+    term.begin({}, saved, x, 1.0)
+    direction, forces = random.standard_normal(x.shape), np.zeros((2, *x.shape))
+    for sign, force in zip((1e-7, -1e-7), forces, strict=True):
+        terms_energy(x + sign * direction, TermTable.of(term), force, np.zeros(1))
+    found, ends = np.zeros_like(x), term.couplings()
+    each = np.einsum("eij,ej->ei", term.tangents(x), direction[ends].reshape(len(ends), -1))
+    np.add.at(found, ends, each.reshape(*ends.shape, 3))
+    exact = (forces[0] - forces[1]) / 2e-7
+    np.testing.assert_allclose(found, exact, atol=1e-6 * np.abs(exact).max())
+
+
 def test_rigid_motion_is_not_resisted() -> None:
     """Rigid motion of a strained body at any rate causes no viscous force and no dissipation."""
     body = make_body()
-    term = Viscosity(body, Dynamics(damping=Damping(viscosity=300.0)), H)
+    term = Viscosity(body, Dynamics(viscosity=300.0), H)
     x = body.rest * [1.3, 0.9, 0.9]
     saved = term.neutral()
     for _ in range(4):
