@@ -130,8 +130,10 @@ class ContactForces:
     def _follow(self, contact: ContactTerm, positions: NDArray[np.float64], ahead: float) -> None:
         """Let a contact choose its points again; the next step moves vertices by at most ``ahead`` [m]."""
         self.finish()
+        was_near = contact.near
         contact.follow(positions, ahead)
-        self._field = None
+        if was_near or contact.near:
+            self._field = None
 
     def finish(self) -> None:
         """Give the present forces back to the contacts."""
