@@ -116,7 +116,7 @@ class ContactForces:
         the minimisation; ``size`` [m] is the body's size, and ``most`` the number of iterations that a matrix serves.
         """
         if self._searches:
-            self.finish()
+            self._return_forces()
         self._waiting = [contact for contact in self._searches if not contact.acts]
         for contact in self.contacts:
             if contact not in self._waiting and contact.strays(work.x):
@@ -129,13 +129,20 @@ class ContactForces:
 
     def _follow(self, contact: ContactTerm, positions: NDArray[np.float64], ahead: float) -> None:
         """Let a contact choose its points again; the next step moves vertices by at most ``ahead`` [m]."""
-        self.finish()
+        self._return_forces()
         was_near = contact.near
         contact.follow(positions, ahead)
         if was_near or contact.near:
             self._field = None
 
-    def finish(self) -> None:
+    def finish(self, positions: NDArray[np.float64]) -> None:
+        """Give forces and stencils at ``positions`` (n, 3) [m] back to the contacts."""
+        self._return_forces()
+        for contact in self.contacts:
+            if contact.acts and contact not in self._searches:
+                contact.look(positions)
+
+    def _return_forces(self) -> None:
         """Give the present forces back to the contacts."""
         if self._field is None:
             return

@@ -195,7 +195,7 @@ class Minimiser:
             if not forces.settles(work):
                 numbers(work)["ended"] = Outcome.GIVEN_UP
                 break
-        forces.finish()
+        forces.finish(work.x)
         return made
 
     def precondition(self, task: Task, gradient: NDArray[np.float64], step: NDArray[np.float64]) -> None:
