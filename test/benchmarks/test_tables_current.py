@@ -18,7 +18,6 @@ from gdfe_ros.solver.minimise.minimiser import Minimiser
 
 ONE_LOOP = "measured before one loop replaced the two minimisers; iterations and times have changed since"
 OLDER: dict[str, str] = {
-    "contact": ONE_LOOP,
     "environments": ONE_LOOP,
     "torture": ONE_LOOP,
 }

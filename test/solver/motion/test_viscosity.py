@@ -13,11 +13,11 @@ from gdfe_ros import Command, Pose
 from gdfe_ros.materials import NeoHookean
 from gdfe_ros.mesh.generators import bar
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.motion.dynamics import Branch, Dynamics
+from gdfe_ros.solver.motion.dynamics import Branch, Damping, Dynamics
 from gdfe_ros.solver.motion.viscosity import Viscosity
 from gdfe_ros.solver.terms.term import TermTable, terms_energy
 
-DYNAMICS = Dynamics(viscosity=300.0, prony=(Branch(0.2, 0.05), Branch(0.1, 0.5)))
+DYNAMICS = Dynamics(damping=Damping(viscosity=300.0), prony=(Branch(0.2, 0.05), Branch(0.1, 0.5)))
 H = 0.01
 
 
@@ -70,7 +70,7 @@ def test_the_tangent_is_the_derivative_of_the_force() -> None:
 def test_rigid_motion_is_not_resisted() -> None:
     """Rigid motion of a strained body at any rate causes no viscous force and no dissipation."""
     body = make_body()
-    term = Viscosity(body, Dynamics(viscosity=300.0), H)
+    term = Viscosity(body, Dynamics(damping=Damping(viscosity=300.0)), H)
     x = body.rest * [1.3, 0.9, 0.9]
     saved = term.neutral()
     for _ in range(4):
