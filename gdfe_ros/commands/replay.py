@@ -32,14 +32,13 @@ def add_replay(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--policy", choices=[policy.value for policy in Policy], help="policy instead of the run's")
     parser.add_argument("--tolerance", type=float, help="tolerance of the solver, instead of the run's")
     add_overrides(parser, "override a key of the scene in the bag")
-    parser.add_argument(
-        "--within",
-        type=float,
-        default=0.0,
-        metavar="FACTOR",
-        help="also pass if no difference exceeds FACTOR times the solver tolerance of the run; needed if another "
-        "kind of machine recorded it, because the last bits then differ (default: all arrays must be bit-identical)",
-    )
+    _add_within(parser, "the run; needed if another kind of machine recorded it, because the last bits then differ")
+
+
+def _add_within(parser: argparse.ArgumentParser, run: str) -> None:
+    text = f"also pass if no difference exceeds FACTOR times the solver tolerance of {run}"
+    text = f"{text} (default: all arrays must be bit-identical)"
+    parser.add_argument("--within", type=float, default=0.0, metavar="FACTOR", help=text)
 
 
 def replay(arguments: argparse.Namespace) -> int:
@@ -131,14 +130,7 @@ def add_compare(parser: argparse.ArgumentParser) -> None:
         "first", type=Path, metavar="A", help="directory of a bag that sim_node recorded, or of its run"
     )
     parser.add_argument("second", type=Path, metavar="B", help="directory of another bag, or of its run")
-    parser.add_argument(
-        "--within",
-        type=float,
-        default=0.0,
-        metavar="FACTOR",
-        help="also pass if no difference exceeds FACTOR times the solver tolerance of A (default: all arrays must be "
-        "bit-identical)",
-    )
+    _add_within(parser, "A")
 
 
 def compare(arguments: argparse.Namespace) -> int:

@@ -9,21 +9,26 @@ from gdfe_ros.compiled import internal, kernel
 from gdfe_ros.solver.contact.complementarity import row_product, solve_laws
 from gdfe_ros.solver.contact.compliance import differentiate, project
 from gdfe_ros.solver.contact.contact_term import MARGIN
-from gdfe_ros.solver.contact.points import find_all
-from gdfe_ros.solver.contact.stencil import LOADS, add_load
-from gdfe_ros.solver.descent.loop import choose
+from gdfe_ros.solver.contact.points import find_stencils
+from gdfe_ros.solver.contact.stencil import LOADS, add_load, turn_shear
+from gdfe_ros.solver.descent.loop import ENDLESS, choose
 from gdfe_ros.solver.matrix.unknowns import add_rows, gather_rigid_rows
 
 LEAST_SLOPE = 0.1
 """A point takes no part where the gradient of its distance is shorter than this: in the middle of an obstacle."""
-ALL = 2**62
-"""Number of iterations that a matrix may serve where nothing limits it."""
 
 
 @internal
 def holds(held, i):
     """Return whether point ``i`` holds a force."""
     return held[i, 0] != 0.0 or held[i, 1] != 0.0 or held[i, 2] != 0.0
+
+
+@internal
+def gap_ahead(field, i):
+    """Return the gap [m] of point ``i`` at the end of the step, with the length of its spring."""
+    s = field.stencils
+    return s.places[i, 0] + s.soft[i] * s.held[i, 0] + field.ahead[i, 0]
 
 
 @internal
@@ -103,7 +108,7 @@ def begin_step(problem, work, metric, field, row_of, handle_of, size, most):
     """
     for n in range(len(field.before)):
         field.before[n] = work.gradient[n]
-    find_all(work.x, field.near, field.surfaces, field.owner, field.stencils)
+    find_stencils(work.x, field.near, field.surfaces, field.owner, field.stencils)
     exchange_loads(problem, work, field)
     curve(work, field)
     found = choose(problem, work, metric, size, most)
@@ -113,7 +118,7 @@ def begin_step(problem, work, metric, field, row_of, handle_of, size, most):
 @kernel
 def look_again(problem, work, field, row_of, handle_of, size):
     """Find the stencils of points that were gathered anew, and those that take part; return their number."""
-    find_all(work.x, field.near, field.surfaces, field.owner, field.stencils)
+    find_stencils(work.x, field.near, field.surfaces, field.owner, field.stencils)
     return find_joins(problem, work, field, row_of, handle_of, size)
 
 
@@ -127,8 +132,7 @@ def find_joins(problem, work, field, row_of, handle_of, size):
     for i in range(len(field.owner)):
         steepest = max(abs(s.axes[i, 0, 0]), abs(s.axes[i, 0, 1]), abs(s.axes[i, 0, 2]))
         field.usable[i] = steepest > LEAST_SLOPE and field.used[i] > 0
-        near = s.places[i, 0] + s.soft[i] * s.held[i, 0] + field.ahead[i, 0] < MARGIN * size
-        field.joins[i] = field.usable[i] and (near or holds(s.held, i))
+        field.joins[i] = field.usable[i] and (gap_ahead(field, i) < MARGIN * size or holds(s.held, i))
         if field.joins[i]:
             field.chosen[count] = i
             count += 1
@@ -154,7 +158,7 @@ def hold(field, chosen, now):
 
     Return whether any force has changed.
     """
-    held, axes, shears, changed = field.stencils.held, field.stencils.axes, field.near.shears, False
+    held, shears, changed = field.stencils.held, field.near.shears, False
     for i in range(len(held)):
         if not field.usable[i] and holds(held, i):
             held[i, 0], held[i, 1], held[i, 2], changed = 0.0, 0.0, 0.0, True
@@ -164,8 +168,7 @@ def hold(field, chosen, now):
         for k in range(3):
             changed |= held[i, k] != now[3 * a + k]
             held[i, k] = now[3 * a + k]
-        for j in range(3):
-            shears[i, j] = -(held[i, 1] * axes[i, 1, j] + held[i, 2] * axes[i, 2, j])
+        turn_shear(i, field.stencils, shears)
     return changed
 
 
@@ -179,7 +182,7 @@ def settle(problem, work, metric, field, count, w, size, target, allowed, faint)
     Return the largest violation of the laws [m], the result of `choose`, whether forces changed, the number of points
     that join, and the problem's displacements without forces (3 c,) [m] and forces (3 c,) [N].
     """
-    s, chosen, q, now = field.stencils, field.chosen[:count], np.empty(3 * count), np.empty(3 * count)
+    chosen, q, now = field.chosen[:count], np.empty(3 * count), np.empty(3 * count)
     left, found, entered = 0.0, 2, 0
     if count:
         linearise(field, chosen, w, q, now)
@@ -187,11 +190,10 @@ def settle(problem, work, metric, field, count, w, size, target, allowed, faint)
     changed = hold(field, chosen, now)
     if changed:
         exchange_loads(problem, work, field)
-        found = choose(problem, work, metric, size, ALL)
+        found = choose(problem, work, metric, size, ENDLESS)
         project(work.direction, field.rows, field.blocks, field.used, field.ahead)
-        for i in range(len(s.soft)):
-            gap = s.places[i, 0] + s.soft[i] * s.held[i, 0] + field.ahead[i, 0]
-            if field.usable[i] and not field.joins[i] and gap < -target:
+        for i in range(len(field.owner)):
+            if field.usable[i] and not field.joins[i] and gap_ahead(field, i) < -target:
                 field.joins[i] = True
                 entered += 1
     return left, found, changed, entered, q, now

@@ -155,7 +155,7 @@ class Contact(ContactTerm):
         if self.corrects:
             self._offsets = self.correct(positions)
         found = Stencils.empty(self._press, np.zeros(len(ends)), ends, pressing, rubbing)
-        find_stencils(positions, self.near_points, self.shape, found)
+        find_stencils(positions, self.near_points, self.shape, np.zeros(len(ends), dtype=np.int64), found)
         return found
 
     @property

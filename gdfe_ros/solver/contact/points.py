@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from gdfe_ros.compiled import internal, kernel
 from gdfe_ros.mesh.triples import dot
 from gdfe_ros.solver.contact.gap import ORIGIN, distance_at, in_frame, in_world
-from gdfe_ros.solver.contact.stencil import Stencils, set_axes
+from gdfe_ros.solver.contact.stencil import set_axes
 
 FOUND = -1
 """Kind of a surface whose stencils are not found here: that of the body itself."""
@@ -149,21 +149,10 @@ def find_point(x, near, surfaces, t, i, stencils):
     set_axes(i, g - near.offsets[i], (nx, ny, nz), slip, near.shears, stencils)
 
 
-@internal
-def find_all(x, near, surfaces, owner, stencils):
+@kernel
+def find_stencils(x, near, surfaces, owner, stencils):
     """Write the stencils of all points whose surfaces are shapes; ``owner`` (k,) are the numbers of their surfaces."""
     take_frames(x, surfaces)
     for i in range(len(owner)):
         if surfaces.kind[owner[i]] != FOUND:
             find_point(x, near, surfaces, owner[i], i, stencils)
-
-
-@kernel
-def find_near(x, near, surfaces, owner, stencils):
-    """Do `find_all` for a caller in Python."""
-    find_all(x, near, surfaces, owner, stencils)
-
-
-def find_stencils(x: NDArray[np.float64], near: Near, surface: Surfaces, stencils: Stencils) -> None:
-    """Write the stencils of points near one ``surface`` at vertices ``x`` (n, 3) [m]; see `find_point`."""
-    find_near(x, near, surface, np.zeros(len(near.anchors), dtype=np.int64), stencils)

@@ -137,7 +137,15 @@ def set_axes(i, gap, gradient, slip, shears, stencils):
     held[i, 1], held[i, 2] = -dot(first, t), -dot(second, t)
     for j in range(3):
         axes[i, 0, j], axes[i, 1, j], axes[i, 2, j] = gradient[j], first[j], second[j]
-        shears[i, j] = -(held[i, 1] * first[j] + held[i, 2] * second[j])
+    turn_shear(i, stencils, shears)
+
+
+@internal
+def turn_shear(i, stencils, shears):
+    """Write the vector t of a point's friction force, which is along the tangents."""
+    held, axes = stencils.held, stencils.axes
+    for j in range(3):
+        shears[i, j] = -(held[i, 1] * axes[i, 1, j] + held[i, 2] * axes[i, 2, j])
 
 
 @kernel

@@ -16,7 +16,7 @@ from gdfe_ros.solver.contact.contact_forces import ContactForces
 from gdfe_ros.solver.deadline import Deadline, past
 from gdfe_ros.solver.descent.active_set import ActiveSet
 from gdfe_ros.solver.descent.arc import follow_arc_once
-from gdfe_ros.solver.descent.loop import Metric, descend, move_once, precondition
+from gdfe_ros.solver.descent.loop import ENDLESS, Metric, descend, move_once, precondition
 from gdfe_ros.solver.descent.search import ROUNDING, advance
 from gdfe_ros.solver.descent.workspace import Problem, Workspace, numbers
 from gdfe_ros.solver.matrix.springs import Tangent
@@ -157,6 +157,8 @@ class Minimiser:
             if task.active.ended is Outcome.NONE and (done >= limit or past(task.deadline)):
                 task.active.status["ended"] = Outcome.CUT
             if task.active.ended is not Outcome.NONE:
+                if self.contact_forces is not None:
+                    self.contact_forces.finish(work.x)
                 return done
 
     def _follow_terms(self, task: Task) -> None:
@@ -183,20 +185,17 @@ class Minimiser:
         forces, key = self.contact_forces, (None,) if self.tangent is None else (self.tangent.blocks, self.tangent.ways)
         if begins:
             descend(problem, work, metric, size, target, proven, most, 0, begins)  # only evaluates all terms
-        made = 0
-        while made < limit:
+        for iteration in range(limit):
             found = forces.begin_step(problem, work, metric, size, most)
             if found and forces.approach(work):
                 found = forces.answer(problem, work, metric, key, size, target)
             self._show(work, begins=True)  # other forces have another energy
             if found == 0 or not move_once(problem, work, metric, size, target, proven, found == 2):
-                break
-            made += 1
+                return iteration
             if not forces.settles(work):
                 numbers(work)["ended"] = Outcome.GIVEN_UP
-                break
-        forces.finish(work.x)
-        return made
+                return iteration + 1
+        return limit
 
     def precondition(self, task: Task, gradient: NDArray[np.float64], step: NDArray[np.float64]) -> None:
         """Write the product of M^-1 and ``gradient`` (3 r,) [N] to ``step`` (3 r,) [m]."""
@@ -273,7 +272,7 @@ class Minimiser:
     def _age(self) -> int:
         """Return the number of iterations of a solve for which one matrix serves."""
         if self.tangent is None:
-            return self.UNSOLVED if self.level.fits else 2**62
+            return self.UNSOLVED if self.level.fits else ENDLESS
         return max(self.LEAST_AGE, round(self.AGE * self.level.price))
 
     def _renewed(self, task: Task, *, fresh: bool) -> bool:
