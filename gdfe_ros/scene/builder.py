@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import combinations
 
@@ -136,20 +136,24 @@ def _apart(handles: Sequence[Handle]) -> Iterator[Handle]:
         yield replace(handle, vertices=handle.vertices[~taken], slide=slide[~taken])
 
 
-def require_held(mesh: HexMesh, handles: tuple[Handle, ...], report: Defects) -> None:
+def require_held(mesh: HexMesh, handles: Iterable[Handle], report: Defects) -> None:
     """Report each piece of the body that no handle constrains along some axis: its position would be undetermined."""
+    for letter, vertices in find_unheld(mesh, handles):
+        remedy = f"add a handle there that is fixed or not free in {letter}, or `dynamics: {{}}` to let it move"
+        report.refuse(("handles",), f"no handle holds {_piece(mesh, vertices)} along {letter}; remedy: {remedy}")
+
+
+def find_unheld(mesh: HexMesh, handles: Iterable[Handle]) -> Iterator[tuple[str, NDArray[np.intp]]]:
+    """Yield the letter of each axis along which no handle constrains some piece of the body, and its vertices (k,)."""
     part = vertex_pieces(mesh.cells, mesh.n_vertices)
+    reached = [(handle.free, set(part[handle.vertices].tolist())) for handle in handles]
     for axis, letter in enumerate("xyz"):
-        pieces_of = {handle.name: set(part[handle.vertices].tolist()) for handle in handles}
-        held = set().union(*(pieces_of[handle.name] for handle in handles if axis not in handle.free))
-        sliding = [pieces_of[handle.name] for handle in handles if axis in handle.free]
+        held = set().union(*(pieces for free, pieces in reached if axis not in free))
+        sliding = [pieces for free, pieces in reached if axis in free]
         for _ in sliding:
             held.update(*(pieces for pieces in sliding if pieces & held))
         for piece in sorted(set(range(int(part.max()) + 1)) - held):
-            whole = _piece(mesh, np.flatnonzero(part == piece))
-            remedy = f"add a handle there that is fixed or not free in {letter}, or `dynamics: {{}}` to let it move"
-            text = f"no handle holds {whole} along {letter}; remedy: {remedy}"
-            report.refuse(("handles",), text)
+            yield letter, np.flatnonzero(part == piece)
 
 
 def _piece(mesh: HexMesh, vertices: NDArray[np.intp]) -> str:

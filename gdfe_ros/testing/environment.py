@@ -267,7 +267,7 @@ def make_env(scene: str | Path | Scene, *, overrides: Mapping[str, Any] | None =
 def _walker(scene: Scene) -> Simulation:
     """Return the simulation that finds goals.
 
-    It has no dynamics, and thus no oscillations, unless the scene has rigid bodies or no handles, which need dynamics.
+    It has no dynamics, and thus no oscillations, unless the scene has rigid bodies or a piece that no handle holds.
     """
     return Simulation(replace(scene, dynamics=None) if is_held(scene) else scene)
 

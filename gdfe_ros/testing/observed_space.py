@@ -11,6 +11,7 @@ from gymnasium.spaces import Box
 from gdfe_ros.actuators import Actuator, Cable, Chamber, Grip, Mode
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.scene import Scene
+from gdfe_ros.scene.builder import find_unheld
 from gdfe_ros.simulation import Simulation
 
 
@@ -18,7 +19,8 @@ def settle(simulation: Simulation) -> None:
     """Bring a simulation from its initial state to the equilibrium of its initial commands; the time stays 0.
 
     With dynamics, the equilibrium is that of the scene without dynamics, and velocities are the initial ones. A scene
-    with rigid bodies, or without handles, has no equilibrium without dynamics, and stays in its initial state.
+    with rigid bodies, or with a piece that no handle holds, has no equilibrium without dynamics, and stays in its
+    initial state.
 
     Raises:
         GdfeError: the equilibrium was not found.
@@ -38,8 +40,9 @@ def settle(simulation: Simulation) -> None:
 
 
 def is_held(scene: Scene) -> bool:
-    """Return whether handles hold a scene without rigid bodies, so that it has equilibria without dynamics."""
-    return any(handle.section == "handles" for handle in scene.handles) and not scene.rigid_bodies
+    """Return whether handles hold each piece of a scene without rigid bodies: it has equilibria without dynamics."""
+    holding = [handle for handle in scene.handles if handle.section == "handles"]
+    return not scene.rigid_bodies and not any(find_unheld(scene.mesh, holding))
 
 
 NEAR, FAR = 2.0, 10.0

@@ -143,9 +143,10 @@ def test_random_actions_explore_shipped_scenes(scene: str, steps: int) -> None:
     assert _flaws(scene, steps) == []
 
 
-def test_a_goal_of_a_scene_with_a_rigid_body_is_found_in_motion() -> None:
+@pytest.mark.parametrize("scene", ["grasp", "soft_pinch"])
+def test_a_goal_of_a_scene_with_a_free_body_is_found_in_motion(scene: str) -> None:
     """In a scene that needs dynamics, a reset finds a goal near the probe, and the steps after it converge."""
-    env = make_env("grasp")
+    env = make_env(scene)
     env.reset(seed=0)
     start = env.simulation.probe_positions()["left_tip"]
     assert 0.0 < np.linalg.norm(env.goal - start) < 0.02
