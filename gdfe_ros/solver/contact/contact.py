@@ -15,7 +15,7 @@ from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact import gap
 from gdfe_ros.solver.contact.contact_term import FAINT, ContactTerm
-from gdfe_ros.solver.contact.points import Near, Surfaces, find_stencils
+from gdfe_ros.solver.contact.points import Near, Surfaces
 from gdfe_ros.solver.contact.skin import Skin
 from gdfe_ros.solver.contact.stencil import Stencils
 from gdfe_ros.solver.contact.surface import SHAPE, TURNED, ContactSurface, Corners
@@ -140,10 +140,14 @@ class Contact(ContactTerm):
         shears, press, shear = self.stored(self._shear), self._free["press"].copy(), self._free["shear"].copy()
         press[self._chosen], shear[self._chosen] = self._press, shears
         self._choose({**self._saved, "press": press, "shear": shear}, positions)
-        self.look(positions)
+        if self.near:
+            self.stencils = self.lay_out(positions)
 
-    def find_stencils(self, positions: NDArray[np.float64]) -> Stencils:
-        """Return the stencils of the chosen points at ``positions`` (n, 3) [m], and turn their forces."""
+    def lay_out(self, positions: NDArray[np.float64]) -> Stencils:
+        """Return the stencils of the chosen points at ``positions`` (n, 3) [m], whose places and axes are not written.
+
+        The obstacle's frame, and offsets that depend on the positions, are taken there.
+        """
         ends = self._points.carriers[self._chosen]
         pressing, rubbing = self._points.weights[self._chosen], self._rubbing_weights()
         if isinstance(self._touched, RigidBody):
@@ -154,9 +158,7 @@ class Contact(ContactTerm):
         self.shape.frames[0] = self._others
         if self.corrects:
             self._offsets = self.correct(positions)
-        found = Stencils.empty(self._press, np.zeros(len(ends)), ends, pressing, rubbing)
-        find_stencils(positions, self.near_points, self.shape, np.zeros(len(ends), dtype=np.int64), found)
-        return found
+        return Stencils.empty(self._press, np.zeros(len(ends)), ends, pressing, rubbing)
 
     @property
     def near_points(self) -> Near:
@@ -220,7 +222,7 @@ class Contact(ContactTerm):
 
         It is that of the mean forces in the stored state ``saved`` of the term, or else of the multipliers.
         """
-        if not self.near:
+        if not self.acts:
             return np.zeros(6)
         if saved is None:
             forces = self._press[:, None] * self.stencils.axes[:, 0] - self._shear

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.contact.points import FOUND, Near, Surfaces
+from gdfe_ros.solver.contact.points import Near, Surfaces, find_stencils
 from gdfe_ros.solver.contact.stencil import LOADS, Stencils, held_energy, held_entry, write_loads
 from gdfe_ros.solver.state import Saved, State
 from gdfe_ros.solver.terms.term import Term
@@ -42,7 +42,7 @@ class ContactTerm(Term):
 
     Attributes:
         vertices, friction, restitution: the arguments.
-        stencils: the near points at the positions of the last call of `look` or `turn`.
+        stencils: the near points, with places and axes at the positions of the last call of `look` or `turn`.
         shape: what the points touch, for the kernels.
         on_body: whether the points of the term belong to the elastic body; False for self-contact.
         corrects: whether the gaps have offsets that depend on the positions, which `correct` returns.
@@ -79,7 +79,7 @@ class ContactTerm(Term):
             "rub": none,
         }
         self.stencils: Stencils
-        self.shape = Surfaces.of(FOUND, 0, np.zeros(0))
+        self.shape: Surfaces
 
     @property
     def near(self) -> bool:
@@ -125,13 +125,20 @@ class ContactTerm(Term):
         return {**self._free, "lost": np.zeros(1)}
 
     @abstractmethod
-    def find_stencils(self, positions: NDArray[np.float64]) -> Stencils:
-        """Return the stencils of the near points at ``positions`` (n, 3) [m]; their forces turn with it."""
+    def lay_out(self, positions: NDArray[np.float64]) -> Stencils:
+        """Return the stencils of the near points at ``positions`` (n, 3) [m], whose places and axes are not written."""
+
+    @property
+    @abstractmethod
+    def near_points(self) -> Near:
+        """Data from which the kernels find the stencils of the near points."""
 
     def look(self, positions: NDArray[np.float64]) -> None:
         """Take the stencils at ``positions`` (n, 3) [m]; the forces turn with the surfaces, but do not act yet."""
         if self.near:
-            self.stencils = self.find_stencils(positions)
+            self.stencils = self.lay_out(positions)
+            owner = np.zeros(self.count, dtype=np.int64)
+            find_stencils(positions, self.near_points, self.shape, owner, self.stencils)
 
     def turn(self, positions: NDArray[np.float64]) -> None:
         """Take the stencils at ``positions`` (n, 3) [m], and let the forces act as dead loads from there."""
@@ -149,11 +156,6 @@ class ContactTerm(Term):
     def strays(self, positions: NDArray[np.float64]) -> bool:
         """Return whether `follow` has to choose points again at ``positions`` (n, 3) [m]."""
         return True
-
-    @property
-    def near_points(self) -> Near:
-        """Data from which the kernels find the stencils of the near points."""
-        return Near.none(self._shear)
 
     def take_forces(self, presses: NDArray[np.float64], shears: NDArray[np.float64]) -> None:
         """Take the normal forces (k,) and vectors t (k, 3) [N] of the near points, which act already."""

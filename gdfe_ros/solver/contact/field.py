@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.solver.contact.contact_term import ContactTerm
-from gdfe_ros.solver.contact.points import Near, Surfaces
+from gdfe_ros.solver.contact.points import NOWHERE, Near, Surfaces
 from gdfe_ros.solver.contact.stencil import Stencils, pad_columns
 
 
@@ -80,7 +80,7 @@ class PointField(NamedTuple):
             surfaces.frames[number] = contact.shape.frames[0]
         return cls(
             stencils,
-            Near(*map(np.concatenate, zip(Near.none(np.zeros((0, 3))), *points, strict=True))),
+            Near(*map(np.concatenate, zip(NOWHERE, *points, strict=True))),
             surfaces,
             np.repeat(np.arange(len(contacts)), sizes),
             np.repeat([float(contact.friction) for contact in contacts], sizes),

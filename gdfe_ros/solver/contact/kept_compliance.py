@@ -3,8 +3,6 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -13,25 +11,6 @@ from gdfe_ros.solver.contact.field import PointField
 from gdfe_ros.solver.contact.kept_columns import ConstantColumns, HalvedColumns, KeptColumns
 from gdfe_ros.solver.descent.loop import Metric
 from gdfe_ros.solver.descent.workspace import MEMORY, Problem, Workspace, numbers
-
-
-class Numbered(NamedTuple):
-    """Rows of unknowns on which points depend, and their columns.
-
-    Attributes:
-        kept: the columns of the inverse matrix, which are known for these rows.
-        field, chosen: the points, and the indices (c,) of those that take part.
-        every: (c, e) the rows of each point, filled up with -1.
-        rows: (m,) all rows, ascending.
-        number: (r,) number of each row among them.
-    """
-
-    kept: KeptColumns
-    field: PointField
-    chosen: NDArray[np.int64]
-    every: NDArray[np.int64]
-    rows: NDArray[np.int64]
-    number: NDArray[np.int64]
 
 
 class Compliance:
@@ -43,14 +22,14 @@ class Compliance:
     """
 
     def __init__(self, vertices: NDArray[np.int32], count: int) -> None:
-        self._vertices, self._rows = vertices, count
+        self._vertices, self._every = vertices, np.zeros((0, 0), dtype=np.int64)
+        self._rows, self._number = self._every.ravel(), np.full(count // 3, -1, dtype=np.int64)
         self._columns: dict[str, tuple[tuple[object, ...], KeptColumns]] = {}
         self._images, self._known = np.zeros((MEMORY, count)), np.full(MEMORY, np.nan)
         self._source: tuple[object, ...] = ()
         self._matrix: tuple[object, ...] = ()
         self._joined = self._w = np.zeros((0, 0))
         self._blocks, self._frames = np.zeros(0), np.zeros((0, 9))
-        self._last_rows: Numbered | None = None
 
     def of(
         self,
@@ -66,36 +45,28 @@ class Compliance:
         constant = bool(status["wild"]) or not len(metric.kept.order)
         scale = float(status["scale"]) if status["wild"] else 1.0
         kept = self._kept("constant" if constant else "tangent", problem, metric, key)
-        numbered, blocks = self._number_rows(field, chosen, kept), field.blocks[chosen]
-        frames = np.zeros((0, 9)) if constant else metric.kept.frames
-        given, between = (chosen, field.rows, field.blocks, field.used), kept.between(numbered.rows)
+        self._number_rows(field, chosen)
+        kept.include(self._rows)
+        blocks, frames = field.blocks[chosen], np.zeros((0, 9)) if constant else metric.kept.frames
+        given, between = (chosen, field.rows, field.blocks, field.used), kept.between(self._rows)
         turned, matrix, source = not np.array_equal(frames, self._frames), (between, scale), (*key, constant, scale)
         if turned or not (_same(matrix, self._matrix) and np.array_equal(blocks, self._blocks)):
             self._matrix, self._blocks = matrix, blocks
             if len(self._joined) != 3 * count:
                 self._joined, self._w = np.empty((2, 3 * count, 3 * count))
-            join(*given, numbered.number, between, frames, scale, self._joined)
+            join(*given, self._number, between, frames, scale, self._joined)
         if turned or not _same(source, self._source):
             self._known[...], self._source, self._frames = np.nan, source, frames.copy()
         self._w[...] = self._joined
         add_history(work, metric, self._images, self._known, *given, field.stencils.soft, self._w)
         return self._w
 
-    def _number_rows(self, field: PointField, chosen: NDArray[np.int64], kept: KeptColumns) -> Numbered:
-        """Return the numbered rows of the ``chosen`` points, whose columns are known then."""
-        last = self._last_rows
-        if last is not None and last.field is field and last.kept is kept and np.array_equal(last.chosen, chosen):
-            return last
-        used = np.arange(field.rows.shape[1]) < field.used[chosen, None]
-        every = np.where(used, field.rows[chosen], -1)
-        if last is not None and last.kept is kept and np.array_equal(last.every, every):
-            rows, number = last.rows, last.number
-        else:
-            rows, number = np.unique(every[used]), np.full(self._rows // 3, -1, dtype=np.int64)
-            number[rows] = np.arange(len(rows))
-            kept.include(rows)
-        self._last_rows = Numbered(kept, field, chosen, every, rows, number)
-        return self._last_rows
+    def _number_rows(self, field: PointField, chosen: NDArray[np.int64]) -> None:
+        """Find all rows of unknowns on which the ``chosen`` points depend, ascending, and the number of each."""
+        every = np.where(np.arange(field.rows.shape[1]) < field.used[chosen, None], field.rows[chosen], -1)
+        if not np.array_equal(every, self._every):
+            self._every, self._rows, self._matrix = every, np.unique(every[every >= 0]), ()
+            self._number[self._rows] = np.arange(len(self._rows))
 
     def _kept(self, kind: str, problem: Problem, metric: Metric, key: tuple[object, ...]) -> KeptColumns:
         """Return the kept columns of the tangent or of the constant matrix; those of an earlier matrix are dropped."""

@@ -20,6 +20,7 @@ from gdfe_ros.solver.contact.own_pairs import OwnPairs
 from gdfe_ros.solver.contact.own_points import OwnPoints
 from gdfe_ros.solver.contact.own_surface import Nearest
 from gdfe_ros.solver.contact.pair_touch import frames, tangential, touching_points
+from gdfe_ros.solver.contact.points import PLANES, Near, Surfaces
 from gdfe_ros.solver.contact.stencil import Stencils
 from gdfe_ros.solver.contact.touch import NOTHING, Touch
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
@@ -59,6 +60,7 @@ class OwnContact(ContactTerm):
         touching = self.surface.topology.vertices
         given = self.pairs.count, np.unique(self.points.carriers[touching])
         super().__init__(NAME, body, *given, friction=meant.friction, restitution=meant.restitution)
+        self.shape = Surfaces.of(PLANES, 5 * self.points.carriers.shape[1], np.zeros(0))
         self._yielding, self.valid = np.zeros(0), VALID * self.surface.topology.depth
         self._begins, self._clear, self._clearance = False, False, 0.0
         self._aside = MARGIN * body.size + self.surface.topology.rim  # pairs that stay farther apart take no part
@@ -128,20 +130,20 @@ class OwnContact(ContactTerm):
             return
         if self._begins:
             self._begins = False
-            self.look(positions)
             return
         self._presses[self._chosen], self._shears[self._chosen] = self._press, self._shear
         self._set_reach(x, self._deepest)
         found = self.pairs.look(x, self._from, self._reach, self._partners, self._sunk)
         before, pressed = self._partners, self._presses > 0.0
         self._choose(found)
-        self.look(positions)
+        if self.near:
+            self.stencils = self.lay_out(positions)
         self.changed = bool((pressed & ((found.face != before) | (self._presses == 0.0))).any())
         if not pressed.any():
             self._measure_clearance(x)
 
-    def find_stencils(self, positions: NDArray[np.float64]) -> Stencils:
-        """Return the stencils of the pairs at ``positions`` (n, 3) [m], and turn their forces.
+    def lay_out(self, positions: NDArray[np.float64]) -> Stencils:
+        """Return the stencils of the pairs at ``positions`` (n, 3) [m], whose places and axes are not written.
 
         The vector from the second member of a pair to the first is x_v - sum w_a x_a, and the slip is its component in
         the plane, minus that of the same material points in the last state.
@@ -157,13 +159,16 @@ class OwnContact(ContactTerm):
             self._look_again(x)
         ends = np.column_stack([self.pairs.first[self._chosen], self._corners])
         weights = np.column_stack([np.ones(self.count), -self._weights])
-        away = np.einsum("ka,kai->ki", weights, x[ends])
-        gaps, support = np.einsum("ki,ki->k", self._normal, away), self._support
         carriers = self.points.carriers[ends].reshape(self.count, -1)
         shares = (weights[:, :, None] * self.points.shares[ends]).reshape(self.count, -1)
-        soft = (1.0 - support) / (support * self._stiffness)
-        slips = away - self._anchors - self._turned
-        return Stencils.of(gaps, self._normal, slips, (self._press, self._shear), soft, carriers, shares, shares)
+        soft = (1.0 - self._support) / (self._support * self._stiffness)
+        return Stencils.empty(self._press, soft, carriers, shares, shares)
+
+    @property
+    def near_points(self) -> Near:
+        """Planes through the origin, because the place of a pair is the vector between its members."""
+        planes, none = np.column_stack([self._normal, np.zeros(self.count)]), np.zeros(self.count)
+        return Near(self._anchors + self._turned, planes, none > 0.0, none, self._shear)
 
     def stored(self, vectors: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return vectors (k, 3) in the frames of the faces."""

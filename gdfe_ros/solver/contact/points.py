@@ -13,8 +13,8 @@ from gdfe_ros.mesh.triples import dot
 from gdfe_ros.solver.contact.gap import ORIGIN, distance_at, in_frame, in_world
 from gdfe_ros.solver.contact.stencil import set_axes
 
-FOUND = -1
-"""Kind of a surface whose stencils are not found here: that of the body itself."""
+PLANES = -1
+"""Kind of a surface of which each point has a plane of its own: that of the body itself."""
 
 
 class Near(NamedTuple):
@@ -22,7 +22,7 @@ class Near(NamedTuple):
 
     Attributes:
         anchors: (k, 3) [m] places where slips begin, in the frame of what is touched.
-        planes: (k, 4) planes n . q = d in this frame that replace the surface; n = 0 stands for none.
+        planes: (k, 4) planes n . q = d in this frame that replace the surface; n = 0 stands for none, but for `PLANES`.
         fixed: (k,) whether a plane holds wherever the point leaves.
         offsets: (k,) [m] subtracted from the distances.
         shears: (k, 3) [N] vectors t of the friction forces -t.
@@ -34,18 +34,16 @@ class Near(NamedTuple):
     offsets: NDArray[np.float64]
     shears: NDArray[np.float64]
 
-    @classmethod
-    def none(cls, shears: NDArray[np.float64]) -> Near:
-        """Return the data of points whose stencils are not found from them."""
-        count = len(shears)
-        return cls(np.zeros((count, 3)), np.zeros((count, 4)), np.zeros(count, np.bool_), np.zeros(count), shears)
+
+NOWHERE = Near(np.zeros((0, 3)), np.zeros((0, 4)), np.zeros(0, np.bool_), np.zeros(0), np.zeros((0, 3)))
+"""The data of no points."""
 
 
 class Surfaces(NamedTuple):
     """What the points of t contacts touch.
 
     Attributes:
-        kind: (t,) kinds of shapes, or `FOUND`.
+        kind: (t,) kinds of shapes, or `PLANES`.
         own: (t,) number of the ends of a point that move the point itself.
         turning: (t,) whether a rigid body is touched: its four vertices are the last ends of each point.
         frames: (t, 12) rotation, and origin [m], of each surface.
@@ -78,7 +76,8 @@ class Surfaces(NamedTuple):
         four = np.asarray(vertices, dtype=np.int64) if turning else np.zeros(4, dtype=np.int64)
         turns = signs if turning else np.zeros((4, 3))
         numbers, ends = [np.array([each]) for each in (kind, own, turning)], np.array([0, len(form)])
-        return cls(*numbers, np.zeros((1, 12)), four[None], turns[None].copy(), ends, form)
+        frames = np.append(np.eye(3), np.zeros(3))[None]
+        return cls(*numbers, frames, four[None], turns[None].copy(), ends, form)
 
     @classmethod
     def join(cls, parts: list[Surfaces]) -> Surfaces:
@@ -118,8 +117,10 @@ def place_of(x, ends, weights, i, own):
 def measure_gap(near, surfaces, t, i, p):
     """Return the signed distance [m] of a point at ``p`` (3,) from what it touches, and its gradient (3,)."""
     frame, form = surfaces.frames[t], surfaces.forms[surfaces.form_start[t] : surfaces.form_start[t + 1]]
-    g, nx, ny, nz = distance_at(surfaces.kind[t], frame, form, p[0], p[1], p[2])
     a, b, c = near.planes[i, 0], near.planes[i, 1], near.planes[i, 2]
+    if surfaces.kind[t] == PLANES:
+        return a * p[0] + b * p[1] + c * p[2] - near.planes[i, 3], a, b, c
+    g, nx, ny, nz = distance_at(surfaces.kind[t], frame, form, p[0], p[1], p[2])
     if a == 0.0 and b == 0.0 and c == 0.0:
         return g, nx, ny, nz
     ex, ey, ez = in_world(frame, a, b, c)
@@ -151,8 +152,7 @@ def find_point(x, near, surfaces, t, i, stencils):
 
 @kernel
 def find_stencils(x, near, surfaces, owner, stencils):
-    """Write the stencils of all points whose surfaces are shapes; ``owner`` (k,) are the numbers of their surfaces."""
+    """Write the stencils of all points; ``owner`` (k,) are the numbers of their surfaces."""
     take_frames(x, surfaces)
     for i in range(len(owner)):
-        if surfaces.kind[owner[i]] != FOUND:
-            find_point(x, near, surfaces, owner[i], i, stencils)
+        find_point(x, near, surfaces, owner[i], i, stencils)

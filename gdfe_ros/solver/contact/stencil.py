@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from gdfe_ros.compiled import internal, kernel
 from gdfe_ros.materials.tensor import perpendicular
-from gdfe_ros.mesh.triples import corner, cross, dot
+from gdfe_ros.mesh.triples import cross, dot
 from gdfe_ros.solver.contact.gap import unit
 from gdfe_ros.solver.terms.term import as_arrays, term_kernel
 
@@ -48,26 +48,6 @@ class Stencils(NamedTuple):
     ends: NDArray[np.int32]
     pressing: NDArray[np.float64]
     rubbing: NDArray[np.float64]
-
-    @classmethod
-    def of(
-        cls,
-        gaps: NDArray[np.float64],
-        normals: NDArray[np.float64],
-        slips: NDArray[np.float64],
-        forces: tuple[NDArray[np.float64], NDArray[np.float64]],
-        soft: NDArray[np.float64],
-        ends: NDArray[np.int32],
-        pressing: NDArray[np.float64],
-        rubbing: NDArray[np.float64],
-    ) -> Self:
-        """Return the stencils of points with ``gaps`` (k,), their gradients ``normals`` (k, 3), and ``slips`` (k, 3).
-
-        ``forces`` are the normal forces l (k,) and the vectors t (k, 3) [N], which are turned into the planes.
-        """
-        found = cls.empty(forces[0], soft, ends, pressing, rubbing)
-        write_axes(gaps, normals, slips, forces[1], found)
-        return found
 
     @classmethod
     def empty(
@@ -146,13 +126,6 @@ def turn_shear(i, stencils, shears):
     held, axes = stencils.held, stencils.axes
     for j in range(3):
         shears[i, j] = -(held[i, 1] * axes[i, 1, j] + held[i, 2] * axes[i, 2, j])
-
-
-@kernel
-def write_axes(gaps, normals, slips, shears, stencils):
-    """Do `set_axes` for all points; see `Stencils.of`."""
-    for i in range(len(gaps)):
-        set_axes(i, gaps[i], corner(normals, i), corner(slips, i), shears, stencils)
 
 
 @internal

@@ -285,6 +285,7 @@ class Solve:
         flaw, message = self._actuation.flaw(positions), self._explain(outcome, estimate, active)
         converged = outcome is Outcome.NEAR and not flaw and bool(least.min() > 0.0)
         message = join(flaw, message, "" if converged else flattened(least))
+        terms = self._actuation.finish(start.terms, positions)  # contacts give their reactions only after it
         outside = work.outside if self._actuation.terms else None
         others = self._actuation.contacts, self._actuation.grips
         summary = Summary(
@@ -315,7 +316,7 @@ class Solve:
                 commands=problem.commands,
                 slides=slides,
                 turns=turns,
-                terms=self._actuation.finish(start.terms, positions),
+                terms=terms,
                 elements=elements,
                 operators=self._operators,
                 balance=self._actuation.balance(positions, problem.commands) if energetic else None,

@@ -158,7 +158,7 @@ class Minimiser:
                 task.active.status["ended"] = Outcome.CUT
             if task.active.ended is not Outcome.NONE:
                 if self.contact_forces is not None:
-                    self.contact_forces.finish(work.x)
+                    self.contact_forces.return_forces()
                 return done
 
     def _follow_terms(self, task: Task) -> None:

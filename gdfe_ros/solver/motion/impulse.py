@@ -89,6 +89,9 @@ class ContactImpulses:
     sum. A message names the second number of vertices.
     """
 
+    LACKING = 1.001
+    """Friction that would hold a body in a grip, divided by the grip's own, from which on a slip is told."""
+
     def __init__(self, mass: FreeMass, dynamics: Dynamics) -> None:
         self._mass, self._dynamics = mass, dynamics
 
@@ -182,7 +185,7 @@ class ContactImpulses:
             return ""
         slips = np.einsum("ka,kai->ki", gained, part.axes[:, 1:])
         needed = float(np.linalg.norm(rub.sum(axis=0) - mass * slips.mean(axis=0)) / push.sum())
-        if not needed > friction:
+        if not needed > self.LACKING * friction:
             return ""
         where = ", ".join(map(str, np.unique(part.ends[push > 0.0, 0])[: self.LISTED]))
         text = f"{part.contact.name} slips out of its grip at vertices {where}: its friction is {friction:.4g}"
