@@ -10,7 +10,7 @@ from gdfe_ros.solver.contact.complementarity import row_product, solve_laws
 from gdfe_ros.solver.contact.compliance import differentiate, project
 from gdfe_ros.solver.contact.contact_term import MARGIN
 from gdfe_ros.solver.contact.points import find_stencils
-from gdfe_ros.solver.contact.stencil import LOADS, add_load, turn_shear
+from gdfe_ros.solver.contact.stencil import add_load, turn_shear
 from gdfe_ros.solver.descent.loop import ENDLESS, choose
 from gdfe_ros.solver.matrix.unknowns import add_rows, gather_rigid_rows
 
@@ -32,48 +32,23 @@ def gap_ahead(field, i):
 
 
 @internal
-def drop_loads(problem, work, field):
-    """Take the loads of all contacts away, and subtract them from ``field.change``; return their energy [J]."""
-    reals, integers, change, energy = problem.terms.reals, problem.terms.integers, field.change, 0.0
-    for t in range(len(field.counts)):
-        flag = field.integers[t]
-        if integers[flag] == 0:
-            continue
-        integers[flag] = 0
-        for n in range(field.counts[t]):
-            v, first = integers[flag + 1 + n], field.reals[t] + LOADS * n
-            for j in range(3):
-                energy += reals[first + j] * (work.x[v, j] - reals[first + 3 + j])
-                change[v, j] -= reals[first + j]
-                reals[first + j] = 0.0
-    return energy
-
-
-@internal
-def apply_loads(problem, work, field):
-    """Let the forces of all points act as dead loads from the present positions; add them to ``field.change``."""
-    reals, integers, change = problem.terms.reals, problem.terms.integers, field.change
-    for i in range(len(field.owner)):
-        if holds(field.stencils.held, i):
-            integers[field.integers[field.owner[i]]] = 1
-            add_load(field.stencils, i, field.loads, reals)
-    for t in range(len(field.counts)):
-        flag = field.integers[t]
-        for n in range(field.counts[t] if integers[flag] == 1 else 0):
-            v, first = integers[flag + 1 + n], field.reals[t] + LOADS * n
-            for j in range(3):
-                change[v, j] += reals[first + j]
-                reals[first + 3 + j] = work.x[v, j]
-
-
-@internal
 def exchange_loads(problem, work, field):
     """Replace the loads of the contacts by those of the present forces; correct energy and gradient for them."""
-    work.status[0].energy -= drop_loads(problem, work, field)
-    apply_loads(problem, work, field)
-    change, unknowns = field.change, problem.unknowns
-    for v in range(len(change)):
+    loads, change, unknowns, x = field.loads, field.change, problem.unknowns, work.x
+    for v in range(len(loads) if field.acting[0] == 1 else 0):
         for j in range(3):
+            work.status[0].energy -= loads[v, j] * (x[v, j] - loads[v, 3 + j])
+            change[v, j] = -loads[v, j]
+            loads[v, j] = 0.0
+    field.acting[0] = 0
+    for i in range(len(field.owner)):
+        if holds(field.stencils.held, i):
+            field.acting[0] = 1
+            add_load(field.stencils, i, loads)
+    for v in range(len(loads)):
+        for j in range(3):
+            change[v, j] += loads[v, j]
+            loads[v, 3 + j] = x[v, j]
             work.outside[v, j] += change[v, j]
     add_rows(change, unknowns, work.gradient)
     gather_rigid_rows(work.u, work.x, work.force, work.outside, True, problem.frame, unknowns, work.gradient)

@@ -129,7 +129,7 @@ class Contact(ContactTerm):
             self._take_none()
         else:
             self._choose(saved, positions)
-            self.turn(positions)
+            self.look(positions)
 
     def strays(self, positions: NDArray[np.float64]) -> bool:
         """Return whether the body has moved far enough at ``positions`` (n, 3) [m] for other points to be near."""
@@ -200,14 +200,14 @@ class Contact(ContactTerm):
             self._take_none()
             return
         self._choose({**saved, "press": found["press"], "shear": found["shear"]}, positions)
-        self.turn(positions)
+        self.look(positions)
         shears, slips = self.stored(self._shear), self.stored(self.stencils.slips)
         size = np.linalg.norm(shears, axis=1)
         still = np.linalg.norm(slips, axis=1) < SLIP * self._body.size
         on = (found["slips"][self._chosen] > 0.0) & (size > 0.0) & still
         self._led = SLIP * self._body.size * shears / np.where(size > 0.0, size, 1.0)[:, None] * on[:, None]
         self._anchors[:, :3] -= self._led
-        self.turn(positions)
+        self.look(positions)
 
     def vary(self, commands: Mapping[str, float], saved: Saved, positions: NDArray[np.float64]) -> None:
         """Update the obstacle's frame and the anchors of the chosen points; keep the choice of points."""
@@ -335,7 +335,7 @@ class Contact(ContactTerm):
 
     def _take_none(self) -> None:
         self._chosen = self._faces = np.zeros(0, dtype=np.int64)
-        self._press, self._shear, self.integers[0] = np.zeros(0), np.zeros((0, 3)), 0
+        self._press, self._shear = np.zeros(0), np.zeros((0, 3))
 
     def _in_frame(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
         return (places - self._origin) @ self._axes

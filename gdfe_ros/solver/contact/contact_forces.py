@@ -16,14 +16,13 @@ from numpy.typing import NDArray
 from gdfe_ros.solver.contact.answer import begin_step, look_again, settle
 from gdfe_ros.solver.contact.complementarity import HALF, find_violations
 from gdfe_ros.solver.contact.compliance import project, pull
-from gdfe_ros.solver.contact.contact_term import FAINT, ROUNDING, ContactTerm
+from gdfe_ros.solver.contact.contact_term import FAINT, ROUNDING, ContactTerm, HeldLoads
 from gdfe_ros.solver.contact.field import PointField
 from gdfe_ros.solver.contact.kept_compliance import Compliance
 from gdfe_ros.solver.contact.points import PLANES, Surfaces
 from gdfe_ros.solver.descent.loop import Metric
 from gdfe_ros.solver.descent.workspace import Problem, Workspace, numbers
 from gdfe_ros.solver.matrix.unknowns import Unknowns
-from gdfe_ros.solver.terms.term import Term
 
 Product = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 
@@ -56,8 +55,8 @@ class ContactForces:
     """Finds the contact forces of each step of a minimisation.
 
     Args:
-        terms: all terms of the body.
-        contacts: the contact terms among them.
+        contacts: all contact terms of the body.
+        held: the term that stands for their forces.
         unknowns: numbering of the unknowns.
         count: number n of vertices.
 
@@ -66,11 +65,9 @@ class ContactForces:
         left: largest violation [m] of the laws in the last step.
     """
 
-    def __init__(self, terms: Sequence[Term], contacts: Sequence[ContactTerm], unknowns: Unknowns, count: int) -> None:
-        self.contacts = tuple(contacts)
+    def __init__(self, contacts: Sequence[ContactTerm], held: HeldLoads, unknowns: Unknowns, count: int) -> None:
+        self.contacts, self._held = tuple(contacts), held
         self._searches = [contact for contact in contacts if contact.shape.kind[0] == PLANES]
-        acting = [term.name for term in terms if term.kernel is not None]
-        self._at = np.array([acting.index(contact.name) for contact in self.contacts])
         self._handle_of = np.full(count, -1, dtype=np.int64)
         for p in range(len(unknowns.slides)):
             self._handle_of[unknowns.members[unknowns.member_start[p] : unknowns.member_start[p + 1]]] = p
@@ -261,9 +258,8 @@ class ContactForces:
             self._row_of[unknowns.free] = np.arange(len(unknowns.free))
             self._numbered = unknowns
         if self._field is None:
-            starts = problem.terms.real_start[self._at], problem.terms.integer_start[self._at]
             scratch = self._change, np.empty(self._rows), self._head
-            self._field = PointField.of(self.contacts, self._surfaces, *starts, scratch)
+            self._field = PointField.of(self.contacts, self._surfaces, self._held, scratch)
             ends = np.searchsorted(self._field.owner, np.arange(len(self.contacts) + 1))
             self._parts = [slice(*each) for each in pairwise(ends)]
             self._correct(self._field, work)

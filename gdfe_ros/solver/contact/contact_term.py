@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Sequence
 from typing import ClassVar
 
 import numpy as np
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact.points import Near, Surfaces, find_stencils
-from gdfe_ros.solver.contact.stencil import LOADS, Stencils, held_energy, held_entry, write_loads
+from gdfe_ros.solver.contact.stencil import LOADS, Stencils, add_loads, held_entry
 from gdfe_ros.solver.state import Saved, State
 from gdfe_ros.solver.terms.term import Term
 
@@ -42,7 +43,7 @@ class ContactTerm(Term):
 
     Attributes:
         vertices, friction, restitution: the arguments.
-        stencils: the near points, with places and axes at the positions of the last call of `look` or `turn`.
+        stencils: the near points, with places and axes at the positions of the last call of `look`.
         shape: what the points touch, for the kernels.
         on_body: whether the points of the term belong to the elastic body; False for self-contact.
         corrects: whether the gaps have offsets that depend on the positions, which `correct` returns.
@@ -51,7 +52,6 @@ class ContactTerm(Term):
         changed: whether points that press touch other faces since `follow` was last called.
     """
 
-    kernel = held_entry
     on_body, corrects, held_mass = False, False, 0.0
     ANCHOR: ClassVar[int] = 3
     """Numbers of each point that derivatives differentiate: its anchor, the place where its slip begins."""
@@ -61,12 +61,9 @@ class ContactTerm(Term):
     def __init__(
         self, name: str, body: Body, count: int, vertices: NDArray[np.int32], *, friction: float, restitution: float
     ) -> None:
-        numbers = LOADS * len(vertices) + self.ANCHOR * count + self.OTHERS
-        super().__init__(name, np.zeros(numbers), np.concatenate([[0], vertices]).astype(np.int32))
+        super().__init__(name, np.zeros(self.ANCHOR * count + self.OTHERS), np.zeros(0, np.int32))
         self._body, self.friction, self.restitution = body, friction, restitution
         self.valid, self.changed = np.inf, False
-        self._number = np.full(len(body.rest), -1, dtype=np.int64)
-        self._number[vertices] = np.arange(len(vertices))
         self.vertices = vertices
         self._chosen = np.zeros(0, dtype=np.int64)
         self._press, self._shear = np.zeros(0), np.zeros((0, 3))
@@ -107,14 +104,9 @@ class ContactTerm(Term):
         return self.near and self.friction > 0.0
 
     @property
-    def _loads(self) -> NDArray[np.float64]:
-        return self.reals[: LOADS * len(self.vertices)]
-
-    @property
     def _anchors(self) -> NDArray[np.float64]:
         """The numbers (k, `ANCHOR`) of the near points, a view."""
-        first = LOADS * len(self.vertices)
-        return self.reals[first : first + self.ANCHOR * self.count].reshape(-1, self.ANCHOR)
+        return self.reals[: self.ANCHOR * self.count].reshape(-1, self.ANCHOR)
 
     @property
     def _others(self) -> NDArray[np.float64]:
@@ -134,24 +126,11 @@ class ContactTerm(Term):
         """Data from which the kernels find the stencils of the near points."""
 
     def look(self, positions: NDArray[np.float64]) -> None:
-        """Take the stencils at ``positions`` (n, 3) [m]; the forces turn with the surfaces, but do not act yet."""
+        """Take the stencils at ``positions`` (n, 3) [m]; the forces turn with the surfaces."""
         if self.near:
             self.stencils = self.lay_out(positions)
             owner = np.zeros(self.count, dtype=np.int64)
             find_stencils(positions, self.near_points, self.shape, owner, self.stencils)
-
-    def turn(self, positions: NDArray[np.float64]) -> None:
-        """Take the stencils at ``positions`` (n, 3) [m], and let the forces act as dead loads from there."""
-        self.look(positions)
-        self.integers[0] = self.acts
-        loads = self._loads.reshape(-1, LOADS)
-        loads[:, :3], loads[:, 3:] = 0.0, positions[self.vertices]
-        if self.acts:
-            write_loads(self.stencils, self.load_places(), self.reals)
-
-    def load_places(self) -> NDArray[np.int64]:
-        """Return the offset of the load of each end of the near points (k, c) in the term's numbers."""
-        return LOADS * self._number[self.stencils.ends]
 
     def strays(self, positions: NDArray[np.float64]) -> bool:
         """Return whether `follow` has to choose points again at ``positions`` (n, 3) [m]."""
@@ -162,28 +141,24 @@ class ContactTerm(Term):
         self._press, self._shear = presses.copy(), shears.copy()
 
     def present_stencils(self, positions: NDArray[np.float64]) -> Stencils:
-        """Return the stencils at ``positions`` (n, 3) [m] of `turn`, with friction at the present places."""
+        """Return the stencils at ``positions`` (n, 3) [m] of `look`, with friction at the present places."""
         return self.stencils
 
     def led(self, positions: NDArray[np.float64], before: State) -> NDArray[np.float64]:
         """Return the displacement (k, 3) [m] of what commanded poses move, at the near points, since ``before``."""
         return np.zeros((self.count, 3))
 
-    def energy(self, positions: NDArray[np.float64]) -> float:
-        """Return 0: contact stores no energy."""
-        return 0.0
-
-    def add_forces(self, positions: NDArray[np.float64], forces: NDArray[np.float64]) -> None:
-        """Add the contact forces to ``forces`` (n, 3) [N]."""
+    def add_forces(self, forces: NDArray[np.float64]) -> None:
+        """Add the contact forces at the positions of the last call of `look` to ``forces`` (n, 3) [N]."""
         slopes = np.zeros_like(forces)
-        held_energy(positions, self.reals, self.integers, slopes, np.zeros(1))
+        add_loads(self.stencils, slopes)
         forces -= slopes
 
     def finish(self, saved: Saved, positions: NDArray[np.float64]) -> Saved:
         """Return the state to store after a solve that ended at ``positions`` (n, 3) [m] and began with ``saved``."""
         if not self.acts:
             return {**self._free, "lost": saved["lost"]}
-        self.turn(positions)
+        self.look(positions)
         slips = ~(self._press > 0.0)
         slips |= np.linalg.norm(self._shear, axis=1) >= (1.0 - ROUNDING) * self.friction * self._press
         kept, chosen = {name: array.copy() for name, array in self._free.items()}, self._chosen
@@ -223,7 +198,7 @@ class ContactTerm(Term):
         return np.repeat(self.scale, 4)
 
     def hold(self, multipliers: NDArray[np.float64]) -> None:
-        """Set the multipliers (4 k,); `turn` then writes the forces at some positions."""
+        """Set the multipliers (4 k,)."""
         held = multipliers.reshape(-1, 4)
         self._press, self._shear = held[:, 0].copy(), held[:, 1:].copy()
 
@@ -234,7 +209,7 @@ class ContactTerm(Term):
         """
         if not len(self._chosen):
             return np.zeros(0)
-        self.turn(positions)
+        self.look(positions)
         found, scale = self.stencils, self.scale
         gaps = found.places[:, 0] + found.soft * self._press
         press = np.maximum(0.0, self._press - scale / (1.0 + scale * found.soft) * gaps)
@@ -242,3 +217,29 @@ class ContactTerm(Term):
         size, limit = np.linalg.norm(trial, axis=1), self.friction * press
         share = np.where(size > limit, limit / np.where(size > 0.0, size, 1.0), 1.0)
         return np.column_stack([press, share[:, None] * trial]).ravel()
+
+
+class HeldLoads(Term):
+    """The dead loads that stand for the forces of all contacts while a step of the minimisation is made.
+
+    Args:
+        count: number n of vertices.
+    """
+
+    kernel = held_entry
+
+    def __init__(self, count: int) -> None:
+        super().__init__("(contacts)", np.zeros(LOADS * count), np.zeros(1, np.int32))
+
+    @property
+    def loads(self) -> NDArray[np.float64]:
+        """Gradient [N] of each vertex' load, and the position [m] where its energy is 0 (n, 6), a view."""
+        return self.reals.reshape(-1, LOADS)
+
+    def take(self, contacts: Sequence[ContactTerm], positions: NDArray[np.float64]) -> None:
+        """Let the forces of ``contacts`` act from ``positions`` (n, 3) [m], where they looked last."""
+        acting = [contact for contact in contacts if contact.acts]
+        self.integers[0] = len(acting) > 0
+        self.loads[:, :3], self.loads[:, 3:] = 0.0, positions
+        for contact in acting:
+            add_loads(contact.stencils, self.loads)

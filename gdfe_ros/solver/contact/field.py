@@ -9,9 +9,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.solver.contact.contact_term import ContactTerm
+from gdfe_ros.solver.contact.contact_term import ContactTerm, HeldLoads
 from gdfe_ros.solver.contact.points import NOWHERE, Near, Surfaces
-from gdfe_ros.solver.contact.stencil import Stencils, pad_columns
+from gdfe_ros.solver.contact.stencil import Stencils
 
 
 class PointField(NamedTuple):
@@ -23,8 +23,7 @@ class PointField(NamedTuple):
         surfaces: what they touch.
         owner: (k,) number of the contact of each point.
         friction, scale: (k,) friction coefficient, and stiffness [N/m] of the body at the point.
-        loads: (k, c) offset of the load of each end among the numbers of all terms.
-        reals, integers, counts: (t,) offsets of each contact's numbers, and number of its vertices.
+        loads, acting: dead loads (n, 6) of all vertices, and whether any acts (1,): those of `HeldLoads`.
         rows, blocks, used: derivatives with respect to the rows of unknowns, see `differentiate`.
         ahead: (k, 3) [m] changes of gaps and slips in the step.
         usable, joins: (k,) whether a point may take part in the step, and whether it does.
@@ -40,10 +39,8 @@ class PointField(NamedTuple):
     owner: NDArray[np.int64]
     friction: NDArray[np.float64]
     scale: NDArray[np.float64]
-    loads: NDArray[np.int64]
-    reals: NDArray[np.int64]
-    integers: NDArray[np.int64]
-    counts: NDArray[np.int64]
+    loads: NDArray[np.float64]
+    acting: NDArray[np.int32]
     rows: NDArray[np.int64]
     blocks: NDArray[np.float64]
     used: NDArray[np.int64]
@@ -60,20 +57,18 @@ class PointField(NamedTuple):
         cls,
         contacts: Sequence[ContactTerm],
         surfaces: Surfaces,
-        reals: NDArray[np.int64],
-        integers: NDArray[np.int64],
+        held: HeldLoads,
         scratch: tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]],
     ) -> PointField:
-        """Return the near points of ``contacts``, whose numbers begin at ``reals`` and ``integers`` (t,).
+        """Return the near points of ``contacts``, which touch ``surfaces``, and whose forces ``held`` stands for.
 
-        ``surfaces`` are those of all contacts; ``scratch`` is kept from field to field: `change`, `before` and `head`.
+        ``scratch`` is kept from field to field: `change`, `before` and `head`.
         """
         near = [contact if contact.near else None for contact in contacts]
         sizes = [contact.count if contact else 0 for contact in near]
         count, width = sum(sizes), max((contact.stencils.ends.shape[1] for contact in near if contact), default=1)
         stencils = Stencils.padded([contact.stencils for contact in near if contact], width)
         points = [contact.near_points for contact in near if contact]
-        loads = [first + contact.load_places() for first, contact in zip(reals, near, strict=True) if contact]
         multipliers = [contact.multipliers.reshape(-1, 4) for contact in near if contact]
         stencils.held[:, 0] = np.concatenate([np.zeros((0, 4)), *multipliers])[:, 0]
         for number, contact in enumerate(contacts):
@@ -85,10 +80,8 @@ class PointField(NamedTuple):
             np.repeat(np.arange(len(contacts)), sizes),
             np.repeat([float(contact.friction) for contact in contacts], sizes),
             np.concatenate([np.zeros(0), *(contact.scale for contact in near if contact)]),
-            pad_columns(loads, width, np.int64),
-            reals,
-            integers,
-            np.array([len(contact.vertices) for contact in contacts]),
+            held.loads,
+            held.integers,
             np.zeros((count, 2 * width), np.int64),
             np.zeros((count, 2 * width, 3, 3)),
             np.zeros(count, np.int64),

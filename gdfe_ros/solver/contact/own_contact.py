@@ -101,7 +101,7 @@ class OwnContact(ContactTerm):
         before, after = (frames(at, self.pairs.carriers(np.flatnonzero(on), found.face[on])) for at in (last, x))
         found.normal[on] = np.einsum("kij,klj,kl->ki", after, before, found.normal[on])
         self._choose(found)
-        self.turn(positions)
+        self.look(positions)
         self._deepest = 2.0 * far
         self._measure_clearance(last)
 
@@ -273,7 +273,7 @@ class OwnContact(ContactTerm):
         if not found["press"].any():
             self._chosen, self._stiffness = np.zeros(0, dtype=np.int64), np.zeros(0)
             self._press, self._shear = np.zeros(0), np.zeros((0, 3))
-            self.turn(positions)
+            self.look(positions)
             return
         x = self.points.at(positions)
         near = self.pairs.look(x, x, REACH * self._body.size, found["face"].astype(np.int64))
@@ -282,13 +282,13 @@ class OwnContact(ContactTerm):
         self._take_forces(found, x)
         self._choose(near)
         self._slid, self._solved = self._slip_before(), (self._normal, self._weights, self._support)
-        self.turn(positions)
+        self.look(positions)
         slips, size = self.stencils.slips, np.linalg.norm(self._shear, axis=1)
         on = (found["slips"][self._chosen] > 0.0) & (size > 0.0)
         far = np.maximum(np.linalg.norm(slips, axis=1), SLIP * self._body.size) / np.where(size > 0.0, size, 1.0)
         self._anchors[on] += (slips - far[:, None] * self._shear)[on]
         self._led = self._anchors - self._slid
-        self.turn(positions)
+        self.look(positions)
 
     def vary(self, commands: Mapping[str, float], saved: Saved, positions: NDArray[np.float64]) -> None:
         """Update the anchors of the chosen pairs; keep the choice of pairs."""

@@ -24,8 +24,8 @@ from gdfe_ros.solver.contact.gap import unit
 from gdfe_ros.solver.terms.term import as_arrays, term_kernel
 
 LOADS = 6
-"""Numbers of a vertex in a term's reals: the gradient of its dead load [N], and a position [m] where its energy is 0,
-so that energies are as small as steps.
+"""Numbers of a vertex among the loads: the gradient of its dead load [N], and a position [m] where its energy is 0, so
+that energies are as small as steps.
 """
 
 
@@ -129,34 +129,34 @@ def turn_shear(i, stencils, shears):
 
 
 @internal
-def add_load(stencils, i, loads, reals):
-    """Add the gradient of a point's dead load; ``loads`` (k, c) are the offsets of its ends in ``reals``."""
+def add_load(stencils, i, loads):
+    """Add the gradients of a point's dead loads to ``loads`` (n, 6), those of all vertices."""
     axes, held = stencils.axes, stencils.held
-    for a in range(loads.shape[1]):
-        first, w, v = loads[i, a], stencils.pressing[i, a], stencils.rubbing[i, a]
+    for a in range(stencils.ends.shape[1]):
+        vertex, w, v = stencils.ends[i, a], stencils.pressing[i, a], stencils.rubbing[i, a]
         for j in range(3):
             rubs = held[i, 1] * axes[i, 1, j] + held[i, 2] * axes[i, 2, j]
-            reals[first + j] -= w * held[i, 0] * axes[i, 0, j] + v * rubs
+            loads[vertex, j] -= w * held[i, 0] * axes[i, 0, j] + v * rubs
 
 
 @kernel
-def write_loads(stencils, loads, reals):
+def add_loads(stencils, loads):
     """Do `add_load` for all points."""
-    for i in range(len(loads)):
-        add_load(stencils, i, loads, reals)
+    for i in range(len(stencils.ends)):
+        add_load(stencils, i, loads)
 
 
 @kernel
 def held_energy(x, reals, integers, force, size):
     """Return the energy [J] of the dead loads; add its gradient to ``force``. See `term_kernel`.
 
-    ``integers`` are 1 if any load acts, else 0, and the vertices.
+    ``reals`` are the loads of all vertices, and ``integers`` 1 if any acts, else 0.
     """
     energy = 0.0
     if integers[0] == 0:
         return energy
-    for i in range(len(integers) - 1):
-        v, first = integers[1 + i], LOADS * i
+    for v in range(len(x)):
+        first = LOADS * v
         for j in range(3):
             force[v, j] += reals[first + j]
             work = reals[first + j] * (x[v, j] - reals[first + 3 + j])

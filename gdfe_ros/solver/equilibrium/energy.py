@@ -86,7 +86,7 @@ class EquilibriumSolver:
         level = TangentLevel(body, self.matrix.assembled, self.actuation.terms)
         moving = predictor is not None
         touching = self.actuation.contacts
-        given = self.actuation.terms, touching, body.unknowns, len(body.rest)
+        given = touching, self.actuation.held, body.unknowns, len(body.rest)
         forces = ContactForces(*given) if touching else None
         self.minimiser = Minimiser(body, stiffness, level, moving=moving, contact_forces=forces)
         self.model = Model(body, self.actuation, self.handles, self.minimiser, softening=softening, moving=moving)

@@ -13,6 +13,7 @@ from gdfe_ros.actuators.load import Load, PressureLoad
 from gdfe_ros.constraints import Pose
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact.contact import Contact
+from gdfe_ros.solver.contact.contact_term import HeldLoads
 from gdfe_ros.solver.contact.pairs import contacts_of
 from gdfe_ros.solver.elements.blocks import Operators
 from gdfe_ros.solver.forces.grip import GripTerm
@@ -47,6 +48,7 @@ class Actuation:
         neutral: dict from actuator or load name to the command without effect.
         loaded: names of the loads.
         contacts: contact terms of the obstacles, and the self-contact term.
+        held: the dead loads that stand for the forces of all contacts.
     """
 
     def __init__(
@@ -72,7 +74,8 @@ class Actuation:
             *self.contacts,
             *self._more,
         )
-        self.table = TermTable.pack(self.terms)
+        self.held = HeldLoads(len(body.rest))
+        self.table = TermTable.pack((*self.terms, self.held) if self.contacts else self.terms)
         self.growths = Growths(body, self.actuators)
         self._driven = {term.name: term for term in (*self._cables, *self._chambers, *self.grips)}
         self.loaded = tuple(item.name for item in self._loads)
@@ -119,6 +122,8 @@ class Actuation:
             if self.grips and isinstance(term, Contact):  # grips come before contacts
                 term.leave_out([pair for grip in self.grips for pair in grip.pairs])
             term.begin(commands, saved[term.name], positions, ratio)
+        if self.contacts:
+            self.held.take(self.contacts, positions)
 
     def update(self, positions: NDArray[np.float64]) -> float:
         """Update the multipliers; return the largest error of a constraint, divided by the body's size."""

@@ -104,7 +104,7 @@ class ContactImpulses:
             return now.with_(terms={**now.terms, NAME: {**saved, "pushed": np.zeros_like(x)}})
         rule, multipliers = rule_of(self._dynamics, h, before.terms[NAME]), np.zeros_like(x)
         for contact in acting:
-            contact.add_forces(x, multipliers)
+            contact.add_forces(multipliers)
         moved = self._mass.accelerated(multipliers, x) / rule.kappa
         velocity = saved["velocity"] - rule.theta * moved
         parts = [Pressing.of(contact, x, before) for contact in acting]

@@ -136,7 +136,9 @@ class Linearised:
     def turn_contacts(self, x: NDArray[np.float64]) -> None:
         """Turn the forces of all contacts with their surfaces to positions ``x`` (n, 3) [m]."""
         for contact in self.actuation.contacts:
-            contact.turn(x)
+            contact.look(x)
+        if self.actuation.contacts:
+            self.actuation.held.take(self.actuation.contacts, x)
 
     def element_forces(
         self, table: MaterialTable, *, operators: Operators | None = None, scale: NDArray[np.float64] | None = None

@@ -201,7 +201,7 @@ class TermTable(NamedTuple):
     """All terms in the layout of the kernels.
 
     Attributes:
-        address: (t,) int64 addresses of the compiled entries.
+        address: (t,) int64 addresses of the compiled entries; 0 for a term without an energy.
         real_start, integer_start: (t + 1,) int64 offsets of each term's data in ``reals`` and ``integers``.
         reals, integers: the data of all terms; each term has a view of its own part.
     """
@@ -220,16 +220,15 @@ class TermTable(NamedTuple):
 
     @classmethod
     def pack(cls, terms: Sequence[Term]) -> TermTable:
-        """Return the table of all terms with an energy; their data are copied to it, and the terms get views of it."""
-        acting = [term for term in terms if term.kernel is not None]
-        real_start = np.cumsum([0, *(len(term.reals) for term in acting)])
-        integer_start = np.cumsum([0, *(len(term.integers) for term in acting)])
-        reals = np.concatenate([np.zeros(0), *(term.reals for term in acting)])
-        integers = np.concatenate([np.zeros(0, np.int32), *(term.integers for term in acting)]).astype(np.int32)
-        for t, term in enumerate(acting):
+        """Return the table of all terms; their data are copied to it, and the terms get views of it."""
+        real_start = np.cumsum([0, *(len(term.reals) for term in terms)])
+        integer_start = np.cumsum([0, *(len(term.integers) for term in terms)])
+        reals = np.concatenate([np.zeros(0), *(term.reals for term in terms)])
+        integers = np.concatenate([np.zeros(0, np.int32), *(term.integers for term in terms)]).astype(np.int32)
+        for t, term in enumerate(terms):
             term.reals = reals[real_start[t] : real_start[t + 1]]
             term.integers = integers[integer_start[t] : integer_start[t + 1]]
-        address = np.array([term.kernel.address for term in acting], dtype=np.int64)
+        address = np.array([term.kernel.address if term.kernel else 0 for term in terms], dtype=np.int64)
         return cls(address, real_start.astype(np.int64), reals, integer_start.astype(np.int64), integers)
 
 
@@ -258,6 +257,8 @@ def terms_energy(x, table, force, size):
     size[0] = 0.0
     energy = 0.0
     for t in range(len(table.address)):
+        if table.address[t] == 0:
+            continue
         first, last = table.real_start[t], table.real_start[t + 1]
         low, high = table.integer_start[t], table.integer_start[t + 1]
         energy += call_term(

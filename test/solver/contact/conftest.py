@@ -61,9 +61,9 @@ def virtual_work() -> Callable[..., np.ndarray]:
 
     def compare(term: ContactTerm, x: np.ndarray, ways: Iterable[np.ndarray]) -> np.ndarray:
         slopes = np.zeros_like(x)
-        term.turn(x)
+        term.look(x)
         held = term.stencils.held.copy()
-        term.add_forces(x, slopes)
+        term.add_forces(slopes)
         for way in ways:
             places = [places_at(term, x + sign * 1e-7 * way) for sign in (1, -1)]
             work = (held * (places[0] - places[1])).sum() / 2e-7

@@ -102,7 +102,7 @@ def test_gaps_and_slips_follow_both_sides(cushion: Callable[..., Simulation], na
     advance(simulation, count=60)
     term = next(each for each in simulation.stepper.equilibrium.actuation.contacts if each.name == name)
     x, random = simulation.state.positions, np.random.default_rng(0)
-    term.turn(x)
+    term.look(x)
     _, axes, _, _, ends, pressing, rubbing = term.stencils
     for _ in range(4):
         way = random.normal(size=x.shape)

@@ -166,7 +166,7 @@ def test_what_a_skin_pushes_is_what_the_body_feels(tmp_path: Path) -> None:
     for term in terms:
         simulation.stepper.actuation.begin(state.commands, state.terms, state.positions, state.poses, state, ratio=0.0)
         forces = np.zeros_like(state.positions)
-        term.add_forces(state.positions, forces)
+        term.add_forces(forces)
         wrench, count = term.wrench(state.positions), simulation.mesh.n_vertices
         assert np.abs(wrench).max() > 0.1
         arms = state.positions[:count] - term._origin
