@@ -34,18 +34,12 @@ from gdfe_ros.solver.elements.blocks import (
     store3,
     store9,
 )
-from gdfe_ros.solver.elements.corners import gather, gradient_over, scatter
+from gdfe_ros.solver.elements.corners import gather, mean_gradient, scatter
 from gdfe_ros.solver.elements.hourglass import hourglass
 from gdfe_ros.solver.elements.stress_rows import stress_rows
 
 SIDES = np.array([[0, 1, 1, 0, 0, 1, 1, 0], [0, 0, 1, 1, 0, 0, 1, 1], [0, 0, 0, 0, 1, 1, 1, 1]], dtype=np.int32).T
 """Coordinates xi, eta and zeta, each 0 or 1, of the corners (8, 3) of a cell."""
-
-
-@inlined
-def mean_gradient(x, shape, e):
-    """Return the mean deformation gradient (9,) of element ``e`` at positions ``x`` (n, 3) [m]."""
-    return gradient_over(x, shape, e, 8)
 
 
 @inlined
