@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from gdfe_ros.compiled import inlined, internal, kernel, vector_internal
 from gdfe_ros.solver.matrix.elimination import SLACK, dissected, eliminated, least_degree, narrow_order
-from gdfe_ros.solver.matrix.panels import PANEL
+from gdfe_ros.solver.matrix.panels import PANEL, dot_six, six
 from gdfe_ros.solver.matrix.rotation import unrotated
 from gdfe_ros.solver.matrix.substitution import Kept, Plan, solve_columns, solve_unturned
 from gdfe_ros.solver.vectors import clear_part, copy_part
@@ -114,28 +114,13 @@ def subtract(front, width, first, last, panel):
                 clear_part(panel, k * TILE, end - begin)
         for i in range(last, end, 2):
             at, pair = first * width + i, i + 1 < end
-            a, b, c, d, e, f = column(front, at, width, count)
-            u, v, w, x, y, z = column(front, at + pair, width, count)
+            upper, under = column(front, at, width, count), column(front, at + pair, width, count)
             row = front[i * width + begin : i * width + end]
             low = front[(i + 1) * width + begin : (i + 1) * width + end] if pair else panel[PANEL * TILE :]
             for j in range(uint64(max(i, begin) - begin), uint64(end - begin)):
-                k, p = j + next_row, panel[j]
-                taken, lower = a * p, u * p
-                p = panel[k]
-                k += next_row
-                taken, lower = taken + b * p, lower + v * p
-                p = panel[k]
-                k += next_row
-                taken, lower = taken + c * p, lower + w * p
-                p = panel[k]
-                k += next_row
-                taken, lower = taken + d * p, lower + x * p
-                p = panel[k]
-                k += next_row
-                taken, lower = taken + e * p, lower + y * p
-                p = panel[k]
-                row[j] -= taken + f * p
-                low[j] -= lower + z * p
+                taken = six(panel, j, next_row)
+                row[j] -= dot_six(upper, taken)
+                low[j] -= dot_six(under, taken)
 
 
 @kernel
