@@ -70,7 +70,7 @@ def couple(
     """
     columns, members = motion.shape[1], unknowns.members
     wide = motion.reshape(len(members), 3 * columns)
-    pulled = (matrix[:, members] @ wide).reshape(-1, 3, columns)
+    pulled = (matrix[:, members] @ wide).reshape(matrix.shape[0], 3, columns)
     beside, within = (pulled[part].reshape(3 * len(part), columns) for part in (unknowns.free, members))
     harmonic = np.zeros((columns, len(unknowns.free), 3))
     for column, follows in zip(np.ascontiguousarray(beside.T), harmonic, strict=True):

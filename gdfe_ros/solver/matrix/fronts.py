@@ -15,7 +15,14 @@ from numpy import uint64
 from numpy.typing import NDArray
 
 from gdfe_ros.compiled import inlined, internal, kernel, vector_internal
-from gdfe_ros.solver.matrix.elimination import SLACK, dissected, eliminated, least_degree, narrow_order
+from gdfe_ros.solver.matrix.elimination import (
+    SLACK,
+    cross_sections,
+    dissected,
+    eliminated,
+    least_degree,
+    narrow_order,
+)
 from gdfe_ros.solver.matrix.panels import PANEL, dot_six, six
 from gdfe_ros.solver.matrix.rotation import unrotated
 from gdfe_ros.solver.matrix.substitution import Kept, Plan, solve_columns, solve_unturned
@@ -185,7 +192,7 @@ class Fronts:
         slack: float = SLACK,
         kind: type[np.floating] = np.float32,
     ) -> None:
-        orders = narrow_order(graph, points), least_degree(graph), dissected(graph, points)
+        orders = cross_sections(points), narrow_order(graph), least_degree(graph), dissected(graph, points)
         found = eliminated(graph, orders, slack=slack)
         widths, heights = found.widths, found.heights
         self.price = round(size * found.work / max(1, 8 * found.entries))
