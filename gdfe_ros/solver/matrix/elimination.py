@@ -257,6 +257,8 @@ def cross_sections(points: NDArray[np.float64]) -> NDArray[np.int64]:
 
 def narrow_order(graph: sparse.csr_matrix) -> NDArray[np.int64]:
     """Return the order (f,) of a graph by reverse Cuthill-McKee, which has a small bandwidth."""
+    if not graph.shape[0]:
+        return np.zeros(0, np.int64)
     return reverse_cuthill_mckee(graph, symmetric_mode=True).astype(np.int64)
 
 
