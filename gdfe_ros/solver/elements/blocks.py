@@ -156,8 +156,9 @@ def load_geometry(b, geometry, block, first, count):
 def load_nodes(b, x, cells, elements, first, count):
     """Copy the x, then the y, then the z coordinates of a block's ``count`` nodes into the rows from ``first`` on."""
     for lane in range(LANES):
+        e = elements[lane]
         for a in range(count):
-            v = cells[elements[lane], a]
+            v = cells[e, a]
             for axis in range(3):
                 b[(first + count * axis + a) * LANES + lane] = x[v, axis]
 
@@ -166,9 +167,10 @@ def load_nodes(b, x, cells, elements, first, count):
 def store_nodes(b, force, elements, used, first, count):
     """Copy the node forces of a block's ``used`` lanes from the rows from ``first`` on to ``force`` (m, c, 3) [N]."""
     for lane in range(used):
+        e = elements[lane]
         for a in range(count):
             for axis in range(3):
-                force[elements[lane], a, axis] = b[(first + count * axis + a) * LANES + lane]
+                force[e, a, axis] = b[(first + count * axis + a) * LANES + lane]
 
 
 INVERSE, WEIGHT, TET_GEOMETRY_ROWS = 0, 36, 40

@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 
 from gdfe_ros.errors import ENDED, GdfeError
 from gdfe_ros.materials.table import MaterialTable
-from gdfe_ros.solver.descent.workspace import Problem
 from gdfe_ros.solver.elements.blocks import Operators
 from gdfe_ros.solver.elements.measures import update_hourglass_scales
 from gdfe_ros.solver.elements.response import evaluate
@@ -122,7 +121,8 @@ class Linearised:
         self.table = with_bulk(self.body.table, end.elements.bulk)
         given = end.operators.shape, self.body.material, self.table, end.elements.pressures
         self.volumes, self.scale = Volumes(self.x, *given), end.elements.hourglass_scale
-        problem = self._problem()
+        tables = {"table": self.volumes.table, "pressure": self.volumes.pressures(self.volumes.table)}
+        problem = task.problem._replace(blocks=end.operators.blocks, scale=self.scale, **tables)
         tangent = level.take(problem, self.u, self.x)
         if tangent.shift > 0.0:
             raise GdfeError(
@@ -242,22 +242,6 @@ class Linearised:
         gather_rigid_rows(u, x, self.no_forces(), self.forces, True, frame, self._unknowns, gradient)
         return gradient[3 * len(self._unknowns.free) :]
 
-    def _problem(self) -> Problem:
-        end, volumes = self.end, self.volumes
-        return Problem(
-            end.operators.shape,
-            end.operators.blocks,
-            self.body.material,
-            volumes.pressures(volumes.table),
-            self.scale,
-            volumes.table,
-            self._watch,
-            self._unknowns,
-            self.frame,
-            self.actuation.table,
-            None,
-        )
-
     def _soften(self, equilibrium: EquilibriumSolver) -> None:
         """Compute d(element forces)/d(hourglass scale), if the hourglass scales depend on strains."""
         self.softening = equilibrium.whole.softening if equilibrium.model.softening else np.zeros(0, np.int32)
@@ -266,6 +250,10 @@ class Linearised:
         # the force is linear in the scale
         sides = [self._corner_forces(self.volumes.table, None, self.scale + half) for half in (0.5, -0.5)]
         self._softened = sides[0] - sides[1]
+
+    def reach(self, motion: NDArray[np.float64], multipliers: NDArray[np.float64]) -> float:
+        """Return the largest displacement [m] of a motion (n, 3) [m] and a change of the multipliers (k,)."""
+        return max(np.abs(motion).max(initial=0.0), self.joint.metres(multipliers))
 
     def _scale_change(self, motion: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the derivative (m,) of the hourglass scales along a displacement (n, 3) [m]."""
@@ -308,7 +296,7 @@ class Linearised:
         self, motion: NDArray[np.float64], multipliers: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the result of `product` without the contribution of the elements."""
-        largest = max(np.abs(motion).max(initial=0.0), self.joint.metres(multipliers))
+        largest = self.reach(motion, multipliers)
         if largest == 0.0 or not len(self.actuation.table.address):
             return np.zeros_like(motion), np.zeros_like(multipliers)
         step, sides = self.spacing / largest, []

@@ -96,8 +96,7 @@ class Column:
         """Return a dict from handle or obstacle name to the derivative (6,) of its reaction on the body."""
         solve, change = self._solve, self.change
         forces = self._forces + solve.product(solve.moved(change.unknowns), change.multipliers)[0]
-        largest = max(np.abs(change.positions).max(initial=0.0), solve.joint.metres(change.multipliers))
-        step, found = solve.spacing / max(largest, 1e-300), []
+        step, found = solve.spacing / max(solve.reach(change.positions, change.multipliers), 1e-300), []
         for sign in (step, -step):
             solve.actuation.table.reals[...] = solve.numbers + sign * self._numbers
             solve.joint.hold(solve.multipliers + sign * change.multipliers)
@@ -122,7 +121,7 @@ class Column:
             solve.joint.hold(solve.multipliers + step * change.multipliers)
             return made(side, x)
 
-        largest = max(np.abs(change.positions).max(initial=0.0), solve.joint.metres(change.multipliers), 1e-300)
+        largest = max(solve.reach(change.positions, change.multipliers), 1e-300)
         step = TangentProducts.SPACING * solve.body.size / largest
         parts = [pair.difference(value) for pair in self._pairs]
         parts.append(difference(value(own, step), value(own, -step), 2.0 * step))

@@ -64,8 +64,10 @@ class Volumes:
     ) -> None:
         self._material, self._ratio, self.table = material, np.empty(len(material)), elastic(table)
         write_volume_ratios(x, shape, self._ratio)
-        self._total = pressure + table.parameters[material, PENALTY] * (self._ratio - 1.0)
-        self.rigid = bool(np.isinf(table.parameters[material, BULK]).any())
+        own = table.parameters[material]
+        kept = pressure + own[:, PENALTY] * (self._ratio - 1.0)
+        self._total = np.where(own[:, CARRIED] == 1.0, kept, self._slopes(self.table))
+        self.rigid = bool(np.isinf(own[:, BULK]).any())
 
     def pressures(self, table: MaterialTable) -> NDArray[np.float64]:
         """Return the pressures p_e (m,) [Pa] beside the laws of ``table``, an `elastic` one, at the same J_0.
@@ -77,5 +79,9 @@ class Volumes:
         share = np.ones(len(new))
         moduli = [each[:, LAME] + each[:, PENALTY] for each in (new, old)]
         np.divide(*moduli, out=share, where=carried & np.isfinite(new[:, BULK]))
-        law = new[:, LAME] * np.log(self._ratio) / self._ratio + new[:, PENALTY] * (self._ratio - 1.0)
-        return np.where(carried, share * self._total - law, 0.0)
+        return np.where(carried, share * self._total - self._slopes(table), 0.0)
+
+    def _slopes(self, table: MaterialTable) -> NDArray[np.float64]:
+        """Return U' (m,) [Pa] at J_0 by the laws of an `elastic` table."""
+        parameters, ratio = table.parameters[self._material], self._ratio
+        return parameters[:, LAME] * np.log(ratio) / ratio + parameters[:, PENALTY] * (ratio - 1.0)
