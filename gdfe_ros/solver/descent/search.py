@@ -44,19 +44,8 @@ def energy_and_gradient(u, problem, work, moved):
         watch.room[1] = look(work.x, problem.shape, problem.blocks, watch)
     else:
         watch.room[1] = watch.room[0] - moved
-    total = evaluate(
-        work.x,
-        problem.shape,
-        problem.blocks,
-        problem.material,
-        problem.pressure,
-        problem.scale,
-        problem.table,
-        watch.elements[: watch.count[0]],
-        work.force,
-        work.energies,
-        problem.threads,
-    )
+    own = problem.shape, problem.blocks, problem.material, problem.pressure, problem.scale, problem.table
+    total = evaluate(work.x, *own, watch.elements[: watch.count[0]], work.force, work.energies, problem.threads)
     gather(work, problem.unknowns, problem.threads)
     work.status[0].evaluations += 1
     pushed = len(problem.terms.address) > 0

@@ -110,12 +110,7 @@ def hourglass_rows(b):
     """
     for lane in range(LANES):
         volume = b[(GEOMETRY + VOLUME) * LANES + lane]
-        q = (
-            load3(b, MODES, lane),
-            load3(b, MODES + 3, lane),
-            load3(b, MODES + 6, lane),
-            load3(b, MODES + 9, lane),
-        )
+        q = load3(b, MODES, lane), load3(b, MODES + 3, lane), load3(b, MODES + 6, lane), load3(b, MODES + 9, lane)
         energy, h, s = hourglass(
             load9(b, GRADIENT, lane),
             q,

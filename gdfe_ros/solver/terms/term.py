@@ -285,17 +285,8 @@ def terms_energy(x, table, force, size):
     size[0] = 0.0
     energy = 0.0
     for t in range(len(table.address)):
-        first, last = table.real_start[t], table.real_start[t + 1]
-        low, high = table.integer_start[t], table.integer_start[t + 1]
-        energy += call_term(
-            table.address[t],
-            x.ctypes,
-            len(x),
-            table.reals[first:].ctypes,
-            last - first,
-            table.integers[low:].ctypes,
-            high - low,
-            force.ctypes,
-            size.ctypes,
-        )
+        reals = table.reals[table.real_start[t] : table.real_start[t + 1]]
+        integers = table.integers[table.integer_start[t] : table.integer_start[t + 1]]
+        own = reals.ctypes, len(reals), integers.ctypes, len(integers)
+        energy += call_term(table.address[t], x.ctypes, len(x), *own, force.ctypes, size.ctypes)
     return energy
