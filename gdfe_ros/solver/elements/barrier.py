@@ -34,6 +34,7 @@ from gdfe_ros.materials.table import SHEAR
 from gdfe_ros.mesh.quality import list_ids
 from gdfe_ros.mesh.triples import combine, corner, cross, dot
 from gdfe_ros.solver.elements.cell_type import add_slopes, load_points
+from gdfe_ros.solver.elements.hexahedra import SIDES
 
 THRESHOLD = 0.2
 """Threshold J_0. A value of 0.3 would act in sound scenes: the least volume ratios of a corner are 0.256 in
@@ -49,19 +50,9 @@ NONE = np.zeros(0, dtype=np.int32)
 """No watched elements."""
 
 
-HEX_EDGES = np.array(
-    [
-        [[1, 0, 0], [3, 0, 0], [4, 0, 0]],
-        [[1, 0, 0], [2, 1, 1], [5, 1, 1]],
-        [[2, 3, 3], [2, 1, 1], [6, 2, 2]],
-        [[2, 3, 3], [3, 0, 0], [7, 3, 3]],
-        [[5, 4, 4], [7, 4, 4], [4, 0, 0]],
-        [[5, 4, 4], [6, 5, 5], [5, 1, 1]],
-        [[6, 7, 7], [6, 5, 5], [6, 2, 2]],
-        [[6, 7, 7], [7, 4, 4], [7, 3, 3]],
-    ],
-    dtype=np.int32,
-)
+_CODES, _BITS = SIDES @ (1, 2, 4), np.array((1, 2, 4))
+_HIGH, _LOW = (np.argsort(_CODES)[codes] for codes in (_CODES[:, None] | _BITS, _CODES[:, None] & ~_BITS))
+HEX_EDGES = np.stack([_HIGH, _LOW, _LOW], axis=2).astype(np.int32)
 """Last, first and again first corner of the three edges that meet in each corner (8, 3, 3), along xi, eta and zeta."""
 TET_EDGES = np.array(
     [

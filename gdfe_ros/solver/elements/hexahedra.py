@@ -111,16 +111,9 @@ def hourglass_rows(b):
     for lane in range(LANES):
         volume = b[(GEOMETRY + VOLUME) * LANES + lane]
         q = load3(b, MODES, lane), load3(b, MODES + 3, lane), load3(b, MODES + 6, lane), load3(b, MODES + 9, lane)
-        energy, h, s = hourglass(
-            load9(b, GRADIENT, lane),
-            q,
-            load9(b, GEOMETRY + AXES, lane),
-            load3(b, GEOMETRY + EDGES, lane),
-            b[(GEOMETRY + COUPLING) * LANES + lane],
-            volume * b[YOUNG_ROW * LANES + lane],
-            volume * b[SCALED_SHEAR * LANES + lane],
-            b[POISSON_ROW * LANES + lane],
-        )
+        f, axes, rates = load9(b, GRADIENT, lane), load9(b, GEOMETRY + AXES, lane), load3(b, GEOMETRY + EDGES, lane)
+        coupling, (young, shear, poisson) = b[(GEOMETRY + COUPLING) * LANES + lane], load3(b, YOUNG_ROW, lane)
+        energy, h, s = hourglass(f, q, axes, rates, coupling, volume * young, volume * shear, poisson)
         p = load9(b, STRESS, lane)
         store9(b, STRESS, lane, corotated(p, p, 0.0, volume, 1.0, s))
         for mode in range(4):

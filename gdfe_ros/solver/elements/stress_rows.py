@@ -133,13 +133,9 @@ def deviator_rows(b):
         b[STRETCH_SUM * LANES + lane], b[SIZE * LANES + lane] = math.sqrt(3.0 * first), 1.0
     for _ in range(NEWTON_STEPS):
         for lane in range(LANES):
-            s, going = stretch_sum_step(
-                b[STRETCH_SUM * LANES + lane],
-                b[FIRST * LANES + lane],
-                b[SECOND * LANES + lane],
-                b[DETERMINANT * LANES + lane],
-            )
-            last, follows = b[STRETCH_SUM * LANES + lane], b[SIZE * LANES + lane] != 0.0
+            first, second, j, last = load4(b, FIRST, lane)
+            s, going = stretch_sum_step(last, first, second, j)
+            follows = b[SIZE * LANES + lane] != 0.0
             b[STRETCH_SUM * LANES + lane] = s if follows else last
             b[SIZE * LANES + lane] = 1.0 if going & follows else 0.0
         left = 0

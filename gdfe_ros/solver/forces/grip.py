@@ -103,11 +103,8 @@ class GripTerm(UpdatedTerm):
         carriers = np.repeat(self._points[:, None], 4, axis=1)
         if self._carried:
             carriers[:] = self._holder.vertices
-        super().__init__(
-            grip.name,
-            np.zeros(HEAD + ROW * len(self._points)),
-            np.concatenate([self._points[:, None], carriers], axis=1).ravel().astype(np.int32),
-        )
+        vertices = np.concatenate([self._points[:, None], carriers], axis=1).ravel().astype(np.int32)
+        super().__init__(grip.name, np.zeros(HEAD + ROW * len(self._points)), vertices)
         self._hold, self._command, self._penalty = Hold.OFF, 0.0, 0.0
         self._poses, self._last = {grip.holder: Pose()}, None
         self._kept, self._updated, self.errors = self.neutral(), None, []
