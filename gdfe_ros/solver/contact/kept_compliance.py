@@ -10,7 +10,7 @@ from gdfe_ros.solver.contact.compliance import add_history, join
 from gdfe_ros.solver.contact.field import PointField
 from gdfe_ros.solver.contact.kept_columns import ConstantColumns, HalvedColumns, KeptColumns
 from gdfe_ros.solver.descent.loop import Metric
-from gdfe_ros.solver.descent.workspace import MEMORY, Problem, Workspace, numbers
+from gdfe_ros.solver.descent.workspace import MEMORY, Problem, Workspace
 
 
 class Compliance:
@@ -24,10 +24,10 @@ class Compliance:
     def __init__(self, vertices: NDArray[np.int32], count: int) -> None:
         self._vertices, self._every = vertices, np.zeros((0, 0), dtype=np.int64)
         self._rows, self._number = self._every.ravel(), np.full(count // 3, -1, dtype=np.int64)
-        self._columns: dict[str, tuple[tuple[object, ...], KeptColumns]] = {}
         self._images, self._known = np.zeros((MEMORY, count)), np.full(MEMORY, np.nan)
         self._source: tuple[object, ...] = ()
-        self._matrix: tuple[object, ...] = ()
+        self._columns: KeptColumns
+        self._between: NDArray[np.float64] | None = None
         self._joined = self._w = np.zeros((0, 0))
         self._blocks, self._frames = np.zeros(0), np.zeros((0, 9))
 
@@ -41,49 +41,39 @@ class Compliance:
         count: int,
     ) -> NDArray[np.float64]:
         """Return W (3 c, 3 c) [m/N] of the points that take part; the next call overwrites it."""
-        status, chosen = numbers(work), field.chosen[:count].copy()
-        constant = bool(status["wild"]) or not len(metric.kept.order)
-        scale = float(status["scale"]) if status["wild"] else 1.0
-        kept = self._kept("constant" if constant else "tangent", problem, metric, key)
+        chosen, frames = field.chosen[:count].copy(), metric.kept.frames
+        self._take_matrix(problem, metric, key)
         self._number_rows(field, chosen)
-        kept.include(self._rows)
-        blocks, frames = field.blocks[chosen], np.zeros((0, 9)) if constant else metric.kept.frames
-        given, between = (chosen, field.rows, field.blocks, field.used), kept.between(self._rows)
-        turned, matrix, source = not np.array_equal(frames, self._frames), (between, scale), (*key, constant, scale)
-        if turned or not (_same(matrix, self._matrix) and np.array_equal(blocks, self._blocks)):
-            self._matrix, self._blocks = matrix, blocks
+        self._columns.include(self._rows)
+        blocks, between = field.blocks[chosen], self._columns.between(self._rows)
+        given = chosen, field.rows, field.blocks, field.used
+        if between is not self._between or not np.array_equal(blocks, self._blocks):
+            self._between, self._blocks = between, blocks
             if len(self._joined) != 3 * count:
                 self._joined, self._w = np.empty((2, 3 * count, 3 * count))
-            join(*given, self._number, between, frames, scale, self._joined)
-        if turned or not _same(source, self._source):
-            self._known[...], self._source, self._frames = np.nan, source, frames.copy()
+            join(*given, self._number, between, frames, self._joined)
         self._w[...] = self._joined
         add_history(work, metric, self._images, self._known, *given, field.stencils.soft, self._w)
         return self._w
+
+    def _take_matrix(self, problem: Problem, metric: Metric, key: tuple[object, ...]) -> None:
+        """Drop what belongs to another matrix M than the present one, or to other rotations of the vertices.
+
+        ``key`` has the arrays of the tangent; the constant matrix is known by its own.
+        """
+        constant, free, frames = not len(metric.kept.order), problem.unknowns.free, metric.kept.frames
+        source = (metric.coupling.inverse_schur, free) if constant else key
+        if len(source) != len(self._source) or any(a is not b for a, b in zip(source, self._source, strict=True)):
+            needed = np.flatnonzero(np.isin(free, self._vertices))
+            columns = ConstantColumns(metric.coupling, needed, len(free)) if constant else HalvedColumns(metric.kept)
+            self._source, self._columns = source, columns
+        elif np.array_equal(frames, self._frames):
+            return
+        self._known[...], self._between, self._frames = np.nan, None, frames.copy()
 
     def _number_rows(self, field: PointField, chosen: NDArray[np.int64]) -> None:
         """Find all rows of unknowns on which the ``chosen`` points depend, ascending, and the number of each."""
         every = np.where(np.arange(field.rows.shape[1]) < field.used[chosen, None], field.rows[chosen], -1)
         if not np.array_equal(every, self._every):
-            self._every, self._rows, self._matrix = every, np.unique(every[every >= 0]), ()
+            self._every, self._rows, self._between = every, np.unique(every[every >= 0]), None
             self._number[self._rows] = np.arange(len(self._rows))
-
-    def _kept(self, kind: str, problem: Problem, metric: Metric, key: tuple[object, ...]) -> KeptColumns:
-        """Return the kept columns of the tangent or of the constant matrix; those of an earlier matrix are dropped."""
-        key = (metric.coupling.inverse_schur, problem.unknowns.free) if kind == "constant" else key
-        known = self._columns.get(kind)
-        if known is not None and _same(known[0], key):
-            return known[1]
-        if kind == "constant":
-            free = problem.unknowns.free
-            found = ConstantColumns(metric.coupling, np.flatnonzero(np.isin(free, self._vertices)), len(free))
-        else:
-            found = HalvedColumns(metric.kept)
-        self._columns[kind] = key, found
-        return found
-
-
-def _same(one: tuple[object, ...], other: tuple[object, ...]) -> bool:
-    """Return whether two keys have the same objects and equal numbers."""
-    pairs = zip(one, other, strict=False)
-    return len(one) == len(other) and all(a is b or (isinstance(a, float) and a == b) for a, b in pairs)

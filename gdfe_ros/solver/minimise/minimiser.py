@@ -117,7 +117,7 @@ class Minimiser:
         """Prepare a solve with the tangent of the last one; None stands for that of the undeformed body."""
         status = active.status
         status["reach"], status["grain"] = self.FARTHEST * self._body.size, self._grain
-        status["count"], status["head"], status["since"], status["turned"], status["wild"] = 0, 0, 0, np.inf, 0
+        status["count"], status["head"], status["since"], status["turned"] = 0, 0, 0, np.inf
         self._spent = 0
         if self.contact_forces is not None:
             self.contact_forces.begin()
@@ -182,7 +182,8 @@ class Minimiser:
         begins: bool,
     ) -> int:
         """Do `descend` with contact: each step gets the contact forces with which it keeps the laws of contact."""
-        forces, key = self.contact_forces, (None,) if self.tangent is None else (self.tangent.blocks, self.tangent.ways)
+        forces, tangent = self.contact_forces, self.tangent
+        key = (None,) if tangent is None else (tangent.blocks, tangent.springs)
         if begins:
             descend(problem, work, metric, size, target, proven, most, 0, begins)  # only evaluates all terms
         for iteration in range(limit):

@@ -21,12 +21,13 @@ from numpy.typing import NDArray
 from gdfe_ros.actuators.actuator import ActuatorState, Cable, Mode
 from gdfe_ros.compiled import inlined, kernel
 from gdfe_ros.materials.table import YOUNG
+from gdfe_ros.materials.tensor import scaled
+from gdfe_ros.mesh.triples import dot, minus, plus
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
-from gdfe_ros.solver.matrix.springs import Springs
 from gdfe_ros.solver.state import Saved
 from gdfe_ros.solver.terms.multiplier import EFFORT, STIFFNESS, TARGET, EffortTerm
-from gdfe_ros.solver.terms.term import as_arrays, term_kernel
+from gdfe_ros.solver.terms.term import as_arrays, share, spread, term_kernel, weighted
 from gdfe_ros.solver.value import NEGLIGIBLE
 
 EYELET, EXCESS, CARRIERS, WEIGHTS = range(STIFFNESS + 1, STIFFNESS + 5)
@@ -39,21 +40,15 @@ and the weights of these vertices; the places of points in the world [m] follow 
 def point(x, reals, integers, i):
     """Return the position [m] of cable point ``i``."""
     count, anchor = int(reals[CARRIERS]), WEIGHTS + len(integers) + 3 * i
-    p0, p1, p2 = reals[anchor], reals[anchor + 1], reals[anchor + 2]
-    for a in range(count):
-        v, w = integers[count * i + a], reals[WEIGHTS + count * i + a]
-        p0 += w * x[v, 0]
-        p1 += w * x[v, 1]
-        p2 += w * x[v, 2]
-    return p0, p1, p2
+    place = reals[anchor], reals[anchor + 1], reals[anchor + 2]
+    return plus(place, weighted(x, integers, count * i, reals, WEIGHTS + count * i, count))
 
 
 @inlined
 def segment(x, reals, integers, i):
     """Return the vector (3,) [m] from cable point ``i`` to the next one, and the length sqrt(d^2 + e^2) [m]."""
-    a, b = point(x, reals, integers, i), point(x, reals, integers, i + 1)
-    d0, d1, d2 = b[0] - a[0], b[1] - a[1], b[2] - a[2]
-    return d0, d1, d2, np.sqrt(d0 * d0 + d1 * d1 + d2 * d2 + reals[EYELET] * reals[EYELET])
+    d = minus(point(x, reals, integers, i + 1), point(x, reals, integers, i))
+    return d, np.sqrt(dot(d, d) + reals[EYELET] * reals[EYELET])
 
 
 @kernel
@@ -61,7 +56,7 @@ def cable_length(x, reals, integers):
     """Return the length [m] of a cable at positions ``x`` (n, 3) [m]."""
     total = -reals[EXCESS]
     for i in range(len(integers) // int(reals[CARRIERS]) - 1):
-        total += segment(x, reals, integers, i)[3]
+        total += segment(x, reals, integers, i)[1]
     return total
 
 
@@ -76,17 +71,10 @@ def pull(x, reals, integers, tension, force):
     """Add ``tension`` times dL/dx to ``force`` (n, 3)."""
     count = int(reals[CARRIERS])
     for i in range(len(integers) // count - 1):
-        d0, d1, d2, length = segment(x, reals, integers, i)
-        scale = tension / length if length > 0.0 else 0.0
-        for corner in range(count):
-            near, far = integers[count * i + corner], integers[count * (i + 1) + corner]
-            w, u = scale * reals[WEIGHTS + count * i + corner], scale * reals[WEIGHTS + count * (i + 1) + corner]
-            force[near, 0] -= w * d0
-            force[near, 1] -= w * d1
-            force[near, 2] -= w * d2
-            force[far, 0] += u * d0
-            force[far, 1] += u * d1
-            force[far, 2] += u * d2
+        d, length = segment(x, reals, integers, i)
+        along = scaled(d, tension / length if length > 0.0 else 0.0)
+        share(force, integers, count * i, reals, WEIGHTS + count * i, count, scaled(along, -1.0))
+        share(force, integers, count * (i + 1), reals, WEIGHTS + count * (i + 1), count, along)
 
 
 @kernel
@@ -143,7 +131,6 @@ class CableTerm(EffortTerm):
         numbers = np.concatenate([np.zeros(WEIGHTS), cable.points.weights.ravel(), self._anchors.ravel()])
         numbers[CARRIERS] = self._carriers
         super().__init__(cable.name, numbers, cable.points.corners.ravel().astype(np.int32))
-        self._carrying = np.unique(self.integers)[None]
         self._rest_length = float(cable_length(body.rest, self.reals, self.integers))
         self.reals[EYELET] = self.ROUND * self._rest_length / max(1, len(cable.points.corners) - 1)
         self.reals[EXCESS] = cable_length(body.rest, self.reals, self.integers) - self._rest_length
@@ -205,17 +192,16 @@ class CableTerm(EffortTerm):
         bent = np.eye(3) - along[:, :, None] * along[:, None, :]
         bent *= (tension / np.where(length > 0.0, length, np.inf))[:, None, None]
         signed = np.concatenate([-weights[:-1], weights[1:]], axis=1)
-        spread = (signed[:, :, None] * signed[:, None, :])[:, :, None, :, None] * bent[:, None, :, None, :]
-        return spread.reshape(len(bent), 6 * self._carriers, -1)
+        return spread(signed, bent)
 
-    def springs(self, positions: NDArray[np.float64]) -> Springs:
+    def springs(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return a taut cable with a stiffness or a penalty k as a spring: k dL/dx dL/dx^T."""
         numbers = self.reals
         if not numbers[STIFFNESS] or not cable_tension(cable_length(positions, numbers, self.integers), numbers):
-            return Springs.none()
-        slope = np.zeros_like(positions)
-        pull(positions, numbers, self.integers, 1.0, slope)
-        return Springs.between(self._carrying, np.sqrt(numbers[STIFFNESS]) * slope[self._carrying])
+            return super().springs(positions)
+        slope = np.zeros((1, *positions.shape))
+        pull(positions, numbers, self.integers, np.sqrt(numbers[STIFFNESS]), slope[0])
+        return slope
 
     def begin(self, commands: Mapping[str, float], saved: Saved, positions: NDArray[np.float64], ratio: float) -> None:
         """Set the command; for a kept length, also the initial tension, extrapolated from the last steps."""
@@ -228,12 +214,10 @@ class CableTerm(EffortTerm):
 
     def resume(self, commands: Mapping[str, float], saved: Saved, found: Saved, positions: NDArray[np.float64]) -> None:
         """Restore the tension at the end of a solve; a cable at the limit of becoming taut counts as taut."""
-        self.begin(commands, saved, positions, 0.0)
+        super().resume(commands, saved, found, positions)
         numbers, size = self.reals, self._body.size
         least = self.FAINT * float(self._body.table.parameters[:, YOUNG].min()) * size**2
         least += self.NEARLY * numbers[STIFFNESS] * size
-        if self.actuator.mode is not Mode.TENSION and not self._elastic:
-            numbers[EFFORT] = found["effort"][0]
         length = cable_length(positions, numbers, self.integers)
         taut = length >= (1.0 - NEGLIGIBLE) * numbers[TARGET]
         self._lifted = least if taut and cable_tension(length, numbers) < least else 0.0
@@ -243,11 +227,6 @@ class CableTerm(EffortTerm):
         """Set another command or another stored state after `resume`."""
         self.begin(commands, saved, positions, 0.0)
         self.reals[EFFORT] += self._lifted
-
-    @property
-    def per_metre(self) -> NDArray[np.float64]:
-        """The penalty [N/m] of the length (1,); empty without such a constraint."""
-        return self.reals[STIFFNESS : STIFFNESS + 1].copy() if self.updates else np.zeros(0)
 
     def renewed(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the tension (1,) [N] after an update."""
@@ -266,13 +245,6 @@ class CableTerm(EffortTerm):
         """Return the least length [m] with handles at ``base`` (n, 3) [m]: straight between the fixed points."""
         held = self.actuator.points.at(base)[self._anchored]
         return float(np.linalg.norm(np.diff(held, axis=0), axis=1).sum())
-
-    def update(self, positions: NDArray[np.float64]) -> float:
-        """Update the tension that keeps the length; return the error of the length [m]."""
-        (tension,) = self.renewed(positions)
-        miss = abs(tension - self.reals[EFFORT]) / self.reals[STIFFNESS]
-        self.reals[EFFORT] = tension
-        return miss
 
     def state(self, positions: NDArray[np.float64]) -> ActuatorState:
         """Return command, length and tension."""

@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 
 from gdfe_ros.actuators.actuator import ActuatorState, Chamber
 from gdfe_ros.compiled import kernel
+from gdfe_ros.mesh.triples import corner
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
-from gdfe_ros.solver.matrix.springs import Springs
 from gdfe_ros.solver.state import Saved
 from gdfe_ros.solver.terms.multiplier import EFFORT, STIFFNESS, TARGET, EffortTerm
-from gdfe_ros.solver.terms.term import as_arrays, term_kernel
+from gdfe_ros.solver.terms.term import as_arrays, share, term_kernel, weighted
 from gdfe_ros.solver.terms.volume import FACES, PRODUCTS, face_forces, pack_faces, volume_curvature
 
 LIMIT = STIFFNESS + 1
@@ -63,16 +63,10 @@ def carried_energy(x, reals, integers, force, size):
     count = integers[0]
     points, pulls = np.zeros((count, 3)), np.zeros((count, 3))
     for p in range(count):
-        for a in range(8):
-            vertex, weight = integers[1 + 8 * p + a], reals[LIMIT + 1 + 8 * p + a]
-            for i in range(3):
-                points[p, i] += weight * x[vertex, i]
+        points[p, 0], points[p, 1], points[p, 2] = weighted(x, integers, 1 + 8 * p, reals, LIMIT + 1 + 8 * p, 8)
     energy = chamber_energy(points, reals, integers[1 + 8 * count :], pulls, size)
     for p in range(count):
-        for a in range(8):
-            vertex, weight = integers[1 + 8 * p + a], reals[LIMIT + 1 + 8 * p + a]
-            for i in range(3):
-                force[vertex, i] += weight * pulls[p, i]
+        share(force, integers, 1 + 8 * p, reals, LIMIT + 1 + 8 * p, 8, corner(pulls, p))
     return energy
 
 
@@ -116,7 +110,6 @@ class ChamberTerm(EffortTerm):
             reals = np.concatenate([reals, points.weights.ravel()])
             integers = np.concatenate([[len(points.corners)], points.corners.ravel(), integers], dtype=np.int32)
         super().__init__(chamber.name, reals, integers)
-        self._around = np.unique(chamber.quads if points is None else points.corners)[None].astype(np.int32)
         self._rest_volume = self._volume(body.rest)
         self.updates = chamber.constrains
         self.neutral_command = self._rest_volume if self.updates else 0.0
@@ -152,11 +145,11 @@ class ChamberTerm(EffortTerm):
             volume_curvature(*given, -pressure, found)
         return found
 
-    def springs(self, positions: NDArray[np.float64]) -> Springs:
+    def springs(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return a commanded volume with its penalty k as a spring: k dV/dx dV/dx^T."""
         if not self.updates:
-            return Springs.none()
-        return Springs.between(self._around, np.sqrt(self.reals[STIFFNESS]) * self._pressed(positions)[self._around])
+            return super().springs(positions)
+        return np.sqrt(self.reals[STIFFNESS]) * self._pressed(positions)[None]
 
     def _volume(self, positions: NDArray[np.float64]) -> float:
         places = self.actuator.at(positions)
@@ -172,26 +165,10 @@ class ChamberTerm(EffortTerm):
         numbers[EFFORT], numbers[TARGET] = self._command, volume
         numbers[LIMIT] = self._limit(volume)
 
-    def update(self, positions: NDArray[np.float64]) -> float:
-        """Update the pressure that keeps the volume; return the error of the volume as a length [m]."""
-        volume = self._volume(positions)
-        self.reals[EFFORT] = chamber_pressure(volume, self.reals)
-        return abs(volume - self.reals[TARGET]) / max(abs(self.reals[TARGET]), self.actuator.least, 1e-30) ** (
-            2.0 / 3.0
-        )
-
-    def resume(self, commands: Mapping[str, float], saved: Saved, found: Saved, positions: NDArray[np.float64]) -> None:
-        """Restore the pressure at the end of a solve."""
-        self.begin(commands, saved, positions, 0.0)
-        if self.updates:
-            self.reals[EFFORT] = found["effort"][0]
-
     @property
-    def per_metre(self) -> NDArray[np.float64]:
-        """The penalty [Pa/m^3] times a surface of the chamber's size [m^2] (1,); empty without a constraint."""
-        if not self.updates:
-            return np.zeros(0)
-        return self.reals[STIFFNESS : STIFFNESS + 1] * max(abs(self._rest_volume), self.actuator.least) ** (2.0 / 3.0)
+    def area(self) -> float:
+        """A surface of the chamber's size [m^2]."""
+        return max(abs(self.reals[TARGET]), self.actuator.least, 1e-30) ** (2.0 / 3.0)
 
     def renewed(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the pressure (1,) [Pa] after an update."""
