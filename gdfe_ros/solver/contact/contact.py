@@ -16,9 +16,8 @@ from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact import gap
 from gdfe_ros.solver.contact.contact_term import FAINT, ContactTerm
 from gdfe_ros.solver.contact.points import Near, Surfaces, find_stencils
-from gdfe_ros.solver.contact.skin import Skin
 from gdfe_ros.solver.contact.stencil import Stencils
-from gdfe_ros.solver.contact.surface import SHAPE, TURNED, ContactSurface, Corners
+from gdfe_ros.solver.contact.surface import SHAPE, TURNED, CarriedPoints, ContactSurface
 from gdfe_ros.solver.contact.touch import NOTHING, Touch
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.state import Saved, State
@@ -58,7 +57,7 @@ class Contact(ContactTerm):
         name: str,
         touched: Obstacle,
         body: Body,
-        points: ContactSurface | Corners,
+        points: CarriedPoints,
         *,
         friction: float,
         restitution: float,
@@ -102,7 +101,7 @@ class Contact(ContactTerm):
 
     def fit(self, matrix: ConstantMatrix) -> None:
         """Take the stiffnesses of the points from the constant matrix' diagonal."""
-        self._scale = self._points.stiffness(matrix.assembled.diagonal())
+        self._scale = 1.0 / self._points.compliance(self._body, matrix.assembled.diagonal())
 
     def leave_out(self, held: Sequence[tuple[str, NDArray[np.int32]]]) -> None:
         """Leave out points that something else holds in their places: a grip's and a contact's forces would add up.
@@ -254,7 +253,9 @@ class Contact(ContactTerm):
         length = np.linalg.norm(normals, axis=1, keepdims=True)  # below 1 at a mesh's edges
         return Touch(
             vertices=self._points.vertices[on] if self.on_body else np.zeros(0, dtype=np.int32),
-            points=self._points.points[on] if isinstance(self._points, Skin) else np.zeros(0, dtype=np.int32),
+            points=self._points.points[on]
+            if self.on_body and len(self._points.points)
+            else np.zeros(0, dtype=np.int32),
             places=places - self._radius * normals + origin,
             normals=normals / np.maximum(length, np.finfo(float).tiny),
             gaps=gaps - self._radius,
@@ -332,7 +333,7 @@ class Contact(ContactTerm):
         return shift + angle * farthest
 
     def _take_none(self) -> None:
-        self._chosen = self._faces = np.zeros(0, dtype=np.int64)
+        self._chosen, self._around = np.zeros(0, dtype=np.int64), np.zeros((2, 0, 4))
         self._press, self._shear, self.integers[0] = np.zeros(0), np.zeros((0, 3)), 0
 
     def _in_frame(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -353,18 +354,16 @@ class Contact(ContactTerm):
         self._planes, self._fixed = planes[chosen], np.zeros(len(chosen), dtype=bool)
         self._offsets = np.full(len(chosen), self._radius)
         self._set_anchors(saved, positions)
-        faces = self._touched.points is ContactPoints.FACES
-        self._faces = self._points.about(chosen) if faces else np.zeros(0, np.int64)
-        if self.corrects:
-            self._around = self._points.quads[self._faces], self._points.gauss[self._faces]
+        self._around = self._points.about(chosen if self._touched.points is ContactPoints.FACES else chosen[:0])
 
     def _first_to_touch(self, near: NDArray[np.int64], places: NDArray[np.float64]) -> NDArray[np.int64]:
         """Return those of the points ``near`` (k,) that may touch before others do; ``places`` are of all points."""
         return near
 
     def _measure(self, places: NDArray[np.float64]) -> None:
-        """Write the distances [m] and normals of all points at ``places`` (p, 3) [m] to the term's arrays."""
-        gap.distances(places, *self._obstacle, self._distances, self._normals)
+        """Take the distances [m] and normals of all points at ``places`` (p, 3) [m]."""
+        self._distances, self._normals = gap.measure(places, *self._obstacle)
+        self._distances -= self._radius
 
     def _set_anchors(self, saved: Saved, positions: NDArray[np.float64]) -> None:
         """Set the anchors of the chosen points at the start of a step, in the obstacle's frame."""
@@ -386,7 +385,7 @@ class Contact(ContactTerm):
     @property
     def corrects(self) -> bool:
         """Whether the gaps have offsets that depend on the positions."""
-        return len(self._faces) > 0
+        return len(self._around[0]) > 0
 
     def correct(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the offsets (k,) [m] of the chosen points at ``positions`` (n, 3) [m].

@@ -70,21 +70,14 @@ def form_numbers(form: Form) -> NDArray[np.float64]:
     return np.concatenate([form.numbers, form.samples])
 
 
-def measure(
-    points: NDArray[np.float64], frame: NDArray[np.float64], form: NDArray[np.float64], kind: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+@kernel
+def measure(points, frame, form, kind):
     """Return signed distances (k,) [m] of ``points`` (k, 3) [m] from the obstacle, and their gradients (k, 3)."""
     away, normals = np.empty(len(points)), np.empty((len(points), 3))
-    distances(points, frame, form, kind, away, normals)
-    return away, normals
-
-
-@kernel
-def distances(points, frame, form, kind, out, normals):
-    """Write the signed distances of ``points`` (k, 3) [m] from the obstacle to ``out`` (k,) [m], and normals (k, 3)."""
     for i in range(len(points)):
         found = distance_at(kind, frame, form, points[i, 0], points[i, 1], points[i, 2])
-        out[i], normals[i, 0], normals[i, 1], normals[i, 2] = found
+        away[i], normals[i, 0], normals[i, 1], normals[i, 2] = found
+    return away, normals
 
 
 def find_entries(
