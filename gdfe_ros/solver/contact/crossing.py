@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 
 from gdfe_ros.compiled import inlined, kernel
-from gdfe_ros.mesh.triples import corner, cross, dot, minus
+from gdfe_ros.mesh.triples import along, corner, cross, dot, minus
 from gdfe_ros.solver.contact.closest import write_pair
 from gdfe_ros.solver.contact.gap import unit
 
@@ -122,10 +122,8 @@ def to_end(x, a, b, s):
 @inlined
 def apart(x, a, b, c, d, s, t, n):
     """Return the distance [m] along ``n`` (3,) from the point t of the edge cd to the point s of the edge ab."""
-    height = 0.0
-    for axis in range(3):
-        height += n[axis] * ((1.0 - s) * x[a, axis] + s * x[b, axis] - (1.0 - t) * x[c, axis] - t * x[d, axis])
-    return height
+    one, other = along(1.0 - s, corner(x, a), s, corner(x, b)), along(1.0 - t, corner(x, c), t, corner(x, d))
+    return dot(n, minus(one, other))
 
 
 @inlined

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from gdfe_ros.compiled import inlined, kernel
 from gdfe_ros.constraints.form import Form
+from gdfe_ros.mesh.triples import along, corner, dot, minus
 from gdfe_ros.solver.contact.distance import MESH, signed_distance
 from gdfe_ros.solver.contact.grid import SURE, grid_distance
 
@@ -80,47 +81,36 @@ def measure(points, frame, form, kind):
     return away, normals
 
 
-def find_entries(
-    starts: NDArray[np.float64], ends: NDArray[np.float64], reach: float, form: NDArray[np.float64], kind: int
-) -> NDArray[np.float64]:
-    """Return the entry planes (k, 4) of points, see `entries`: zero for those that move by less than ``reach`` [m]."""
-    planes, moved = np.zeros((len(ends), 4)), ends - starts
-    fast = np.flatnonzero(np.einsum("ki,ki->k", moved, moved) > reach * reach)
-    if len(fast):
-        found = np.empty((len(fast), 4))
-        entries(starts[fast], ends[fast], reach, form, kind, found)
-        planes[fast] = found
-    return planes
-
-
 @kernel
-def entries(starts, ends, reach, form, kind, planes):
-    """Write the entry planes (k, 4) of points that move on straight lines from ``starts`` to ``ends`` (k, 3) [m].
+def find_entries(starts, ends, reach, form, kind):
+    """Return the entry planes (k, 4) of points that move on straight lines from ``starts`` to ``ends`` (k, 3) [m].
 
-    All positions and planes are in the frame. Rows of points that do not enter the obstacle are zero. A point that
-    starts nearer than ``reach`` [m] counts as entering only if the obstacle would push it out on the other side at the
-    path's end. Each path is sphere-traced: each move is as long as the distance to the obstacle at its start.
+    All positions and planes are in the frame. Rows of points that do not enter the obstacle, or move by less than
+    ``reach`` [m], are zero. A point that starts nearer than ``reach`` counts as entering only if the obstacle would
+    push it out on the other side at the path's end. Each path is sphere-traced: each move is as long as the distance to
+    the obstacle at its start.
     """
+    planes = np.zeros((len(starts), 4))
     for i in range(len(starts)):
-        planes[i] = 0.0
-        offset = ends[i] - starts[i]
-        length = math.sqrt(offset[0] * offset[0] + offset[1] * offset[1] + offset[2] * offset[2])
-        gone = 0.0
+        start, offset = corner(starts, i), minus(corner(ends, i), corner(starts, i))
+        length, gone = math.sqrt(dot(offset, offset)), 0.0
+        if not length > reach:
+            continue
         for _ in range(MOST_STEPS):
-            p = starts[i] + (gone / length) * offset if length > 0.0 else starts[i]
+            p = along(1.0, start, gone / length, offset)
             g, nx, ny, nz = distance_in_frame(kind, form, p[0], p[1], p[2])
             if gone == 0.0 and g < reach:
                 _, ex, ey, ez = distance_in_frame(kind, form, ends[i, 0], ends[i, 1], ends[i, 2])
                 if nx * ex + ny * ey + nz * ez >= 0.0:
                     break
             if g < reach:
-                nx, ny, nz = unit(nx, ny, nz)
-                planes[i, 0], planes[i, 1], planes[i, 2] = nx, ny, nz
-                planes[i, 3] = nx * p[0] + ny * p[1] + nz * p[2] - g
+                n = unit(nx, ny, nz)
+                planes[i, 0], planes[i, 1], planes[i, 2], planes[i, 3] = n[0], n[1], n[2], dot(n, p) - g
                 break
             gone += g if kind != MESH else SURE * g
             if gone >= length:
                 break
+    return planes
 
 
 @kernel
@@ -131,11 +121,11 @@ def nearness(x, quads, gauss, shape, frame, form, kind, out):
     distributed to its vertices. A face that spans an edge of the obstacle is left out, because the normals at its
     corners differ.
     """
-    corner, normal = np.empty(4), np.empty((4, 3))
+    away, normal = np.empty(4), np.empty((4, 3))
     for q in range(len(quads)):
         for a in range(4):
             v = quads[q, a]
-            corner[a], normal[a, 0], normal[a, 1], normal[a, 2] = distance_at(
+            away[a], normal[a, 0], normal[a, 1], normal[a, 2] = distance_at(
                 kind, frame, form, x[v, 0], x[v, 1], x[v, 2]
             )
         mean = np.sqrt(np.square(normal.sum(axis=0)).sum())
@@ -145,7 +135,7 @@ def nearness(x, quads, gauss, shape, frame, form, kind, out):
             px, py, pz, told = 0.0, 0.0, 0.0, 0.0
             for a in range(4):
                 w, v = shape[p, a], quads[q, a]
-                px, py, pz, told = px + w * x[v, 0], py + w * x[v, 1], pz + w * x[v, 2], told + w * corner[a]
+                px, py, pz, told = px + w * x[v, 0], py + w * x[v, 1], pz + w * x[v, 2], told + w * away[a]
             nearer = gauss[q, p] * (told - distance_at(kind, frame, form, px, py, pz)[0])
             for a in range(4):
                 out[quads[q, a]] += shape[p, a] * nearer

@@ -12,12 +12,15 @@ from gdfe_ros.compiled import inlined, internal, kernel
 from gdfe_ros.mesh.triples import along, corner, cross, dot, minus
 from gdfe_ros.solver.contact.closest import EQUAL, area_vector, closest_on, face_at, to_box
 from gdfe_ros.solver.contact.gap import unit
-from gdfe_ros.solver.contact.near import among
 
 MOST_STEPS = 25
 """Largest number of Newton iterations in one cell."""
 EXACT = 1e-9
 """A point counts as inside a cell if its cell coordinates exceed the limits 0 and 1 by less than this."""
+
+
+NO_POINT = np.full(4, -1, np.int32)
+"""Stands for no point of the surface."""
 
 
 class FilledCells(NamedTuple):
@@ -78,30 +81,25 @@ def clamp(value):
 
 
 @inlined
-def counts(material, face, e, point):
-    """Return whether a face counts for `nearest_of`."""
-    near, own = False, 0
+def has_all(quad, point):
+    """Return whether all numbers of ``point`` (4,) are corners of a face."""
+    count = 0
     for a in range(4):
-        near |= e >= 0 and among(material.near_starts, material.near, e, material.quads[face, a])
-        for b in range(4):
-            if material.quads[face, b] == point[a]:
-                own += 1
-                break
-    return near if e >= 0 else own < 4
+        count += point[a] in (quad[0], quad[1], quad[2], quad[3])
+    return count == 4
 
 
 @internal
-def nearest_of(x, material, piece, e, point, p, bound):
+def nearest_of(x, material, piece, point, p, bound):
     """Return the nearest face of a piece to a point p [m], their distance [m], and the height [m] of p above its plane.
 
-    Of the faces count those with a corner ``near`` cell ``e``; if that is -1, those of which not all of ``point`` (4,)
-    are corners. If several are equally near, at an edge or a corner, it is the one whose plane is farthest from p. The
-    search ends with a face that is nearer than ``bound`` [m].
+    Faces with all of ``point`` (4,) as corners are left out. If several are equally near, at an edge or a corner, it is
+    the one whose plane is farthest from p. The search ends with a face that is nearer than ``bound`` [m].
     """
     nearest, least, height = -1, np.inf, 0.0
     for f in range(material.starts[piece], material.starts[piece + 1]):
         quad = material.quads[f]
-        if to_box(x, quad, p) >= (1.0 + EQUAL) * least or not counts(material, f, e, point):
+        if to_box(x, quad, p) >= (1.0 + EQUAL) * least or has_all(quad, point):
             continue
         _, d, away = closest_on(x, quad, p)
         if away >= (1.0 + EQUAL) * least:
@@ -120,20 +118,19 @@ def nearest_of(x, material, piece, e, point, p, bound):
 def depth_in(x, material, e, point, p, bound):
     """Return the depth [m] of a point p [m] in cell ``e``, below the faces of the piece; see `find_inside`.
 
-    In a piece with a skin, the point is in the material if it is behind the nearest triangle around the cell, and if
-    its place is so at rest, too: a body may fold until the surface around a cell is far from a place in it.
+    In a piece with a skin, the point is in the material if it is behind the nearest triangle, and if its place at rest
+    is so, too: a body may fold until the surface of a cell is far from a place in it.
     """
     piece, (within, place) = material.pieces[e], place_in_cell(x, material.cells[e], p)
     if not within:
         return 0.0
+    face, least, height = nearest_of(x, material, piece, point, p, bound)
+    if face < 0 or least < bound or not material.touchable[face]:
+        return 0.0
     if material.lined[piece]:
         rest = point_in_cell(material.rest, material.cells[e], *place)[0]
-        if nearest_of(x, material, piece, e, point, p, 0.0)[2] > 0.0:
-            return 0.0
-        if nearest_of(material.rest, material, piece, e, point, rest, 0.0)[2] > 0.0:
-            return 0.0
-    face, least, _ = nearest_of(x, material, piece, -1, point, p, bound)
-    return least if face >= 0 and least >= bound and material.touchable[face] else 0.0
+        height = max(height, nearest_of(material.rest, material, piece, NO_POINT, rest, 0.0)[2])
+    return 0.0 if material.lined[piece] and height > 0.0 else least
 
 
 @kernel
