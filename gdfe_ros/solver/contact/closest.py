@@ -77,8 +77,9 @@ def face_areas(x, quads):
 def corner_normal(areas, surface, f, a):
     """Return the unit normal (3,) at corner ``a`` of a face: the mean of the ``areas`` of the faces in ``smooth``."""
     n = 0.0, 0.0, 0.0
-    for i in range(surface.smooth_starts[4 * f + a], surface.smooth_starts[4 * f + a + 1]):
-        n = along(1.0, n, 1.0, corner(areas, surface.smooth[i]))
+    starts, faces = surface.smooth
+    for i in range(starts[4 * f + a], starts[4 * f + a + 1]):
+        n = along(1.0, n, 1.0, corner(areas, faces[i]))
     return unit(n[0], n[1], n[2])
 
 
@@ -91,9 +92,9 @@ def face_at(x, quad, u, v):
 
 
 @inlined
-def clamped(value):
-    """Return a face coordinate clamped to [0, 1]."""
-    return min(max(value, 0.0), 1.0)
+def clamped(value, beyond):
+    """Return a coordinate clamped to 0 to 1, and by how much it may be ``beyond``."""
+    return min(max(value, -beyond), 1.0 + beyond)
 
 
 @internal
@@ -110,14 +111,14 @@ def closest_on(x, quad, p):
         du, dv = (vv * ru - uv * rv) / det, (uu * rv - uv * ru) / det
         if not (0.0 <= u + du <= 1.0 and 0.0 <= v + dv <= 1.0):
             # If the free minimum lies outside of the square, the constrained minimum lies on a side that it crossed.
-            du1 = clamped(u + du) - u
-            dv1 = clamped(v + (rv - uv * du1) / vv) - v
-            dv2 = clamped(v + dv) - v
-            du2 = clamped(u + (ru - uv * dv2) / uu) - u
+            du1 = clamped(u + du, 0.0) - u
+            dv1 = clamped(v + (rv - uv * du1) / vv, 0.0) - v
+            dv2 = clamped(v + dv, 0.0) - v
+            du2 = clamped(u + (ru - uv * dv2) / uu, 0.0) - u
             one = 0.5 * (uu * du1 * du1 + 2.0 * uv * du1 * dv1 + vv * dv1 * dv1) - ru * du1 - rv * dv1
             two = 0.5 * (uu * du2 * du2 + 2.0 * uv * du2 * dv2 + vv * dv2 * dv2) - ru * du2 - rv * dv2
             du, dv = (du1, dv1) if one <= two else (du2, dv2)
-        u, v = clamped(u + du), clamped(v + dv)
+        u, v = clamped(u + du, 0.0), clamped(v + dv, 0.0)
         if abs(du) + abs(dv) < 1e-12:
             break
     away = minus(p, face_at(x, quad, u, v)[0])
@@ -131,8 +132,9 @@ def opposes(areas, surface, vertex, n):
     The normal of a vertex is the mean of those around it, which opposes what a sharp tip touches.
     """
     s = 0.0, 0.0, 0.0
-    for i in range(surface.about_starts[vertex], surface.about_starts[vertex + 1]):
-        m = corner(areas, surface.about[i])
+    starts, faces = surface.about
+    for i in range(starts[vertex], starts[vertex + 1]):
+        m = corner(areas, faces[i])
         m = unit(m[0], m[1], m[2])
         if dot(m, n) < OPPOSED:
             return True
@@ -218,12 +220,10 @@ def nearest_faces(x, last, sunk, pairs, surface, areas, reach, found):
         if not opposes(areas, surface, vertex, unit(areas[f, 0], areas[f, 1], areas[f, 2])):
             continue
         w, d, away = closest_on(x, quad, p)
-        if away > reach or away > (1.0 + EQUAL) * nearest:
+        if away > min(reach, (1.0 + EQUAL) * nearest):
             continue
         m, height, share = face_plane(areas, surface, f, w, d, away)
-        if share < 0.0:
-            continue
-        if height < -surface.depth and not (sunk[i] or was_before(last, quad, vertex, w)):
+        if share < 0.0 or (height < -surface.depth and not (sunk[i] or was_before(last, quad, vertex, w))):
             continue
         if away >= (1.0 - EQUAL) * nearest and not is_better(share, height, found.support[i], found.gap[i]):
             continue

@@ -63,6 +63,7 @@ class Contact(ContactTerm):
         restitution: float,
     ) -> None:
         self._touched, self._points, self._radius = touched, points, 0.0
+        self.ANCHOR = 3 + points.carriers.shape[1]
         count, vertices = len(points.carriers), points.carriers.ravel()
         if isinstance(touched, RigidBody):
             vertices = np.concatenate([vertices, touched.vertices])
@@ -144,7 +145,7 @@ class Contact(ContactTerm):
     def find_stencils(self, positions: NDArray[np.float64]) -> Stencils:
         """Return the stencils of the chosen points at ``positions`` (n, 3) [m], and turn their forces."""
         ends = self._points.carriers[self._chosen]
-        pressing, rubbing = self._points.weights[self._chosen], self._rubbing_weights()
+        pressing, rubbing = self._points.weights[self._chosen], self._anchors[:, 3:].copy()
         if isinstance(self._touched, RigidBody):
             self._take_frame(positions)
             four = np.zeros((len(ends), 4))
@@ -287,11 +288,6 @@ class Contact(ContactTerm):
         """Write the obstacle's present frame to the numbers of the term."""
         self._origin[...], self._axes[...] = self._frame(positions, self._pose)
 
-    def _entered(self, starts: NDArray[np.float64], places: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return entry planes (p, 4) of points that move from ``starts``, in the frame, to ``places`` (p, 3) [m]."""
-        given = ENTRY * self._body.size, self._form, self._touched.form.kind
-        return gap.find_entries(starts, self._in_frame(places), *given)
-
     def _starts(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the positions (p, 3) [m] of the points at the end of the last step, in the obstacle's frame.
 
@@ -343,44 +339,38 @@ class Contact(ContactTerm):
         """Choose the points that are near at ``positions`` (n, 3) [m], touched in the last step, or enter now."""
         places = self._points.at(positions)
         self._take_frame(positions)
-        self._measure(places)
+        self._distances, self._normals = gap.measure(places, *self._obstacle)
+        self._distances -= self._radius
         self._seen, self._seen_at, self._lag = positions.copy(), self._pose, 0.0
         self._clear = self._distances.min(initial=np.inf) - REACH * self._body.size
         self._began = self._starts(places)
-        planes = self._entered(self._began, places)
+        planes = gap.find_entries(self._began, self._in_frame(places), ENTRY * self._body.size, *self._obstacle[1:])
         near = (self._distances < REACH * self._body.size) | (saved["press"] > 0.0) | planes[:, :3].any(axis=1)
         self._chosen = chosen = self._first_to_touch(np.flatnonzero(near & ~self._held_fast), places)
         self._press, self._shear = saved["press"][chosen], saved["shear"][chosen] @ self._axes.T
         self._planes, self._fixed = planes[chosen], np.zeros(len(chosen), dtype=bool)
         self._offsets = np.full(len(chosen), self._radius)
         self._set_anchors(saved, positions)
-        self._around = self._points.about(chosen if self._touched.points is ContactPoints.FACES else chosen[:0])
+        faces = self.on_body and self._touched.points is ContactPoints.FACES
+        self._around = self._points.about(chosen) if faces else np.zeros((2, 0, 4))
 
     def _first_to_touch(self, near: NDArray[np.int64], places: NDArray[np.float64]) -> NDArray[np.int64]:
         """Return those of the points ``near`` (k,) that may touch before others do; ``places`` are of all points."""
         return near
 
-    def _measure(self, places: NDArray[np.float64]) -> None:
-        """Take the distances [m] and normals of all points at ``places`` (p, 3) [m]."""
-        self._distances, self._normals = gap.measure(places, *self._obstacle)
-        self._distances -= self._radius
-
     def _set_anchors(self, saved: Saved, positions: NDArray[np.float64]) -> None:
         """Set the anchors of the chosen points at the start of a step, in the obstacle's frame."""
         anchors = saved["anchor"][self._chosen]
-        self._anchors[...] = np.where(np.isnan(anchors), self._began[self._chosen], anchors)
+        self._anchors[:, :3] = np.where(np.isnan(anchors), self._began[self._chosen], anchors)
+        self._anchors[:, 3:] = self._points.weights[self._chosen]
 
     def _kept(self) -> NDArray[np.float64]:
         """Return the anchors (k, 3) [m] that the state stores for the chosen points."""
-        return self._anchors
+        return self._anchors[:, :3]
 
     def _rubbing(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the positions (k, 3) [m] at which friction acts on the chosen points."""
-        return self._points.at(positions)[self._chosen]
-
-    def _rubbing_weights(self) -> NDArray[np.float64]:
-        """Return the weights (k, c) of the carriers in these positions."""
-        return self._points.weights[self._chosen]
+        return np.einsum("ka,kai->ki", self._anchors[:, 3:], positions[self._points.carriers[self._chosen]])
 
     @property
     def corrects(self) -> bool:

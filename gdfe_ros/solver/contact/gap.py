@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from gdfe_ros.compiled import inlined, kernel
 from gdfe_ros.constraints.form import Form
-from gdfe_ros.mesh.triples import along, corner, dot, minus
+from gdfe_ros.mesh.triples import along, combine, corner, dot, minus
 from gdfe_ros.solver.contact.distance import MESH, signed_distance
 from gdfe_ros.solver.contact.grid import SURE, grid_distance
 
@@ -23,23 +23,21 @@ SMOOTH = 0.95
 
 
 @inlined
+def row(frame, i):
+    """Return row ``i`` (3,) of the rotation of a frame."""
+    return frame[3 * i], frame[3 * i + 1], frame[3 * i + 2]
+
+
+@inlined
 def in_frame(frame, dx, dy, dz):
     """Return the components of a world vector along the frame's axes."""
-    return (
-        frame[0] * dx + frame[3] * dy + frame[6] * dz,
-        frame[1] * dx + frame[4] * dy + frame[7] * dz,
-        frame[2] * dx + frame[5] * dy + frame[8] * dz,
-    )
+    return combine(dx, row(frame, 0), dy, row(frame, 1), dz, row(frame, 2))
 
 
 @inlined
 def in_world(frame, a, b, c):
     """Return the world components of a vector that is given along the frame's axes."""
-    return (
-        frame[0] * a + frame[1] * b + frame[2] * c,
-        frame[3] * a + frame[4] * b + frame[5] * c,
-        frame[6] * a + frame[7] * b + frame[8] * c,
-    )
+    return dot(row(frame, 0), (a, b, c)), dot(row(frame, 1), (a, b, c)), dot(row(frame, 2), (a, b, c))
 
 
 @inlined
@@ -121,21 +119,19 @@ def nearness(x, quads, gauss, shape, frame, form, kind, out):
     distributed to its vertices. A face that spans an edge of the obstacle is left out, because the normals at its
     corners differ.
     """
-    away, normal = np.empty(4), np.empty((4, 3))
+    away = np.empty(4)
     for q in range(len(quads)):
+        normal = 0.0, 0.0, 0.0
         for a in range(4):
-            v = quads[q, a]
-            away[a], normal[a, 0], normal[a, 1], normal[a, 2] = distance_at(
-                kind, frame, form, x[v, 0], x[v, 1], x[v, 2]
-            )
-        mean = np.sqrt(np.square(normal.sum(axis=0)).sum())
-        if mean < 4.0 * SMOOTH:
+            place = corner(x, quads[q, a])
+            away[a], nx, ny, nz = distance_at(kind, frame, form, place[0], place[1], place[2])
+            normal = along(1.0, normal, 1.0, (nx, ny, nz))
+        if math.sqrt(dot(normal, normal)) < 4.0 * SMOOTH:
             continue
         for p in range(4):
-            px, py, pz, told = 0.0, 0.0, 0.0, 0.0
+            place, told = (0.0, 0.0, 0.0), 0.0
             for a in range(4):
-                w, v = shape[p, a], quads[q, a]
-                px, py, pz, told = px + w * x[v, 0], py + w * x[v, 1], pz + w * x[v, 2], told + w * away[a]
-            nearer = gauss[q, p] * (told - distance_at(kind, frame, form, px, py, pz)[0])
+                place, told = along(1.0, place, shape[p, a], corner(x, quads[q, a])), told + shape[p, a] * away[a]
+            nearer = gauss[q, p] * (told - distance_at(kind, frame, form, place[0], place[1], place[2])[0])
             for a in range(4):
                 out[quads[q, a]] += shape[p, a] * nearer

@@ -47,7 +47,7 @@ class Inside:
         cells = np.ascontiguousarray(body.cells[:, simple].reshape(-1, 8))
         near = ragged(points.around(body.cells, np.repeat(body.cells, len(simple), axis=0)))
         owners, rest = pieces[cells[:, 0]].astype(np.int64), points.at(body.rest)
-        self._material = FilledCells(cells, owners, *near, quads, touchable, starts, lined, rest)
+        self._material = FilledCells(cells, owners, near, quads, touchable, starts, lined, rest)
         self._tested = np.concatenate([np.repeat(surface.vertices[:, None], 4, axis=1), quads[touchable]])
         self._count, self._deep = len(surface.vertices), surface.depth
 
@@ -76,7 +76,7 @@ class Inside:
         if np.isfinite(x).all():
             places, material = x[self._tested].mean(axis=1), self._material
             boxes, cells = np.stack([places, places], axis=1), boxes_around(x, material.cells)
-            pairs = find_near(boxes, cells, self._tested, (material.near_starts, material.near), 0.0)
+            pairs = find_near(boxes, cells, self._tested, material.near, 0.0)
             find_inside(x, material, self._tested, places, pairs, bounds, depth, cell)
         return depth, cell
 

@@ -51,11 +51,11 @@ def find_near(
     lows, longest = boxes[order, 0, axis], float(np.ptp(boxes[:, :, axis], axis=1).max())
     first = np.searchsorted(lows, around[:, 0, axis] - longest)
     last = np.searchsorted(lows, around[:, 1, axis], side="right")
-    return meeting(boxes, around, groups, *kin, order, first, last)
+    return meeting(boxes, around, groups, kin, order, first, last)
 
 
 @kernel
-def meeting(boxes, around, groups, starts, kin, order, first, last):
+def meeting(boxes, around, groups, kin, order, first, last):
     """Return the pairs (2, p) of boxes (k, 2, 3) and (m, 2, 3) that meet; see `find_near`.
 
     Those that may meet box j of the second ones are ``order[first[j] : last[j]]``.
@@ -69,7 +69,7 @@ def meeting(boxes, around, groups, starts, kin, order, first, last):
                 for a in range(3):
                     meets &= boxes[i, 0, a] <= around[j, 1, a] and boxes[i, 1, a] >= around[j, 0, a]
                 for a in range(groups.shape[1] if meets else 0):
-                    meets &= not among(starts, kin, j, groups[i, a])
+                    meets &= not among(kin, j, groups[i, a])
                 if meets and fills:
                     found[0, count], found[1, count] = i, j
                 count += meets
@@ -79,8 +79,9 @@ def meeting(boxes, around, groups, starts, kin, order, first, last):
 
 
 @inlined
-def among(starts, values, row, value):
-    """Return whether a row of a ragged list contains a value, by bisection; each row is in ascending order."""
+def among(rows, row, value):
+    """Return whether a row of a `Ragged` list contains a value, by bisection."""
+    starts, values = rows
     low, high = starts[row], starts[row + 1]
     while low < high:
         middle = (low + high) // 2

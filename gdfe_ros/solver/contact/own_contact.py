@@ -56,21 +56,16 @@ class OwnContact(ContactTerm):
         self.pairs = OwnPairs(body, self.points, meant)
         self.surface = self.pairs.surface
         self.penetration = Inside(body, self.points, self.surface, meant)
-        touching = self.surface.vertices
-        given = self.pairs.count, np.unique(self.points.carriers[touching])
+        given = self.pairs.count, np.unique(self.points.carriers[self.surface.vertices])
         super().__init__(NAME, body, *given, friction=meant.friction, restitution=meant.restitution)
         self._yielding, self.valid = np.zeros(0), VALID * self.surface.depth
         self._begins, self._clear, self._clearance = False, False, 0.0
         self._aside = MARGIN * body.size + self.surface.rim  # pairs that stay farther apart take no part
         self._last: State | None = None
-        self._reach, self._sunk = 0.0, np.zeros(len(touching), dtype=np.bool_)
-        self._now = Nearest.none(0)
+        self._reach, self._now = 0.0, Nearest.none(0)
         self._slid: NDArray[np.float64] | None = None
-        self._free.update(
-            normal=self._free["shear"],
-            face=np.full(self.pairs.count, -1.0),
-            weights=np.zeros((self.pairs.count, 4)),
-        )
+        count = self.pairs.count
+        self._free |= {"normal": self._free["shear"], "face": np.full(count, -1.0), "weights": np.zeros((count, 4))}
 
     @property
     def scale(self) -> NDArray[np.float64]:
@@ -219,10 +214,9 @@ class OwnContact(ContactTerm):
 
     def _find_sunk(self) -> None:
         """Mark the vertices that penetrated in the last state: contact pushes them out through their nearest face."""
-        self._sunk, self._least = np.zeros(len(self.surface.vertices), dtype=np.bool_), 0.0
-        if self._last is None or self._last.summary.converged:
-            return
-        depths = self.penetration.depths(self._from, DEEPEST * self._body.size)[0]
+        depths, last = np.zeros(len(self.surface.vertices)), self._last
+        if last is not None and not last.summary.converged:
+            depths, _ = self.penetration.depths(self._from, DEEPEST * self._body.size)
         self._sunk, self._least = depths > 0.0, float(depths.max())
 
     def _choose(self, found: Nearest) -> None:

@@ -25,7 +25,8 @@ searched again after the points have moved by half of it relative to each other.
 """
 
 
-Candidates = tuple[NDArray[np.int64], NDArray[np.int64]]
+Array, Numbers = NDArray[np.float64], NDArray[np.int64]
+Candidates = tuple[Numbers, Numbers]
 """Vertices and faces (2, p) that may touch, and edges (2, e) that may cross."""
 NONE = np.zeros((2, 0), np.int64)
 """No pairs."""
@@ -76,10 +77,10 @@ class OwnPairs:
 
     def look(
         self,
-        x: NDArray[np.float64],
-        last: NDArray[np.float64],
+        x: Array,
+        last: Array,
         reach: float,
-        before: NDArray[np.int64],
+        before: Numbers,
         *,
         sunk: NDArray[np.bool_] | None = None,
         candidates: Candidates | None = None,
@@ -101,18 +102,18 @@ class OwnPairs:
         crossing_edges(x, last, edges, surface, areas, reach, before, found)
         return found
 
-    def clearance(self, x: NDArray[np.float64], reach: float) -> float:
+    def clearance(self, x: Array, reach: float) -> float:
         """Return the least distance [m] of two parts of the surface that may touch at ``x``, at most ``reach`` [m]."""
         faces, edges = self.within(x, reach)
         if not np.isfinite(self._within):
             return 0.0
         return float(least_between(x, edges, self.surface.ends, least_distance(x, faces, self.surface, reach)))
 
-    def motion(self, x: NDArray[np.float64], before: NDArray[np.float64]) -> float:
+    def motion(self, x: Array, before: Array) -> float:
         """Return the largest displacement [m] of a point of the surface, relative to the surface's mean."""
         return relative_motion(x, before, self.surface.vertices)
 
-    def within(self, x: NDArray[np.float64], reach: float) -> Candidates:
+    def within(self, x: Array, reach: float) -> Candidates:
         """Return the pairs that come within a distance [m].
 
         They are found again if the points have moved too far, relative to each other, for those at hand.
@@ -123,36 +124,28 @@ class OwnPairs:
             if np.isfinite(self._within):
                 own, edges = surface.vertices[:, None], boxes_around(x, surface.ends)
                 boxes, quads = boxes_around(x, own), boxes_around(x, surface.quads)
-                faces = find_near(boxes, quads, own, (surface.near_starts, surface.near), self._within)
-                kin = surface.beside_starts, surface.beside
-                later, earlier = find_near(edges, edges, surface.ends, kin, self._within)
+                faces = find_near(boxes, quads, own, surface.near, self._within)
+                later, earlier = find_near(edges, edges, surface.ends, surface.beside, self._within)
                 self._candidates = faces, np.stack([earlier, later])[:, earlier < later]
         return self._candidates
 
-    def nearest_to(self, x: NDArray[np.float64], pairs: NDArray[np.int64], others: NDArray[np.int64]) -> Nearest:
+    def nearest_to(self, x: Array, pairs: Numbers, others: Numbers) -> Nearest:
         """Return the closest points of some ``pairs`` (p,) and their given faces or edges ``others`` (p,)."""
         count, before = len(self.surface.vertices), np.full(self.count, -1)
         before[pairs], own = others, pairs < count
         given = np.stack([pairs, others])[:, own], np.stack([(pairs - count) // SEATS, others])[:, ~own]
         return self.look(x, x, np.inf, before, sunk=np.ones(count, dtype=np.bool_), candidates=given)
 
-    def carriers(self, pairs: NDArray[np.int64], others: NDArray[np.int64]) -> NDArray[np.int32]:
+    def carriers(self, pairs: Numbers, others: Numbers) -> NDArray[np.int32]:
         """Return the four vertices (p, 4) of some ``pairs`` (p,) with the faces or edges ``others`` (p,)."""
         return self._own[pairs] + self._others[others + self._start[pairs]]
 
-    def give(
-        self,
-        yielding: NDArray[np.float64],
-        pairs: NDArray[np.int64],
-        carriers: NDArray[np.int32],
-        weights: NDArray[np.float64],
-    ) -> NDArray[np.float64]:
+    def give(self, yielding: Array, pairs: Numbers, carriers: NDArray[np.int32], weights: Array) -> Array:
         """Return the compliance (p,) [m/N] of some ``pairs`` (p,) with four vertices and weights (p, 4) each.
 
         ``yielding`` (n + p,) [m/N] are the compliances of the points.
         """
         first = self.first[pairs]
         own = carriers == first[:, None]
-        whole = 1.0 - np.where(own, weights, 0.0).sum(axis=1)
-        others = np.where(own, 0.0, weights)
-        return whole**2 * yielding[first] + np.einsum("ka,ka->k", others**2, yielding[carriers])
+        shares = np.column_stack([1.0 - (own * weights).sum(axis=1), np.where(own, 0.0, weights)])
+        return np.einsum("ka,ka->k", shares**2, yielding[np.column_stack([first, carriers])])

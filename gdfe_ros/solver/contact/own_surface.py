@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from gdfe_ros.mesh.tet_faces import flat_quads
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact.closest import face_areas
-from gdfe_ros.solver.contact.near import incidence, ragged
+from gdfe_ros.solver.contact.near import Ragged, incidence, ragged
 from gdfe_ros.solver.contact.surface import BodyPoints
 
 CREASE = 0.7
@@ -23,7 +23,7 @@ never in front of it. A vertex up to `RIM` beside a face still counts as above i
 
 
 class Topology(NamedTuple):
-    """Neighbourhoods of the undeformed surface; lists of different lengths are stored as offsets and values.
+    """Neighbourhoods of the undeformed surface.
 
     A vertex is a vertex of the body, or a contact point of a skin (`BodyPoints`). The edges are those where the surface
     is convex, and not smooth: elsewhere, vertices and faces carry all contact.
@@ -31,13 +31,13 @@ class Topology(NamedTuple):
     Attributes:
         vertices: (k,) int32 vertices of the faces, sorted.
         quads: (q, 4) int32 faces.
-        about_starts, about: (n + p + 1,) faces around each vertex.
-        smooth_starts, smooth: (4 q + 1,) faces over which the normal at each face corner is averaged.
-        near_starts, near: (q + 1,) vertices that can never touch each face, ascending: the vertices of all cells that
-            share a vertex with the face's own cell.
+        about: faces around each of n + p vertices.
+        smooth: faces over which the normal at each of 4 q corners of faces is averaged.
+        near: vertices that can never touch each of q faces: the vertices of all cells that share a vertex with the
+            face's own cell.
         ends: (e, 2) int32 vertices at the ends of each edge.
         sides: (e, 2) int64 the two faces of each edge.
-        beside_starts, beside: (e + 1,) vertices that can never touch either face of each edge, ascending.
+        beside: vertices that can never touch either face of each of e edges.
         shortest: [m] shortest edge of a cell. Two edges that passed each other by less touch even if they never were
             apart: sound bodies are thicker.
         depth: [m] depth behind a face up to which a vertex touches it even if it was never in front of it.
@@ -46,16 +46,12 @@ class Topology(NamedTuple):
 
     vertices: NDArray[np.int32]
     quads: NDArray[np.int32]
-    about_starts: NDArray[np.int64]
-    about: NDArray[np.int64]
-    smooth_starts: NDArray[np.int64]
-    smooth: NDArray[np.int64]
-    near_starts: NDArray[np.int64]
-    near: NDArray[np.int64]
+    about: Ragged
+    smooth: Ragged
+    near: Ragged
     ends: NDArray[np.int32]
     sides: NDArray[np.int64]
-    beside_starts: NDArray[np.int64]
-    beside: NDArray[np.int64]
+    beside: Ragged
     shortest: float
     depth: float
     rim: float
@@ -83,7 +79,7 @@ class Topology(NamedTuple):
         beside.sort_indices()
         edges = body.rest[body.cells]
         shortest = min(float(np.linalg.norm(edges[:, a] - edges[:, b], axis=1).min()) for a, b in body.cell_type.edges)
-        lists = *ragged(about), *ragged(smooth), *ragged(near), ends, sides, *ragged(beside)
+        lists = ragged(about), ragged(smooth), ragged(near), ends, sides, ragged(beside)
         return cls(np.unique(quads), quads, *lists, shortest, DEPTH * shortest, RIM * shortest)
 
 

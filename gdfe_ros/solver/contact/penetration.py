@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from gdfe_ros.compiled import inlined, internal, kernel
 from gdfe_ros.mesh.triples import along, corner, cross, dot, minus
-from gdfe_ros.solver.contact.closest import EQUAL, area_vector, closest_on, face_at, to_box
+from gdfe_ros.solver.contact.closest import EQUAL, area_vector, clamped, closest_on, face_at, to_box
 from gdfe_ros.solver.contact.gap import unit
+from gdfe_ros.solver.contact.near import Ragged
 
 MOST_STEPS = 25
 """Largest number of Newton iterations in one cell."""
@@ -29,8 +30,8 @@ class FilledCells(NamedTuple):
     Attributes:
         cells: (m, 8) int32 corners of the cells.
         pieces: (m,) connected piece of each cell.
-        near_starts, near: (m + 1,) vertices and contact points of the cells that share a vertex with each cell,
-            ascending. They are not tested in this cell.
+        near: vertices and contact points of the cells that share a vertex with each of m cells. They are not tested in
+            this cell.
         quads: (q, 4) int32 all faces, ordered by connected piece: triangles of skins, and faces of other cells.
         touchable: (q,) whether each face takes part in self-contact.
         starts: (p + 1,) index at which the faces of each piece begin.
@@ -40,8 +41,7 @@ class FilledCells(NamedTuple):
 
     cells: NDArray[np.int32]
     pieces: NDArray[np.int64]
-    near_starts: NDArray[np.int64]
-    near: NDArray[np.int64]
+    near: Ragged
     quads: NDArray[np.int32]
     touchable: NDArray[np.bool_]
     starts: NDArray[np.int64]
@@ -68,16 +68,10 @@ def place_in_cell(x, cell, p):
         if det == 0.0:
             break
         u1, v1, w1 = dot(r, n) / det, dot(r, cross(dw, du)) / det, dot(r, cross(du, dv)) / det
-        u, v, w = clamp(u + u1), clamp(v + v1), clamp(w + w1)
+        u, v, w = clamped(u + u1, 0.5), clamped(v + v1, 0.5), clamped(w + w1, 0.5)
         if abs(u1) + abs(v1) + abs(w1) < 0.1 * EXACT:
             return min(u, v, w) > -EXACT and max(u, v, w) < 1.0 + EXACT, (u, v, w)
     return False, (u, v, w)
-
-
-@inlined
-def clamp(value):
-    """Return a cell coordinate clamped to [-0.5, 1.5]."""
-    return min(max(value, -0.5), 1.5)
 
 
 @inlined

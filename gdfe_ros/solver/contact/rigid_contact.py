@@ -54,19 +54,14 @@ class RigidContact(Contact):
         near = np.flatnonzero(np.abs(self._distances[self._chosen]) < AT_EDGE * self._body.size)
         if self._radius > 0.0 or not len(near):
             return
-        places, shift = self._points.at(positions)[self._chosen[near]], BESIDE * self._body.size
-        beside = [gap.measure(places + shift * way, *self._obstacle)[1] for way in (*np.eye(3), *-np.eye(3))]
-        spread = np.linalg.norm(np.ptp(beside, axis=0), axis=1)
-        edge = near[spread > SMOOTH]
-        if not len(edge):
-            return
+        places, shift = self._points.at(positions)[self._chosen], BESIDE * self._body.size
+        beside = [gap.measure(places[near] + shift * way, *self._obstacle)[1] for way in (*np.eye(3), *-np.eye(3))]
+        edge = near[np.linalg.norm(np.ptp(beside, axis=0), axis=1) > SMOOTH]
         facing = gap.measure(positions[self._rigid.vertices].mean(axis=0)[None], *self._obstacle)[1][0]
-        length = np.linalg.norm(facing)
-        if not length > 0.0:
+        if not facing.any():
             return
-        chosen = self._chosen[edge]
-        surface = self._points.at(positions)[chosen] - self._distances[chosen, None] * self._normals[chosen]
-        normal = facing @ self._axes / length
+        chosen, normal = self._chosen[edge], facing @ self._axes / np.linalg.norm(facing)
+        surface = places[edge] - self._distances[chosen, None] * self._normals[chosen]
         self._planes[edge, :3], self._planes[edge, 3] = normal, self._in_frame(surface) @ normal
         self._fixed[edge] = True
 

@@ -26,9 +26,6 @@ class RoundContact(RigidContact):
         body: the discretised body.
     """
 
-    ANCHOR = 7
-    """Three numbers of the anchor, and the weights of the material point on which friction acts."""
-
     def __init__(self, rigid: RigidBody, touched: Obstacle, body: Body) -> None:
         super().__init__(rigid, touched, body)
         self._radius = rigid.form.rounding
@@ -50,9 +47,3 @@ class RoundContact(RigidContact):
     def _kept(self) -> NDArray[np.float64]:
         """Return the slips (k, 3) [m] of the material points along the surface, in the obstacle's frame."""
         return self.stored(self.stencils.slips)
-
-    def _rubbing(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        return self._anchors[:, 3:] @ positions[self._rigid.vertices]
-
-    def _rubbing_weights(self) -> NDArray[np.float64]:
-        return self._anchors[:, 3:].copy()

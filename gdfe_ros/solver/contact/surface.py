@@ -63,11 +63,6 @@ class CarriedPoints:
         """Return the positions (k, 3) [m] of the points for vertices at ``positions`` (n, 3) [m]."""
         return np.einsum("ka,kai->ki", self.weights, positions[self.carriers])
 
-    def held(self, driven: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Return whether each point (k,) is driven, as the vertices ``driven`` (n,) are."""
-        size = np.abs(self.weights)
-        return (size * driven[self.carriers]).sum(axis=1) >= HELD * size.sum(axis=1)
-
     def compliance(self, body: Body, diagonal: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the compliance (k,) [m/N] of the points, from the constant matrix' diagonal (n,) [N/m].
 
@@ -80,10 +75,6 @@ class CarriedPoints:
         np.add.at(asked, self.carriers, squares / np.where(alone > 0.0, alone, np.inf)[:, None])
         crowd = np.where(squares > 0.0, (asked / diagonal)[self.carriers], 0.0).max(axis=1, initial=0.0)
         return alone * np.maximum(crowd, 1.0)
-
-    def about(self, points: NDArray[np.int64]) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
-        """Return faces (0, 4) with ``points`` as corners, and areas (0, 4) [m^2]: those of a rigid body have none."""
-        return np.zeros((0, 4), np.int32), np.zeros((0, 4))
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,7 +148,9 @@ class ContactSurface(CarriedPoints):
         shares = corner_areas(body.rest, quads)
         areas = np.full(len(every.carriers), np.inf)
         areas[: every.count] = np.bincount(quads.ravel(), weights=shares.ravel(), minlength=every.count)
-        chosen = np.flatnonzero((areas > 0.0) & ~every.held(driven))
+        size = np.abs(every.weights)
+        free = (size * driven[every.carriers]).sum(axis=1) < HELD * size.sum(axis=1)
+        chosen = np.flatnonzero((areas > 0.0) & free)
         if faces.shape[1] == 6:
             quads, shares = quads[:0], shares[:0]
         gauss, points = np.linalg.solve(SHAPE.T, shares.T).T, every.numbers[chosen if body.skin is not None else []]

@@ -108,8 +108,9 @@ def test_no_point_is_paired_with_its_own_triangles(tmp_path: Path) -> None:
     """Points of a skin never touch triangles that have them as corners, although these may span several cells."""
     contact = the_contact(stacked(tmp_path, CUT, CUT, turn=30.0))
     topology = contact.surface
+    starts, vertices = topology.near
     for face, quad in enumerate(topology.quads):
-        near = topology.near[topology.near_starts[face] : topology.near_starts[face + 1]]
+        near = vertices[starts[face] : starts[face + 1]]
         assert np.isin(quad, near).all()
 
 
