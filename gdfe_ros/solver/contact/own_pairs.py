@@ -23,8 +23,6 @@ MARGIN = 0.01
 """Candidates are searched up to this distance, divided by the body's size, beyond the search distance. They are
 searched again after the points have moved by half of it relative to each other.
 """
-
-
 Array, Numbers = NDArray[np.float64], NDArray[np.int64]
 Candidates = tuple[Numbers, Numbers]
 """Vertices and faces (2, p) that may touch, and edges (2, e) that may cross."""
@@ -126,14 +124,15 @@ class OwnPairs:
                 boxes, quads = boxes_around(x, own), boxes_around(x, surface.quads)
                 faces = find_near(boxes, quads, own, surface.near, self._within)
                 later, earlier = find_near(edges, edges, surface.ends, surface.beside, self._within)
-                self._candidates = faces, np.stack([earlier, later])[:, earlier < later]
+                self._candidates = faces, np.stack([earlier, later]).compress(earlier < later, axis=1)
         return self._candidates
 
     def nearest_to(self, x: Array, pairs: Numbers, others: Numbers) -> Nearest:
         """Return the closest points of some ``pairs`` (p,) and their given faces or edges ``others`` (p,)."""
         count, before = len(self.surface.vertices), np.full(self.count, -1)
         before[pairs], own = others, pairs < count
-        given = np.stack([pairs, others])[:, own], np.stack([(pairs - count) // SEATS, others])[:, ~own]
+        edges = np.stack([(pairs - count) // SEATS, others]).compress(~own, axis=1)
+        given = np.stack([pairs, others]).compress(own, axis=1), edges
         return self.look(x, x, np.inf, before, sunk=np.ones(count, dtype=np.bool_), candidates=given)
 
     def carriers(self, pairs: Numbers, others: Numbers) -> NDArray[np.int32]:

@@ -66,13 +66,14 @@ class CarriedPoints:
     def compliance(self, body: Body, diagonal: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the compliance (k,) [m/N] of the points, from the constant matrix' diagonal (n,) [N/m].
 
-        A point's compliance is the sum of its free carriers' compliances times their squared weights. Points with a
-        common carrier divide its stiffness. The compliance is 0 if handles drive all carriers.
+        A point's compliance is the sum of its free carriers' compliances times their squared weights. Points with
+        several carriers divide the stiffness of those in common. The compliance is 0 if handles drive all carriers.
         """
         squares = np.where(driven_vertices(body)[self.carriers], 0.0, self.weights**2)
         alone = (squares / diagonal[self.carriers]).sum(axis=1)
-        asked = np.zeros_like(diagonal)
-        np.add.at(asked, self.carriers, squares / np.where(alone > 0.0, alone, np.inf)[:, None])
+        asked, shared = np.zeros_like(diagonal), np.count_nonzero(self.weights, axis=1) > 1
+        taken = squares / np.where(alone > 0.0, alone, np.inf)[:, None]
+        np.add.at(asked, self.carriers[shared], taken[shared])
         crowd = np.where(squares > 0.0, (asked / diagonal)[self.carriers], 0.0).max(axis=1, initial=0.0)
         return alone * np.maximum(crowd, 1.0)
 
