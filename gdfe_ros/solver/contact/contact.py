@@ -254,9 +254,7 @@ class Contact(ContactTerm):
         length = np.linalg.norm(normals, axis=1, keepdims=True)  # below 1 at a mesh's edges
         return Touch(
             vertices=self._points.vertices[on] if self.on_body else np.zeros(0, dtype=np.int32),
-            points=self._points.points[on]
-            if self.on_body and len(self._points.points)
-            else np.zeros(0, dtype=np.int32),
+            points=self._points.points[on] if self.on_body else np.zeros(0, dtype=np.int32),
             places=places - self._radius * normals + origin,
             normals=normals / np.maximum(length, np.finfo(float).tiny),
             gaps=gaps - self._radius,

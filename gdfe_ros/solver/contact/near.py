@@ -24,10 +24,17 @@ def ragged(rows: sparse.csr_matrix) -> Ragged:
     return rows.indptr.astype(np.int64), rows.indices.astype(np.int64)
 
 
-def boxes_around(x: NDArray[np.float64], groups: NDArray[np.int32]) -> NDArray[np.float64]:
+@kernel
+def boxes_around(x, groups):
     """Return the bounds (k, 2, 3) [m] of ``groups`` (k, c) of points at ``x`` (n, 3) [m]."""
-    places = x[groups]
-    return np.stack([places.min(axis=1), places.max(axis=1)], axis=1)
+    boxes = np.empty((len(groups), 2, 3))
+    for k in range(len(groups)):
+        for axis in range(3):
+            low, high = np.inf, -np.inf
+            for point in groups[k]:
+                low, high = min(low, x[point, axis]), max(high, x[point, axis])
+            boxes[k, 0, axis], boxes[k, 1, axis] = low, high
+    return boxes
 
 
 def find_near(
@@ -51,31 +58,37 @@ def find_near(
     lows, longest = boxes[order, 0, axis], float(np.ptp(boxes[:, :, axis], axis=1).max())
     first = np.searchsorted(lows, around[:, 0, axis] - longest)
     last = np.searchsorted(lows, around[:, 1, axis], side="right")
-    return meeting(boxes, around, groups, kin, order, first, last)
+    return meeting(boxes[order], around, groups[order], kin, order, first, last)
 
 
 @kernel
 def meeting(boxes, around, groups, kin, order, first, last):
     """Return the pairs (2, p) of boxes (k, 2, 3) and (m, 2, 3) that meet; see `find_near`.
 
-    Those that may meet box j of the second ones are ``order[first[j] : last[j]]``.
+    Those that may meet box j of the second ones are the first ones from ``first[j]`` to ``last[j]``. Their numbers in
+    the pairs are in ``order`` (k,).
     """
-    found = np.empty((2, 0), np.int64)
-    for fills in (False, True):
-        count = 0
-        for j in range(len(around)):
-            for at in range(first[j], last[j]):
-                i, meets = order[at], True
-                for a in range(3):
-                    meets &= boxes[i, 0, a] <= around[j, 1, a] and boxes[i, 1, a] >= around[j, 0, a]
-                for a in range(groups.shape[1] if meets else 0):
-                    meets &= not among(kin, j, groups[i, a])
-                if meets and fills:
-                    found[0, count], found[1, count] = i, j
-                count += meets
-        if not fills:
-            found = np.empty((2, count), np.int64)
-    return found
+    found, count = np.empty((2, len(order)), np.int64), 0
+    for j in range(len(around)):
+        for i in range(first[j], last[j]):
+            if miss(boxes, i, around, j, 0) or miss(boxes, i, around, j, 1) or miss(boxes, i, around, j, 2):
+                continue
+            own = False
+            for point in groups[i]:
+                own |= among(kin, j, point)
+            if own:
+                continue
+            if count == found.shape[1]:
+                found = np.concatenate((found, found), axis=1)
+            found[0, count], found[1, count] = order[i], j
+            count += 1
+    return found[:, :count].copy()
+
+
+@inlined
+def miss(boxes, i, around, j, axis):
+    """Return whether two boxes do not meet along an axis."""
+    return boxes[i, 0, axis] > around[j, 1, axis] or boxes[i, 1, axis] < around[j, 0, axis]
 
 
 @inlined

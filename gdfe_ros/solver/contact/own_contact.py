@@ -19,7 +19,7 @@ from gdfe_ros.solver.contact.crossing import LEAST
 from gdfe_ros.solver.contact.inside import Inside
 from gdfe_ros.solver.contact.own_pairs import NONE, OwnPairs
 from gdfe_ros.solver.contact.pair_touch import frames, touching_points
-from gdfe_ros.solver.contact.stencil import Stencils
+from gdfe_ros.solver.contact.stencil import Stencils, write_axes
 from gdfe_ros.solver.contact.surface import BodyPoints
 from gdfe_ros.solver.contact.touch import NOTHING, Touch
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
@@ -158,7 +158,9 @@ class OwnContact(ContactTerm):
         shares = (weights[:, :, None] * self.points.weights[ends]).reshape(self.count, -1)
         soft = (1.0 - support) / (support * self._stiffness)
         slips = away - self._anchors - self._turned
-        return Stencils.of(gaps, self._now.normal, slips, (self._press, self._shear), soft, carriers, shares, shares)
+        found = Stencils.empty(self._press, soft, carriers, shares, shares)
+        write_axes(gaps, self._now.normal, slips, self._shear, found)
+        return found
 
     def stored(self, vectors: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return vectors (k, 3) in the frames of the faces."""
@@ -180,10 +182,9 @@ class OwnContact(ContactTerm):
         pairs = self.pairs.first[on], quads, saved["weights"][on], saved["normal"][on]
         shears = np.einsum("kij,kj->ki", frames(x, quads), saved["rub"][on])
         found = touching_points(x, pairs, saved["push"][on], shears, saved["slips"][on] > 0.0)
-        main, numbers = self.points.vertices, self.points.numbers[found.vertices]
-        numbers = numbers if self._body.skin is not None else found.points
+        main, points = self.points.vertices, self.points.numbers[found.vertices]
         others, places = main[found.others], found.places + origin
-        return replace(found, vertices=main[found.vertices], others=others, places=places, points=numbers)
+        return replace(found, vertices=main[found.vertices], others=others, places=places, points=points)
 
     def flaw(self, positions: NDArray[np.float64]) -> str:
         """Return a sentence about the deepest penetration, or an empty string if its depth is within `DEEPEST`.

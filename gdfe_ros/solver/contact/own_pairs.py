@@ -146,5 +146,6 @@ class OwnPairs:
         """
         first = self.first[pairs]
         own = carriers == first[:, None]
-        shares = np.column_stack([1.0 - (own * weights).sum(axis=1), np.where(own, 0.0, weights)])
-        return np.einsum("ka,ka->k", shares**2, yielding[np.column_stack([first, carriers])])
+        others = np.where(own, 0.0, weights)
+        whole = 1.0 - (weights - others).sum(axis=1)
+        return whole**2 * yielding[first] + np.einsum("ka,ka->k", others**2, yielding[carriers])

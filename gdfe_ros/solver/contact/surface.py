@@ -127,7 +127,7 @@ class ContactSurface(CarriedPoints):
     Attributes:
         areas: (k,) [m^2] undeformed area of the faces that belongs to each vertex. It is infinite for a skin point, so
             that integrals over faces have no effect on it.
-        points: (k,) int32 index of each point among the mesh's skin points, -1 for a vertex; empty without a skin.
+        points: (k,) int32 index of each point among the mesh's skin points, -1 for a vertex.
         quads: (q, 4) int32 faces that are no part of a skin; none for tetrahedra, whose faces are curved themselves. In
             a prototype with offsets of gaps, their faces entered a ball by 4 to 9 % of the depth of the ball.
         gauss: (q, 4) [m^2] undeformed area that belongs to each Gauss point.
@@ -154,8 +154,8 @@ class ContactSurface(CarriedPoints):
         chosen = np.flatnonzero((areas > 0.0) & free)
         if faces.shape[1] == 6:
             quads, shares = quads[:0], shares[:0]
-        gauss, points = np.linalg.solve(SHAPE.T, shares.T).T, every.numbers[chosen if body.skin is not None else []]
-        return cls(every.carriers[chosen], every.weights[chosen], areas[chosen], points, quads, gauss)
+        given = every.carriers[chosen], every.weights[chosen], areas[chosen], every.numbers[chosen]
+        return cls(*given, quads, np.linalg.solve(SHAPE.T, shares.T).T)
 
     def about(self, points: NDArray[np.int64]) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
         """Return the faces (f, 4) that have one of ``points`` as a corner, and the areas (f, 4) of their Gauss points.
