@@ -83,7 +83,7 @@ def begin_step(problem, work, metric, field, row_of, handle_of, size, most):
     """
     for n in range(len(field.before)):
         field.before[n] = work.gradient[n]
-    find_stencils(work.x, field.near, field.surfaces, field.owner, field.stencils)
+    find_stencils(work.x, field.surfaces, field.owner, field.stencils)
     exchange_loads(problem, work, field)
     curve(work, field)
     found = choose(problem, work, metric, size, most)
@@ -93,7 +93,7 @@ def begin_step(problem, work, metric, field, row_of, handle_of, size, most):
 @kernel
 def look_again(problem, work, field, row_of, handle_of, size):
     """Find the stencils of points that were gathered anew, and those that take part; return their number."""
-    find_stencils(work.x, field.near, field.surfaces, field.owner, field.stencils)
+    find_stencils(work.x, field.surfaces, field.owner, field.stencils)
     return find_joins(problem, work, field, row_of, handle_of, size)
 
 
@@ -133,7 +133,7 @@ def hold(field, chosen, now):
 
     Return whether any force has changed.
     """
-    held, shears, changed = field.stencils.held, field.near.shears, False
+    held, shears, changed = field.stencils.held, field.stencils.shears, False
     for i in range(len(held)):
         if not field.usable[i] and holds(held, i):
             held[i, 0], held[i, 1], held[i, 2], changed = 0.0, 0.0, 0.0, True
@@ -143,7 +143,7 @@ def hold(field, chosen, now):
         for k in range(3):
             changed |= held[i, k] != now[3 * a + k]
             held[i, k] = now[3 * a + k]
-        turn_shear(i, field.stencils, shears)
+        turn_shear(i, field.stencils)
     return changed
 
 

@@ -9,10 +9,7 @@ M turns with the vertices: M^-1 = R C R^T, and C is constant as long as M is kep
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
-from numpy.typing import NDArray
 
 from gdfe_ros.compiled import internal, kernel
 from gdfe_ros.solver.descent.loop import precondition
@@ -77,18 +74,6 @@ def entry_of(row, i, rows, blocks, counts):
     blocks[i, e] = 0.0
     counts[i] += 1
     return e
-
-
-def stack(parts: Sequence[tuple[NDArray[np.int64], NDArray[np.float64]]]) -> tuple[NDArray, NDArray]:
-    """Return the rows (k, e) and blocks (k, e, 3, 3) of all ``parts``, each with its own e, filled up with zeros."""
-    if len(parts) == 1:
-        return parts[0]
-    count, width = sum(len(rows) for rows, _ in parts), max(rows.shape[1] for rows, _ in parts)
-    every, whole, first = np.zeros((count, width), np.int64), np.zeros((count, width, 3, 3)), 0
-    for rows, blocks in parts:
-        last, own = first + len(rows), rows.shape[1]
-        every[first:last, :own], whole[first:last, :own], first = rows, blocks, last
-    return every, whole
 
 
 @kernel

@@ -15,7 +15,7 @@ from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact import gap
 from gdfe_ros.solver.contact.contact_term import FAINT, ContactTerm
-from gdfe_ros.solver.contact.points import Near, Surfaces
+from gdfe_ros.solver.contact.points import Surfaces
 from gdfe_ros.solver.contact.stencil import Stencils
 from gdfe_ros.solver.contact.surface import SHAPE, TURNED, CarriedPoints, ContactSurface
 from gdfe_ros.solver.contact.touch import NOTHING, Touch
@@ -158,12 +158,8 @@ class Contact(ContactTerm):
         self.shape.frames[0] = self._others
         if self.corrects:
             self._offsets = self.correct(positions)
-        return Stencils.empty(self._press, np.zeros(len(ends)), ends, pressing, rubbing)
-
-    @property
-    def near_points(self) -> Near:
-        """Data from which the kernels find the stencils of the near points."""
-        return Near(self._anchors[:, :3].copy(), self._planes, self._fixed, self._offsets, self._shear)
+        given = self._shear, np.zeros(len(ends)), self._anchors[:, :3].copy(), self._planes, self._fixed, self._offsets
+        return Stencils.unwritten(self._press, *given, ends, pressing, rubbing)
 
     def present_stencils(self, positions: NDArray[np.float64]) -> Stencils:
         """Return the stencils, whose friction acts on a touched rigid body at the points' present places."""

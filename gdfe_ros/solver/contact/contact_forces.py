@@ -138,7 +138,7 @@ class ContactForces:
             return
         for contact, part in zip(self.contacts, self._parts, strict=True):
             if part.stop > part.start:
-                contact.take_forces(self._field.stencils.held[part, 0], self._field.near.shears[part])
+                contact.take_forces(self._field.stencils.held[part, 0], self._field.stencils.shears[part])
 
     def approach(self, work: Workspace) -> bool:
         """Choose the points again of the other contacts, before the step in ``work``; return whether any is near."""
@@ -258,8 +258,8 @@ class ContactForces:
             self._row_of[unknowns.free] = np.arange(len(unknowns.free))
             self._numbered = unknowns
         if self._field is None:
-            scratch = self._change, np.empty(self._rows), self._head
-            self._field = PointField.of(self.contacts, self._surfaces, self._held, scratch)
+            kept = self._held.loads, self._held.integers, self._change, np.empty(self._rows), self._head
+            self._field = PointField.of(self.contacts, self._surfaces, kept)
             ends = np.searchsorted(self._field.owner, np.arange(len(self.contacts) + 1))
             self._parts = [slice(*each) for each in pairwise(ends)]
             self._correct(self._field, work)
@@ -269,4 +269,4 @@ class ContactForces:
         """Update the offsets of gaps that depend on the positions."""
         for contact, part in zip(self.contacts, self._parts, strict=True):
             if part.stop > part.start and contact.corrects:
-                field.near.offsets[part] = contact.correct(work.x)
+                field.stencils.offsets[part] = contact.correct(work.x)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.contact.points import Near, Surfaces, find_stencils
+from gdfe_ros.solver.contact.points import Surfaces, find_stencils
 from gdfe_ros.solver.contact.stencil import LOADS, Stencils, add_loads, held_entry
 from gdfe_ros.solver.state import Saved, State
 from gdfe_ros.solver.terms.term import Term
@@ -122,17 +122,12 @@ class ContactTerm(Term):
     def lay_out(self, positions: NDArray[np.float64]) -> Stencils:
         """Return the stencils of the near points at ``positions`` (n, 3) [m], whose places and axes are not written."""
 
-    @property
-    @abstractmethod
-    def near_points(self) -> Near:
-        """Data from which the kernels find the stencils of the near points."""
-
     def look(self, positions: NDArray[np.float64]) -> None:
         """Take the stencils at ``positions`` (n, 3) [m]; the forces turn with the surfaces."""
         if self.near:
             self.stencils = self.lay_out(positions)
             owner = np.zeros(self.count, dtype=np.int64)
-            find_stencils(positions, self.near_points, self.shape, owner, self.stencils)
+            find_stencils(positions, self.shape, owner, self.stencils)
 
     def strays(self, positions: NDArray[np.float64]) -> bool:
         """Return whether `follow` has to choose points again at ``positions`` (n, 3) [m]."""

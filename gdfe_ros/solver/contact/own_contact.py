@@ -19,7 +19,7 @@ from gdfe_ros.solver.contact.crossing import LEAST
 from gdfe_ros.solver.contact.inside import Inside
 from gdfe_ros.solver.contact.own_pairs import NONE, OwnPairs
 from gdfe_ros.solver.contact.pair_touch import frames, touching_points
-from gdfe_ros.solver.contact.points import PLANES, Near, Surfaces
+from gdfe_ros.solver.contact.points import PLANES, Surfaces
 from gdfe_ros.solver.contact.stencil import Stencils
 from gdfe_ros.solver.contact.surface import BodyPoints
 from gdfe_ros.solver.contact.touch import NOTHING, Touch
@@ -157,13 +157,10 @@ class OwnContact(ContactTerm):
         carriers = self.points.carriers[ends].reshape(self.count, -1)
         shares = (weights[:, :, None] * self.points.weights[ends]).reshape(self.count, -1)
         soft = (1.0 - self._now.support) / (self._now.support * self._stiffness)
-        return Stencils.empty(self._press, soft, carriers, shares, shares)
-
-    @property
-    def near_points(self) -> Near:
-        """Planes through the origin, because the place of a pair is the vector between its members."""
+        # The place of a pair is the vector between its members: its plane goes through the origin.
         planes, none = np.column_stack([self._now.normal, np.zeros(self.count)]), np.zeros(self.count)
-        return Near(self._anchors + self._turned, planes, none > 0.0, none, self._shear)
+        given = self._shear, soft, self._anchors + self._turned, planes, none > 0.0, none
+        return Stencils.unwritten(self._press, *given, carriers, shares, shares)
 
     def stored(self, vectors: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return vectors (k, 3) in the frames of the faces."""

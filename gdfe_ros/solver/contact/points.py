@@ -17,28 +17,6 @@ PLANES = -1
 """Kind of a surface of which each point has a plane of its own: that of the body itself."""
 
 
-class Near(NamedTuple):
-    """What the stencils of near points are found from, besides their ends and weights.
-
-    Attributes:
-        anchors: (k, 3) [m] places where slips begin, in the frame of what is touched.
-        planes: (k, 4) planes n . q = d in this frame that replace the surface; n = 0 stands for none, but for `PLANES`.
-        fixed: (k,) whether a plane holds wherever the point leaves.
-        offsets: (k,) [m] subtracted from the distances.
-        shears: (k, 3) [N] vectors t of the friction forces -t.
-    """
-
-    anchors: NDArray[np.float64]
-    planes: NDArray[np.float64]
-    fixed: NDArray[np.bool_]
-    offsets: NDArray[np.float64]
-    shears: NDArray[np.float64]
-
-
-NOWHERE = Near(np.zeros((0, 3)), np.zeros((0, 4)), np.zeros(0, np.bool_), np.zeros(0), np.zeros((0, 3)))
-"""The data of no points."""
-
-
 class Surfaces(NamedTuple):
     """What the points of t contacts touch.
 
@@ -114,30 +92,30 @@ def place_of(x, ends, weights, i, own):
 
 
 @internal
-def measure_gap(near, surfaces, t, i, p):
+def measure_gap(stencils, surfaces, t, i, p):
     """Return the signed distance [m] of a point at ``p`` (3,) from what it touches, and its gradient (3,)."""
     frame, form = surfaces.frames[t], surfaces.forms[surfaces.form_start[t] : surfaces.form_start[t + 1]]
-    a, b, c = near.planes[i, 0], near.planes[i, 1], near.planes[i, 2]
+    a, b, c, d = stencils.planes[i, 0], stencils.planes[i, 1], stencils.planes[i, 2], stencils.planes[i, 3]
     if surfaces.kind[t] == PLANES:
-        return a * p[0] + b * p[1] + c * p[2] - near.planes[i, 3], a, b, c
+        return a * p[0] + b * p[1] + c * p[2] - d, a, b, c
     g, nx, ny, nz = distance_at(surfaces.kind[t], frame, form, p[0], p[1], p[2])
     if a == 0.0 and b == 0.0 and c == 0.0:
         return g, nx, ny, nz
     ex, ey, ez = in_world(frame, a, b, c)
     # Where the surface pushes the point out on the plane's side itself, it serves.
-    if nx * ex + ny * ey + nz * ez > 0.0 and not near.fixed[i]:
+    if nx * ex + ny * ey + nz * ez > 0.0 and not stencils.fixed[i]:
         return g, nx, ny, nz
     u = in_frame(frame, p[0] - frame[ORIGIN], p[1] - frame[ORIGIN + 1], p[2] - frame[ORIGIN + 2])
-    return a * u[0] + b * u[1] + c * u[2] - near.planes[i, 3], ex, ey, ez
+    return a * u[0] + b * u[1] + c * u[2] - d, ex, ey, ez
 
 
 @internal
-def find_point(x, near, surfaces, t, i, stencils):
+def find_point(x, surfaces, t, i, stencils):
     """Write the stencil of point ``i``, which may touch surface ``t``; its forces turn with the surface."""
     own, frame = surfaces.own[t], surfaces.frames[t]
     p, q = place_of(x, stencils.ends, stencils.pressing, i, own), place_of(x, stencils.ends, stencils.rubbing, i, own)
-    g, nx, ny, nz = measure_gap(near, surfaces, t, i, p)
-    anchor = near.anchors[i, 0], near.anchors[i, 1], near.anchors[i, 2]
+    g, nx, ny, nz = measure_gap(stencils, surfaces, t, i, p)
+    anchor = stencils.anchors[i, 0], stencils.anchors[i, 1], stencils.anchors[i, 2]
     if surfaces.turning[t]:
         u = in_frame(frame, p[0] - frame[ORIGIN], p[1] - frame[ORIGIN + 1], p[2] - frame[ORIGIN + 2])
         for a in range(4):
@@ -147,12 +125,12 @@ def find_point(x, near, surfaces, t, i, stencils):
     began = in_world(frame, anchor[0], anchor[1], anchor[2])
     s0, s1 = q[0] - frame[ORIGIN] - began[0], q[1] - frame[ORIGIN + 1] - began[1]
     slip = s0, s1, q[2] - frame[ORIGIN + 2] - began[2]
-    set_axes(i, g - near.offsets[i], (nx, ny, nz), slip, near.shears, stencils)
+    set_axes(i, g - stencils.offsets[i], (nx, ny, nz), slip, stencils)
 
 
 @kernel
-def find_stencils(x, near, surfaces, owner, stencils):
+def find_stencils(x, surfaces, owner, stencils):
     """Write the stencils of all points; ``owner`` (k,) are the numbers of their surfaces."""
     take_frames(x, surfaces)
     for i in range(len(owner)):
-        find_point(x, near, surfaces, owner[i], i, stencils)
+        find_point(x, surfaces, owner[i], i, stencils)

@@ -36,7 +36,12 @@ class Stencils(NamedTuple):
         places: (k, 3) [m] gap, and slip along two tangents.
         axes: (k, 3, 3) gradient of the gap, and the tangents.
         held: (k, 3) [N] present forces along these axes.
+        shears: (k, 3) [N] vectors t of the friction forces -t.
         soft: (k,) [m/N] compliance of the spring through which the normal force acts.
+        anchors: (k, 3) [m] places where slips begin, in the frame of what is touched.
+        planes: (k, 4) planes n . q = d in this frame that replace the surface; n = 0 stands for none, but for `PLANES`.
+        fixed: (k,) whether a plane holds wherever the point leaves.
+        offsets: (k,) [m] subtracted from the distances.
         ends: (k, c) vertices that move the point relative to what it touches.
         pressing, rubbing: (k, c) weights of these vertices in the displacements that change the gap, and the slip.
     """
@@ -44,39 +49,32 @@ class Stencils(NamedTuple):
     places: NDArray[np.float64]
     axes: NDArray[np.float64]
     held: NDArray[np.float64]
+    shears: NDArray[np.float64]
     soft: NDArray[np.float64]
+    anchors: NDArray[np.float64]
+    planes: NDArray[np.float64]
+    fixed: NDArray[np.bool_]
+    offsets: NDArray[np.float64]
     ends: NDArray[np.int32]
     pressing: NDArray[np.float64]
     rubbing: NDArray[np.float64]
 
     @classmethod
-    def empty(
-        cls,
-        presses: NDArray[np.float64],
-        soft: NDArray[np.float64],
-        ends: NDArray[np.int32],
-        pressing: NDArray[np.float64],
-        rubbing: NDArray[np.float64],
-    ) -> Self:
-        """Return stencils of points with normal forces (k,) [N], whose places and axes are not written yet."""
+    def unwritten(cls, presses: NDArray[np.float64], *others: NDArray) -> Self:
+        """Return stencils of points with normal forces (k,) [N] and ``others``, the arrays from `shears` on.
+
+        Places, axes and the friction forces along them are not written yet.
+        """
         count = len(presses)
         held = np.zeros((count, 3))
         held[:, 0] = presses
-        return cls(np.empty((count, 3)), np.empty((count, 3, 3)), held, soft, ends, pressing, rubbing)
+        return cls(np.empty((count, 3)), np.empty((count, 3, 3)), held, *others)
 
     @classmethod
-    def padded(cls, parts: Sequence[Stencils], width: int) -> Self:
+    def join(cls, parts: Sequence[Stencils], width: int) -> Self:
         """Return the stencils of all ``parts``, with ``width`` ends; those that are added have no weight."""
-        places, axes, held, soft, ends, pressing, rubbing = zip(*parts, strict=True) if parts else [()] * 7
-        return cls(
-            np.concatenate([np.zeros((0, 3)), *places]),
-            np.concatenate([np.zeros((0, 3, 3)), *axes]),
-            np.concatenate([np.zeros((0, 3)), *held]),
-            np.concatenate([np.zeros(0), *soft]),
-            pad_columns(ends, width, np.int32),
-            pad_columns(pressing, width, np.float64),
-            pad_columns(rubbing, width, np.float64),
-        )
+        every = list(zip(NOTHING_NEAR, *parts, strict=True))
+        return cls(*map(np.concatenate, every[:-3]), *(pad_columns(columns, width) for columns in every[-3:]))
 
     @property
     def slips(self) -> NDArray[np.float64]:
@@ -90,25 +88,33 @@ class Stencils(NamedTuple):
         return self.axes[:, 0] / np.where(length > 0.0, length, 1.0)
 
 
-def pad_columns(parts: Sequence[NDArray], width: int, kind: type) -> NDArray:
-    """Return the rows of all ``parts`` (k, c), filled up to ``width`` columns with the first number, or 0."""
-    found, first = np.zeros((sum(map(len, parts)), width), kind), 0
+NOTHING_NEAR = Stencils.unwritten(
+    *(np.zeros(0), np.zeros((0, 3)), np.zeros(0), np.zeros((0, 3)), np.zeros((0, 4)), np.zeros(0, np.bool_)),
+    *(np.zeros(0), np.zeros((0, 1), np.int32), *np.zeros((2, 0, 1))),
+)
+"""The stencils of no points."""
+
+
+def pad_columns(parts: Sequence[NDArray], width: int) -> NDArray:
+    """Return the rows of all ``parts`` (k, c, ...), filled up to ``width`` columns with the first index, or 0."""
+    kind = parts[0].dtype.kind
+    found, first = np.zeros((sum(map(len, parts)), width, *parts[0].shape[2:]), parts[0].dtype), 0
     for part in parts:
         own = found[first : first + len(part)]
         own[:, : part.shape[1]] = part
-        if kind is not np.float64:
+        if kind == "i":
             own[:, part.shape[1] :] = part[:, :1]
         first += len(part)
     return found
 
 
 @internal
-def set_axes(i, gap, gradient, slip, shears, stencils):
+def set_axes(i, gap, gradient, slip, stencils):
     """Write place, axes and held force of a point with a gap, its gradient and a slip; its vector t is turned.
 
-    The normal force stays as it is. ``shears`` (k, 3) [N] are the vectors t of all points.
+    The normal force stays as it is.
     """
-    places, axes, held = stencils.places, stencils.axes, stencils.held
+    places, axes, held, shears = stencils.places, stencils.axes, stencils.held, stencils.shears
     normal = unit(gradient[0], gradient[1], gradient[2])
     first = perpendicular(normal)
     second = cross(normal, first)
@@ -117,15 +123,15 @@ def set_axes(i, gap, gradient, slip, shears, stencils):
     held[i, 1], held[i, 2] = -dot(first, t), -dot(second, t)
     for j in range(3):
         axes[i, 0, j], axes[i, 1, j], axes[i, 2, j] = gradient[j], first[j], second[j]
-    turn_shear(i, stencils, shears)
+    turn_shear(i, stencils)
 
 
 @internal
-def turn_shear(i, stencils, shears):
+def turn_shear(i, stencils):
     """Write the vector t of a point's friction force, which is along the tangents."""
     held, axes = stencils.held, stencils.axes
     for j in range(3):
-        shears[i, j] = -(held[i, 1] * axes[i, 1, j] + held[i, 2] * axes[i, 2, j])
+        stencils.shears[i, j] = -(held[i, 1] * axes[i, 1, j] + held[i, 2] * axes[i, 2, j])
 
 
 @internal

@@ -23,8 +23,9 @@ from numpy.typing import NDArray
 
 from gdfe_ros.solver import outcome
 from gdfe_ros.solver.contact.complementarity import solve_laws
-from gdfe_ros.solver.contact.compliance import join, project, pull, stack
+from gdfe_ros.solver.contact.compliance import join, project, pull
 from gdfe_ros.solver.contact.contact_term import ROUNDING, ContactTerm
+from gdfe_ros.solver.contact.stencil import pad_columns
 from gdfe_ros.solver.motion.dynamics import Dynamics
 from gdfe_ros.solver.motion.inertia import NAME, FreeMass, rule_of
 from gdfe_ros.solver.state import State
@@ -133,7 +134,9 @@ class ContactImpulses:
             return np.zeros_like(velocity), now
         friction = np.repeat([float(contact.friction) for contact in contacts], sizes)
         restitution = np.repeat([float(contact.restitution) for contact in contacts], sizes)
-        rows, blocks = stack([(np.searchsorted(vertices, part.ends), part.blocks) for part in parts])
+        width = max(part.ends.shape[1] for part in parts)
+        rows = pad_columns([np.searchsorted(vertices, part.ends) for part in parts], width)
+        blocks = pad_columns([part.blocks for part in parts], width)
         counts = np.repeat([part.ends.shape[1] for part in parts], sizes)
         given, (came, speeds) = (rows, blocks, counts), np.empty((2, count, 3))
         w, led = np.empty((3 * count, 3 * count)), np.concatenate([part.led for part in parts]) / h
@@ -142,7 +145,7 @@ class ContactImpulses:
             found -= led
         speeds[:, 0] += restitution * np.minimum(np.maximum(came[:, 0], speeds[:, 0]), 0.0)
         between, every = self._mass.inverse(now.positions, vertices), np.arange(count)
-        join(every, *given, np.arange(len(vertices)), between, np.zeros((0, 9)), 1.0, w)
+        join(every, *given, np.arange(len(vertices)), between, np.zeros((0, 9)), w)
         w[3 * every, 3 * every] += np.concatenate([part.soft for part in parts]) / h**2
         impulses, scale = time * np.concatenate([part.first for part in parts]).ravel(), float(np.abs(speeds).max())
         left = solve_laws(w, speeds.ravel(), friction, impulses, self.EXACT * scale, self.FAINT * scale)

@@ -103,7 +103,8 @@ def test_gaps_and_slips_follow_both_sides(cushion: Callable[..., Simulation], na
     term = next(each for each in simulation.stepper.equilibrium.actuation.contacts if each.name == name)
     x, random = simulation.state.positions, np.random.default_rng(0)
     term.look(x)
-    _, axes, _, _, ends, pressing, rubbing = term.stencils
+    axes, ends = term.stencils.axes, term.stencils.ends
+    pressing, rubbing = term.stencils.pressing, term.stencils.rubbing
     for _ in range(4):
         way = random.normal(size=x.shape)
         way[-4:] = random.normal(size=3) + np.cross(30.0 * random.normal(size=3), x[-4:] - x[-4:].mean(axis=0))
