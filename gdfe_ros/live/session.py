@@ -22,7 +22,7 @@ from gdfe_ros.node.pace import ClockMode, FastPace, Timing, WallPace
 from gdfe_ros.node.refusals import RefusalLog
 from gdfe_ros.node.remodelling import moduli_of, with_moduli
 from gdfe_ros.node.stepper import SteppingThread
-from gdfe_ros.recording.step import Demand, Step, to_nanoseconds
+from gdfe_ros.recording.step import Step, to_nanoseconds
 from gdfe_ros.recording.step_record import Begin
 from gdfe_ros.regular_file import path_inside
 from gdfe_ros.scene.program import Program
@@ -149,7 +149,7 @@ class LiveSession(ShownRun):
         self._clock, self._told, self._warn = clock, told, warn
         self._programme: Programme | None = None
         self._bag: LiveBag | None = None
-        self.stepper = SteppingThread(self, lambda: Demand(imus=False), deliver=self._deliver)
+        self.stepper = SteppingThread(self, deliver=self._deliver)
         self._inbox = Inbox(self.stepper.changed, queued=False)
 
     @property
@@ -314,7 +314,7 @@ class LiveSession(ShownRun):
         if self._bag is not None:
             raise GdfeError(f"{self._bag.path} is being written already")
         state = None if self.stepper.begin is Begin.REST else save_state(self.simulation)
-        self._bag = LiveBag(path, self.simulation, state=state, dt=self.parameters["dt"])
+        self._bag = LiveBag(path, self.scene, state=state, dt=self.parameters["dt"])
         self.stepper.repeat(self.stepper.begin if state is None else Begin.LOADED)
         return f"recording to {path}"
 

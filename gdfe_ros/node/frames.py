@@ -50,10 +50,10 @@ class Frames:
         ``<handle>_centre``, at its present centre, with the node's axes, the frame of its wrench; ``<handle>``, which
         moves and rotates with it; ``<probe>_probe``, which moves and rotates with a material point; ``<probe>_imu``,
         which rotates with the cell around it; ``<sensor>_sensor``, at the present centre of a contact sensor, with the
-        node's axes; ``<mesh>_mesh``, which moves and turns with one of several meshes, as best fits its vertices; or
-        the name of an arm's link.
+        node's axes; ``<mesh>_mesh``, which moves and turns with one of several meshes, as best fits its vertices; the
+        name of an arm's link; or empty, for the node's own frame.
         """
-        return f"{self._prefix}{name}"
+        return f"{self._prefix}{name}" if name else self.frame_id
 
     def rest(self, handle: str) -> str:
         """Return the name of the frame at the rest centre of a handle or obstacle."""
@@ -73,9 +73,7 @@ class Frames:
     def parents(self) -> list[str]:
         """Names of the parents of the ``moving`` frames: a link's parent link, and for all others the node's frame."""
         own = len(self.moving) - len(self._links)
-        return [self.frame_id] * own + [
-            self.full_name(each) if each else self.frame_id for each in self._links.values()
-        ]
+        return [self.frame_id] * own + list(map(self.full_name, self._links.values()))
 
     def remarks(self) -> list[str]:
         """Return a text for each root link of an arm that has the name of the node's frame, but lies elsewhere."""

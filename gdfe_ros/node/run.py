@@ -128,4 +128,4 @@ class Run:
 
     def _obstacles(self) -> Mapping[str, Pose]:
         """Return the poses of the obstacles after the last step, relative to rest."""
-        return {} if self.last is None else self.last.obstacles
+        return {} if self.last is None else self.last.poses

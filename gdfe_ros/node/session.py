@@ -32,7 +32,7 @@ from gdfe_ros.node.stepper import SteppingThread
 from gdfe_ros.node.strays import UnmatchedTopics
 from gdfe_ros.node.transforms import Transforms, transforms_installed
 from gdfe_ros.node.walk import Walk
-from gdfe_ros.recording.step import Demand, Step, observe
+from gdfe_ros.recording.step import Step, observe
 from gdfe_ros.recording.step_record import Begin
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.simulation import Simulation
@@ -90,7 +90,7 @@ class SimulationSession:
         self.run = run = Run(node, parameters, simulation, refusals, ending, self._transforms)
         self.outputs = TopicOutputs(run)
         store = node.guard(partial(self._deliver_again, stored=True), "publishing a step for later subscribers")
-        self.stepper = SteppingThread(run, self.outputs.demand, deliver=self._deliver, store=store)
+        self.stepper = SteppingThread(run, deliver=self._deliver, store=store)
         self.inputs = Inputs(run, leaders)
         self.bags = Bags(run, self.inputs, self.outputs)
         self._moduli = Moduli(node, self.scene, locked=lambda: self.bags.active, changed=self._change_moduli)
@@ -360,7 +360,7 @@ class SimulationSession:
     def _deliver(self, step: Step) -> None:
         """Report a step to trajectories, and queue it for publishing if a subscriber or a bag needs a part of it."""
         self.inputs.look(step)
-        if step.wanted:
+        if step.first or step.stored or self.outputs.wanted:
             self.courier.put(step)
 
     def _deliver_again(self, *, stored: bool = False) -> None:
@@ -371,10 +371,10 @@ class SimulationSession:
         self._telling, last = False, self.run.last
         if last is None:
             return
-        again = observe(self.simulation, Demand(poses=not (self.stepper.stepping and self.scene.arms)))
+        again = observe(self.simulation)
         if self.stepper.stepping:
             again |= {"joints": last.joints, "links": last.links}
-        self.courier.put(replace(last, first=False, again=True, stored=stored, **again | {"wanted": True}))
+        self.courier.put(replace(last, first=False, again=True, stored=stored, **again))
 
     def _change_moduli(self, moduli: Mapping[str, float]) -> None:
         """Replace the simulation by one with other moduli, in equilibrium or, with dynamics, in the present motion."""

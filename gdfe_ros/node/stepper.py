@@ -22,7 +22,7 @@ from gdfe_ros.node.interface.topics import BODY_SET
 from gdfe_ros.node.orders import Inbox, Order
 from gdfe_ros.node.pace import Pace, WallPace
 from gdfe_ros.node.refusals import Reason, Refusal
-from gdfe_ros.recording.step import Demand, Step, make_record, observe, to_nanoseconds
+from gdfe_ros.recording.step import Step, make_record, observe, to_nanoseconds
 from gdfe_ros.recording.step_record import Begin
 from gdfe_ros.simulation import Command, Simulation
 from gdfe_ros.solver.result import StepResult
@@ -52,7 +52,6 @@ class SteppingThread:
 
     Args:
         run: owner of the simulation.
-        demand: function that returns the outputs of the next step that are needed.
         deliver: function that receives each step; it may block to slow the stepping.
         store: function that publishes the last step without subscribers; called once during a step that takes long.
             None: steps are not published without subscribers.
@@ -71,15 +70,8 @@ class SteppingThread:
         failures: number of failed steps.
     """
 
-    def __init__(
-        self,
-        run: Host,
-        demand: Callable[[], Demand],
-        *,
-        deliver: Callable[[Step], None],
-        store: Callable[[], None] | None = None,
-    ) -> None:
-        self._run, self._demand, self._deliver, self._store = run, demand, deliver, store
+    def __init__(self, run: Host, *, deliver: Callable[[Step], None], store: Callable[[], None] | None = None) -> None:
+        self._run, self._deliver, self._store = run, deliver, store
         self.drive = CommandAssembler(run)
         self.changed = threading.Condition()
         self.count = 0
@@ -341,7 +333,6 @@ class SteppingThread:
         """Make one step, and return its data."""
         started = time.perf_counter()
         run, simulation = self._run, self._simulation
-        demand = Demand() if first else self._demand()
         orders = tuple(orders)
         command = Command() if first else self._command(orders, dt)
         stamp, place = run.stamp(simulation.time + dt, early), run.parameters["cut_after"]
@@ -355,10 +346,9 @@ class SteppingThread:
         record = make_record(result, command, step=self.count, begin=self.begin, dt=dt, stamp=stamp)
         self._retries = 0 if orders or result.converged or record.cut else self._retries + 1
         log_time = self._origin + to_nanoseconds(result.time)
-        if stored := self._store is not None and result.wall_time > _LONG:
-            demand = Demand()
+        stored = self._store is not None and result.wall_time > _LONG
         told = {"log_time": log_time, "first": first, "stored": stored}
-        run.last = Step(record=record, result=result, **told, **observe(simulation, demand))
+        run.last = Step(record=record, result=result, **told, **observe(simulation))
         run.log_time = log_time
         self.count, self.begin = self.count + 1, Begin.LAST
         self.solving += result.wall_time

@@ -7,6 +7,7 @@ import threading
 from collections import deque
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,7 @@ from rclpy.serialization import deserialize_message
 from scipy.spatial.transform import Rotation
 
 from gdfe_ros.node.drive import Settings
-from gdfe_ros.node.interface import topics
+from gdfe_ros.node.interface import TopicSpec, topics
 from gdfe_ros.node.managed import ManagedNode
 from gdfe_ros.node.refusals import Freshness, Reason, Refusal, require_place, require_small
 from gdfe_ros.node.ros_types import installed, interface_class, qos_profile
@@ -84,15 +85,14 @@ class Transforms:
         self._node, self._heard, self._now, self._limits, self._refuse = node, heard, now, limits, refuse
         self._freshness = Freshness()
         self._own: Collection[str] = ()
-        self._unread: deque[tuple[bytes, int]] = deque(maxlen=_UNREAD)
-        self._fixed_unread: deque[tuple[bytes, int]] = deque()
+        self._unread: dict[TopicSpec, deque[tuple[bytes, int]]] = {topics.TF_STATIC: deque(), topics.TF: deque()}
         self._parents: dict[str, tuple[str, Placement]] = {}
         self._lock = threading.Lock()
         self._subscriptions = [
             node.create_subscription(
-                interface_class(spec.type), spec.name, callback, qos_profile(spec.delivery), raw=True
+                interface_class(spec.type), spec.name, partial(self._keep, spec), qos_profile(spec.delivery), raw=True
             )
-            for spec, callback in ((topics.TF, self._keep), (topics.TF_STATIC, self._keep_fixed))
+            for spec in (topics.TF, topics.TF_STATIC)
         ]
 
     def destroy(self) -> None:
@@ -129,33 +129,27 @@ class Transforms:
         with self._lock:
             self._freshness.reset()
 
-    def _keep(self, data: bytes) -> None:
+    def _keep(self, spec: TopicSpec, data: bytes) -> None:
         """Store a message without reading it: a robot publishes thousands of transforms a second; few are needed."""
-        if self._is_small(data, topics.TF.name):
-            self._unread.append((data, self._now()))
-            self._heard()
-
-    def _is_small(self, data: bytes, topic: str) -> bool:
         try:
             require_small(data)
         except Refusal as refusal:
-            self._refuse(topic, refusal)
-            return False
-        return True
-
-    def _keep_fixed(self, data: bytes) -> None:
-        if not self._is_small(data, topics.TF_STATIC.name):
+            self._refuse(spec.name, refusal)
             return
-        self._fixed_unread.append((data, self._now()))
-        if len(self._fixed_unread) > _UNREAD:  # unlike moving frames, these are not published again
+        waiting = self._unread[spec]
+        waiting.append((data, self._now()))
+        if len(waiting) > _UNREAD:
             with self._lock:
-                self._read()
+                if spec is topics.TF:
+                    waiting.popleft()
+                else:  # unlike moving frames, these are not published again
+                    self._read()
         self._heard()
 
     def _read(self) -> None:
         """Read the stored messages; needs the lock."""
         kind = interface_class(topics.TF.type)
-        for waiting, spec in ((self._fixed_unread, topics.TF_STATIC), (self._unread, topics.TF)):
+        for spec, waiting in self._unread.items():
             while waiting:
                 data, arrived = waiting.popleft()
                 for each in deserialize_message(data, kind).transforms:

@@ -85,9 +85,9 @@ class NodeReplay:
             NodeProcess(self._parameters(folder), namespace=self._name.rpartition("/")[0]) as process,
             NodeConnection(process, self._name, topics, patience=self._patience) as link,
         ):
-            link.wait_for_services()
+            link.meet()
             link.transition("configure")
-            link.wait_for_listener()
+            link.await_listeners()
             self._play(link)
             if process.stop() != 0:
                 raise RecordingError(f"the replaying node ended with status {process.status}:\n{process.log}")

@@ -13,7 +13,7 @@ from std_msgs.msg import Header
 
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.interface import NODE_NAME
-from gdfe_ros.node.interface.scene_topics import target_key
+from gdfe_ros.node.interface.topics import target_key
 from gdfe_ros.node.messages import actuation, pose_stamped
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.testing.client import PATIENCE, NodeConnection
@@ -62,7 +62,7 @@ def play_program(
     with NodeProcess(settings) as node, NodeConnection(node, f"/{NODE_NAME}", topics, patience=PATIENCE) as link:
         # Wait for step 0, the undeformed body: if it arrived later, it would be taken for that of the first command.
         link.wait_for_step(0)
-        link.wait_for_listener()
+        link.await_listeners()
         link.require_alone()
         first = time.perf_counter() - started
         tell(0.0)

@@ -10,8 +10,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-FRAME = "base_link"
-"""Frame of the scene; measured positions are taken as given in it."""
 _KEPT = 600
 """Number of states that are kept, and of measurements that wait for the state of their time."""
 LATEST = 5.0

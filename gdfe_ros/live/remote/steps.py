@@ -15,7 +15,7 @@ from rclpy.subscription import Subscription
 from gdfe_ros.actuators import Actuator, ActuatorState, Mode
 from gdfe_ros.live.interface import Reading, View
 from gdfe_ros.node.interface import topics
-from gdfe_ros.node.interface.scene_topics import state_topics
+from gdfe_ros.node.interface.topics import state_topics
 from gdfe_ros.node.ros_types import interface_class
 from gdfe_ros.recording.published import STRAIN
 from gdfe_ros.recording.step_record import StepRecord

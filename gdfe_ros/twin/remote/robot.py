@@ -17,10 +17,10 @@ from sensor_msgs.msg import JointState
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.command_messages import ActuatorOrders
 from gdfe_ros.node.inputs import read_message
+from gdfe_ros.node.interface import FRAME
 from gdfe_ros.node.plain_log import shorten
 from gdfe_ros.node.process import LoneNode
 from gdfe_ros.node.refusals import Refusal, RefusalLog
-from gdfe_ros.twin.comparison import FRAME
 from gdfe_ros.twin.twin import Twin
 
 _TYPES = {"geometry_msgs/msg/PoseStamped": PoseStamped, "geometry_msgs/msg/PointStamped": PointStamped}
