@@ -15,10 +15,11 @@ from typing import Any
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.entities import Entities
 from gdfe_ros.node.interface import services
-from gdfe_ros.node.managed import ManagedNode
+from gdfe_ros.node.refusals import Refused, ResultCode, fail, succeed
 from gdfe_ros.node.ros_types import available, installed, interface_class
+from gdfe_ros.node.services import SessionNode
 from gdfe_ros.node.session import SimulationSession
-from gdfe_ros.node.standard_answers import Refused, ResultCode, done, failed
+from gdfe_ros.node.worlds import Worlds
 
 
 class _State(IntEnum):
@@ -70,22 +71,13 @@ class StandardServices:
 
     Args:
         node: node that offers the services.
-        session: function that returns the running session, or None.
         entities: the spawned bodies, which some requests remove.
+        worlds: the scenes that are loaded.
         quit: event that ends the process; None: this node cannot end it.
-        loading: function that returns whether a scene is being loaded.
     """
 
-    def __init__(
-        self,
-        node: ManagedNode,
-        session: Callable[[], SimulationSession | None],
-        entities: Entities,
-        quit: threading.Event | None,
-        loading: Callable[[], bool],
-    ) -> None:
-        self._node, self._session, self._entities, self._quit = node, session, entities, quit
-        self._loading = loading
+    def __init__(self, node: SessionNode, entities: Entities, worlds: Worlds, quit: threading.Event | None) -> None:
+        self._node, self._entities, self._worlds, self._quit = node, entities, worlds, quit
         self._at_start = False
         if not installed(services.STEP_SIMULATION.type):
             return
@@ -96,7 +88,7 @@ class StandardServices:
             services.RESET_SIMULATION: self._reset,
             services.STEP_SIMULATION: self._step,
         }
-        node.offer_standard(offered)
+        node.offer(offered)
         self._offer_action()
 
     def stop_at_start(self) -> None:
@@ -117,9 +109,9 @@ class StandardServices:
 
     def _state(self) -> _State:
         """Return the simulation state; stopped means not active, or paused at time 0 by a request to stop."""
-        session, label = self._session(), self._node.lifecycle_state
+        session, label = self._node.session, self._node.lifecycle_state
         if session is None:
-            if label == "configuring" or self._loading():
+            if label == "configuring" or self._worlds.loading:
                 return _State.LOADING
             return _State.NO_WORLD if available(services.LOAD_WORLD.type) else _State.STOPPED
         if not session.stepper.running:
@@ -130,13 +122,12 @@ class StandardServices:
         return _State.STOPPED if self._at_start and session.simulation.time == 0.0 else _State.PAUSED
 
     def _set_state(self, request: Any, response: Any) -> Future[Any] | None:
-        wanted, session = request.state.state, self._session()
+        wanted = request.state.state
         if wanted == _State.QUITTING and self._quit is not None:
             return self._quit.set()
         if wanted not in (_State.STOPPED, _State.PLAYING, _State.PAUSED):
             raise Refused(ResultCode.UNSUPPORTED, f"state {wanted} cannot be set here")
-        if session is None or not session.stepper.running:
-            raise Refused(ResultCode.INCORRECT_STATE, self._inactive())
+        session = self._node.active()
         if wanted == self._state():
             raise Refused(ResultCode.ALREADY, f"the simulation is {_State(wanted).name.lower()} already")
         if wanted == _State.PLAYING:
@@ -153,9 +144,7 @@ class StandardServices:
             raise Refused(ResultCode.INCORRECT_STATE, str(error)) from error
 
     def _reset(self, request: Any, response: Any) -> Future[Any] | None:
-        session, scope = self._session(), request.scope or _ALL
-        if session is None:
-            raise Refused(ResultCode.INCORRECT_STATE, self._inactive())
+        session, scope = self._node.configured(), request.scope or _ALL
         if scope != _ALL and scope & ~(_TIME | _STATE | _SPAWNED):
             raise Refused(ResultCode.UNSUPPORTED, f"scope {scope} has unknown bits; allowed: 1, 2, 4")
         whole = scope & (_TIME | _STATE)
@@ -177,15 +166,10 @@ class StandardServices:
         return self._walk(request.steps)
 
     def _walk(self, steps: int, told: Callable[[int], None] | None = None) -> Future[str]:
-        session = self._session()
-        if session is None or not session.stepper.running:
-            raise GdfeError(self._inactive())
+        session = self._node.active()
         if steps < 1:
             raise GdfeError(f"steps is {steps}; allowed: 1 or more")
         return session.take_steps(steps, told)
-
-    def _inactive(self) -> str:
-        return f"the node is {self._node.lifecycle_state}; call the transitions `configure` and `activate` first"
 
     def _offer_action(self) -> None:
         from rclpy.action import ActionServer, CancelResponse
@@ -201,9 +185,8 @@ class StandardServices:
         )
 
     def _cancel(self) -> None:
-        session = self._session()
-        if session is not None:
-            session.interrupt("simulate_steps was cancelled")
+        if self._node.session is not None:
+            self._node.session.interrupt("simulate_steps was cancelled")
 
     def _accept(self, goal: Any) -> None:
         """Make the steps of a goal, with feedback after each, and send its result at the end."""
@@ -217,9 +200,9 @@ class StandardServices:
                 result = kind.Result()
                 if error is None:
                     goal.succeed()
-                    return done(result)
+                    return succeed(result)
                 (goal.canceled if goal.is_cancel_requested else goal.abort)()
-                return failed(result, ResultCode.FAILED, str(error))
+                return fail(result, GdfeError(str(error)))
 
             goal.execute(conclude)
 

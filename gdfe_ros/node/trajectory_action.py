@@ -13,10 +13,10 @@ from trajectory_msgs.msg import JointTrajectoryPoint
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.inputs import Code, Pursuit, Tolerances
 from gdfe_ros.node.interface.services import FOLLOW_TRAJECTORY
-from gdfe_ros.node.managed import ManagedNode
 from gdfe_ros.node.messages import header
 from gdfe_ros.node.refusals import Reason, Refusal
 from gdfe_ros.node.ros_types import LARGEST, bounded_action, installed, interface_class, unread_size
+from gdfe_ros.node.services import SessionNode
 from gdfe_ros.node.session import SimulationSession
 
 _CODES = {Reason.UNKNOWN: Code.INVALID_JOINTS, Reason.STALE: Code.OLD_HEADER_TIMESTAMP}
@@ -27,11 +27,10 @@ class TrajectoryAction:
 
     Args:
         node: node of the action.
-        session: function that returns the running session, or None.
     """
 
-    def __init__(self, node: ManagedNode, session: Callable[[], SimulationSession | None]) -> None:
-        self._node, self._session = node, session
+    def __init__(self, node: SessionNode) -> None:
+        self._node = node
         if not installed(FOLLOW_TRAJECTORY.type):
             return
         from rclpy.action import ActionServer, CancelResponse, GoalResponse
@@ -76,7 +75,7 @@ class TrajectoryAction:
             goal.execute(lambda goal: self._conclude(goal, code, reason))
 
         try:
-            session = self._session()
+            session = self._node.session
             if session is None or not session.stepper.running:
                 raise Refusal(Reason.INACTIVE, f"the node is {self._node.lifecycle_state}; `activate` it first")
             tolerances = _tolerances(goal.request)
@@ -92,7 +91,7 @@ class TrajectoryAction:
 
     def _cancel(self, goal: Any) -> None:
         """End a goal: keep its actuators, loads and joints at their present commands."""
-        session, pursuit = self._session(), self._pursuits.get(bytes(goal.goal_id.uuid))
+        session, pursuit = self._node.session, self._pursuits.get(bytes(goal.goal_id.uuid))
         if pursuit is not None and session is not None:
             session.inputs.hold(pursuit)
         if pursuit is not None:
