@@ -121,15 +121,7 @@ class Orders:
         targets = dict(last)
         for name, pose in (command.handles if command else {}).items():
             _require_pose(f"handle {name!r}: the target", pose)
-            if (handle := self.handle(name)).carrier:
-                text = f"handle {name!r} is carried by arm {handle.carrier!r}"
-                raise CommandError(f"{text}; remedy: command the arm's joints")
-            if handle.section == "bodies":
-                text = f"body {name!r} moves freely and follows no target"
-                raise CommandError(f"{text}; remedy: teleport it by `bodies` of a Command")
-            if handle.fixed:
-                movable = [each.name for each in self._scene.handles if not each.fixed and each.noun == handle.noun]
-                raise CommandError(f"{handle.noun} {name!r} is fixed; {handle.section} that move: {_list(movable)}")
+            require_movable(handle := self.handle(name))
             self._require_near(f"{handle.noun} {name!r} is commanded", pose)
             targets[name] = pose
         return targets
@@ -213,6 +205,25 @@ class Orders:
                 reach = actuator.rate * dt
                 limited[name] = float(np.clip(limited[name], present[name] - reach, present[name] + reach))
         return limited
+
+
+def require_movable(handle: Handle) -> None:
+    """Check that a handle or obstacle follows commanded poses.
+
+    Raises:
+        CommandError: an arm carries it, it moves freely, or it is fixed.
+    """
+    what = f"{handle.noun} {handle.name!r}"
+    if arm := handle.carrier or getattr(handle, "arm", ""):
+        text = f"{what} is carried by arm {arm!r}; remedy: command the arm's joints"
+    elif handle.section == "bodies":
+        text = f"{what} moves freely and follows no target; remedy: teleport it, or make it an obstacle"
+    elif handle.fixed:
+        entry = f"{handle.section}.{handle.name}.fixed=false"
+        text = f"{what} is fixed in the scene and takes no commands; remedy: put {entry} into scene_overrides"
+    else:
+        return
+    raise CommandError(text)
 
 
 def require_snapshot(given: object) -> None:

@@ -16,6 +16,7 @@ from trajectory_msgs.msg import JointTrajectory
 
 from gdfe_ros.actuators import Actuator, Mode
 from gdfe_ros.arms.description import Joint
+from gdfe_ros.command import require_movable
 from gdfe_ros.constraints import Handle
 from gdfe_ros.errors import CommandError, RangeError
 from gdfe_ros.node.frames import Frames, Placement
@@ -127,13 +128,10 @@ def _near(place: Placement, size: float) -> tuple[Vector, Quaternion]:
 
 
 def _require_movable(handle: Handle) -> None:
-    if handle.carrier:
-        text = f"arm {handle.carrier!r} carries {handle.noun} {handle.name!r}, which takes no commands of its own"
-        raise Refusal(Reason.FOLLOWS, f"{text}; remedy: command the arm's joints on ~/joint_command or ~/trajectory")
-    if handle.fixed:
-        text = f"{handle.noun} {handle.name!r} is fixed in the scene and takes no commands"
-        remedy = f"put {handle.section}.{handle.name}.fixed=false into scene_overrides"
-        raise Refusal(Reason.FIXED, f"{text}; remedy: {remedy}")
+    try:
+        require_movable(handle)
+    except CommandError as error:
+        raise Refusal(Reason.FOLLOWS if handle.carrier else Reason.FIXED, str(error)) from error
 
 
 EFFORTS = (Mode.TENSION, Mode.PRESSURE)

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 
 from geometry_msgs.msg import PoseStamped
 
+from gdfe_ros.command import require_movable
 from gdfe_ros.constraints import Handle
-from gdfe_ros.errors import GdfeError
+from gdfe_ros.errors import CommandError, GdfeError
 from gdfe_ros.node.command_messages import placed_order, require_pose
 from gdfe_ros.node.frames import Frames, Placement
-from gdfe_ros.node.interface.topics import MOVED
 from gdfe_ros.node.orders import PoseOrder
 from gdfe_ros.node.refusals import Reason, Refusal
 from gdfe_ros.scene.scene import Scene
@@ -56,15 +56,10 @@ def leaders_of(entries: Iterable[str], scene: Scene, *, listening: bool) -> dict
             raise GdfeError(f"{start}; allowed: handle=topic:/name or handle=frame:name")
         if name not in handles:
             raise GdfeError(f"{start}; the scene has no handle {name!r}, but {', '.join(handles) or 'none'}")
-        if (handle := handles[name]).carrier or handle.section == "links":
-            raise GdfeError(
-                f"{start}; {handle.noun} {name!r} moves with an arm and follows nothing: command its joints"
-            )
-        if MOVED[handle.section].target is None:
-            raise GdfeError(f"{start}; {handle.noun} {name!r} moves freely and follows nothing: make it an obstacle")
-        if handle.fixed:
-            remedy = f"put {handle.section}.{name}.fixed=false into scene_overrides"
-            raise GdfeError(f"{start}; {handle.noun} {name!r} is fixed: {remedy}")
+        try:
+            require_movable(handle := handles[name])
+        except CommandError as error:
+            raise GdfeError(f"{start}; {error}") from error
         if kind == "frame" and not listening:
             raise GdfeError(f"{start}; frames need tf2_msgs, which is not installed: follow a topic, or install it")
         if name in found:
