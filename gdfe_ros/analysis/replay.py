@@ -18,8 +18,7 @@ from gdfe_ros.checkpoint import load_state
 from gdfe_ros.errors import GdfeError, RecordingError
 from gdfe_ros.recording.provenance import STATE_FILE
 from gdfe_ros.recording.published import tables_of
-from gdfe_ros.recording.step import OUTCOME, Step, observe
-from gdfe_ros.recording.step_record import Begin, StepRecord
+from gdfe_ros.recording.step import OUTCOME, Begin, Step, StepRecord, observe
 from gdfe_ros.scene import scene_from_text
 from gdfe_ros.simulation import Command, Simulation
 from gdfe_ros.solver.result import StepResult

@@ -22,8 +22,7 @@ from gdfe_ros.node.pace import ClockMode, FastPace, Timing, WallPace
 from gdfe_ros.node.refusals import RefusalLog
 from gdfe_ros.node.remodelling import moduli_of, with_moduli
 from gdfe_ros.node.stepper import SteppingThread
-from gdfe_ros.recording.step import Step, to_nanoseconds
-from gdfe_ros.recording.step_record import Begin
+from gdfe_ros.recording.step import Begin, Step, to_nanoseconds
 from gdfe_ros.regular_file import path_inside
 from gdfe_ros.scene.program import Program
 from gdfe_ros.scene.scene import Scene

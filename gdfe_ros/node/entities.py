@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.errors import GdfeError
+from gdfe_ros.node.frames import Placement
 from gdfe_ros.node.interface import services
 from gdfe_ros.node.orders import require_near
 from gdfe_ros.node.refusals import Refusal, Refused, ResultCode, answer
@@ -22,7 +23,6 @@ from gdfe_ros.node.remodelling import build_simulation
 from gdfe_ros.node.services import SessionNode
 from gdfe_ros.node.session import SimulationSession
 from gdfe_ros.node.things import EntityRequest, Thing, placement_of, things_of
-from gdfe_ros.node.transforms import Placement
 from gdfe_ros.scene.entity import with_body, without_bodies
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.scene.soft_bodies import parts_of

@@ -15,6 +15,7 @@ from gdfe_ros.constraints import Pose
 from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.node.entities import Entities, require_place_near, rest_place
+from gdfe_ros.node.frames import Placement
 from gdfe_ros.node.interface import services
 from gdfe_ros.node.messages import by_axis, header, pose_message
 from gdfe_ros.node.refusals import Refused, ResultCode
@@ -22,7 +23,6 @@ from gdfe_ros.node.ros_types import interface_class
 from gdfe_ros.node.services import SessionNode
 from gdfe_ros.node.session import SimulationSession
 from gdfe_ros.node.things import BOX, EMPTY, OBJECT, SPHERE, Thing, placement_of, within
-from gdfe_ros.node.transforms import Placement
 from gdfe_ros.scene.scene import Scene
 
 _REPEATED_GROUP = re.compile(r"(?<!\\)\)[*+{]")

@@ -1,27 +1,35 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Output topics of a simulation, published for each step or once for each scene."""
+"""Output topics of a simulation, published for each step or once for each scene, and their recording in bags."""
 
 from __future__ import annotations
 
 import json
 import time
 from collections.abc import Callable, Iterator
+from datetime import datetime
 from functools import cached_property, partial
+from pathlib import Path
 from typing import Any
 
 from rosgraph_msgs.msg import Clock
 
 from gdfe_ros.contacts import contact_names, contact_points
+from gdfe_ros.errors import GdfeError
 from gdfe_ros.node import messages
 from gdfe_ros.node.channel import Channel
+from gdfe_ros.node.inputs import Inputs
 from gdfe_ros.node.interface import TopicSpec, topics
 from gdfe_ros.node.interface.topics import state_topics
 from gdfe_ros.node.messages import ContactMarkers, SurfaceMarker, TransformPacker
+from gdfe_ros.node.pace import ClockMode
 from gdfe_ros.node.run import Run
 from gdfe_ros.recording.packing import pack_text, packers
+from gdfe_ros.recording.provenance import RunInfo
 from gdfe_ros.recording.published import material_pose
-from gdfe_ros.recording.recorder import Recorder
+from gdfe_ros.recording.recorder import Recorder, RecorderStatus
 from gdfe_ros.recording.step import Step, to_nanoseconds
+from gdfe_ros.regular_file import path_inside
+from gdfe_ros.scene.scene import Scene
 
 
 class Output:
@@ -172,3 +180,90 @@ class TopicOutputs:
 
 def _pack_clock(step: Step) -> Clock:
     return Clock(clock=messages.to_time(to_nanoseconds(step.record.time)))
+
+
+class Bags:
+    """Records the topics of a session, one bag at a time.
+
+    Args:
+        run: the recorded run; its parameter ``bag_path`` is the directory of the next bag.
+        inputs: command topics; their messages are recorded as received.
+        outputs: output topics; their messages are recorded as published.
+
+    Attributes:
+        recorder: recorder of the bag in progress, or of the last bag; None before the first.
+        active: whether a bag is being written.
+    """
+
+    def __init__(self, run: Run, inputs: Inputs, outputs: TopicOutputs) -> None:
+        self._run, self._logger = run, run.node.get_logger()
+        self._inputs, self._outputs = inputs, outputs
+        self.recorder: Recorder | None = None
+        self.active = False
+
+    def require_none(self) -> None:
+        """Raise an error while a bag is being written, because a replay could not follow a change from outside.
+
+        Raises:
+            GdfeError: a bag is being written.
+        """
+        if self.active:
+            raise GdfeError("a bag is being written, and a replay could not follow; finish it first with ~/record")
+
+    def begin(self, *, state: bytes | None) -> str:
+        """Begin a bag in the directory ``bag_path`` (default: ``runs/<scene>_<time>``); return a text with its path.
+
+        If the disk is too slow, messages are dropped and counted under the wall clock. Under other clocks the steps
+        wait for the disk.
+
+        Args:
+            state: serialised state from which the first step starts; None: the initial state of the scene.
+
+        Raises:
+            RecordingError: the bag cannot be created.
+        """
+        topics = [*self._inputs.infos, *(channel.info for channel in self._outputs.channels if channel.recorded)]
+        scene, parameters = self._run.scene, self._run.parameters.as_dict()
+        waits = parameters["clock"] != ClockMode.WALL.value
+        self.recorder = Recorder(
+            _directory(scene, parameters["bag_path"]),
+            topics,
+            run=RunInfo.of(scene, node=parameters, state=state),
+            waits=waits,
+            failed=self._say_failed,
+        )
+        self._attach(self.recorder)
+        self._outputs.publish_scene(self._run.log_time)
+        text = f"recording to {self.recorder.path}"
+        self._logger.info(text)
+        return text
+
+    def finish(self) -> str:
+        """Finish the bag and return a summary; `failed` then states whether the recording ended early."""
+        self._attach(None)
+        status = self.recorder.close()
+        text = status.summary(self.recorder.path)
+        # On separate lines: rclpy binds a severity permanently to the line that logs.
+        if status.error is None:
+            self._logger.info(text)
+        else:
+            self._logger.error(text)
+        return text
+
+    @property
+    def failed(self) -> bool:
+        """Whether the recording of the bag in progress, or of the last bag, ended early because of an error."""
+        return self.recorder is not None and self.recorder.error is not None
+
+    def _say_failed(self, status: RecorderStatus) -> None:
+        """Log that the recording has failed; called in the recorder's thread. The simulation continues."""
+        self._logger.error(f"recording ended, the simulation goes on: {status.summary(self.recorder.path)}")
+
+    def _attach(self, recorder: Recorder | None) -> None:
+        self._outputs.attach(recorder)
+        self._inputs.recorder = recorder
+        self.active = recorder is not None
+
+
+def _directory(scene: Scene, path: str) -> Path:
+    return Path(path) if path else path_inside(Path("runs"), f"{scene.name}_{datetime.now():%Y%m%d_%H%M%S_%f}")

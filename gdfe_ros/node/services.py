@@ -21,7 +21,7 @@ from gdfe_ros.node.managed import ManagedNode
 from gdfe_ros.node.parameters import NodeParameters
 from gdfe_ros.node.refusals import Refused, ResultCode
 from gdfe_ros.node.session import SimulationSession
-from gdfe_ros.recording.step_record import Begin
+from gdfe_ros.recording.step import Begin
 from gdfe_ros.regular_file import read_bytes
 from gdfe_ros.simulation import Simulation
 

@@ -15,25 +15,22 @@ from rclpy.clock import JumpHandle
 from gdfe_ros.checkpoint import save_state
 from gdfe_ros.constraints import Pose
 from gdfe_ros.errors import GdfeError
-from gdfe_ros.node.bag import Bags
 from gdfe_ros.node.channel import Courier
 from gdfe_ros.node.following import leaders_of
+from gdfe_ros.node.frames import Transforms, transforms_installed
 from gdfe_ros.node.inputs import Inputs
 from gdfe_ros.node.interface.parameters import MODULUS
 from gdfe_ros.node.managed import ManagedNode
 from gdfe_ros.node.orders import Inbox
-from gdfe_ros.node.outputs import TopicOutputs
+from gdfe_ros.node.outputs import Bags, TopicOutputs
 from gdfe_ros.node.pace import ClockMode, Lateness, Pace, Solves, make_pace
 from gdfe_ros.node.parameters import Moduli, NodeParameters
 from gdfe_ros.node.refusals import RefusalLog
 from gdfe_ros.node.remodelling import with_moduli
-from gdfe_ros.node.run import Run
+from gdfe_ros.node.run import Run, Walk
 from gdfe_ros.node.stepper import SteppingThread
 from gdfe_ros.node.strays import UnmatchedTopics
-from gdfe_ros.node.transforms import Transforms, transforms_installed
-from gdfe_ros.node.walk import Walk
-from gdfe_ros.recording.step import Step, observe
-from gdfe_ros.recording.step_record import Begin
+from gdfe_ros.recording.step import Begin, Step, observe
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.simulation import Simulation
 

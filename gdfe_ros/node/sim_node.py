@@ -26,10 +26,9 @@ from gdfe_ros.node.refusals import Refusal, RefusalLog
 from gdfe_ros.node.remodelling import build_simulation, take_over
 from gdfe_ros.node.services import Services, SessionNode
 from gdfe_ros.node.session import SimulationSession
-from gdfe_ros.node.standard import StandardServices
-from gdfe_ros.node.trajectory_action import TrajectoryAction
+from gdfe_ros.node.standard import StandardServices, TrajectoryAction
 from gdfe_ros.node.worlds import Worlds
-from gdfe_ros.recording.step_record import Begin
+from gdfe_ros.recording.step import Begin
 from gdfe_ros.scene.loader import load_scene
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.simulation import Simulation

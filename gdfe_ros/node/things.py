@@ -16,9 +16,8 @@ from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.errors import ArmError, SceneError
 from gdfe_ros.mesh.mesh import MeshPart
 from gdfe_ros.node.command_messages import require_pose
-from gdfe_ros.node.frames import Frames
+from gdfe_ros.node.frames import Frames, Placement
 from gdfe_ros.node.refusals import Refusal, Refused, ResultCode
-from gdfe_ros.node.transforms import Placement
 from gdfe_ros.node.worlds import SPAWNED, path_of
 from gdfe_ros.regular_file import read_text
 from gdfe_ros.scene.entity import LARGEST, Entity, read_entity

@@ -23,7 +23,7 @@ from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.interface.topics import DIAGNOSTICS, PROCESS, STEP_RECORD
 from gdfe_ros.node.process import LoneNode
 from gdfe_ros.node.strays import namesakes
-from gdfe_ros.recording.step_record import StepRecord
+from gdfe_ros.recording.step import StepRecord
 from gdfe_ros.testing.process import NodeProcess
 
 _LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)

@@ -20,7 +20,7 @@ from gdfe_ros.node.interface import topics
 from gdfe_ros.node.interface.topics import pose_and_wrench
 from gdfe_ros.node.messages import to_time
 from gdfe_ros.recording.published import IMU, POSE, WRENCH
-from gdfe_ros.recording.step_record import StepRecord
+from gdfe_ros.recording.step import StepRecord
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.solver.motion.imu import ImuReading
 

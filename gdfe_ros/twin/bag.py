@@ -20,7 +20,7 @@ from gdfe_ros.recording.packing import Packer, pack_text
 from gdfe_ros.recording.published import PLACE
 from gdfe_ros.recording.step import Step, to_nanoseconds
 from gdfe_ros.scene.scene import Scene
-from gdfe_ros.twin.comparison import Deviation
+from gdfe_ros.twin.estimator import Deviation
 
 _MODULI = "moduli"
 

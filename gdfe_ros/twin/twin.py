@@ -23,8 +23,7 @@ from gdfe_ros.node.remodelling import moduli_of
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.simulation import Simulation
 from gdfe_ros.spelling import did_you_mean
-from gdfe_ros.twin.comparison import LATEST, Deviation, ProbeComparison, Sample
-from gdfe_ros.twin.estimator import ModulusEstimator
+from gdfe_ros.twin.estimator import LATEST, Deviation, ModulusEstimator, ProbeComparison, Sample
 
 if TYPE_CHECKING:
     from gdfe_ros.twin.bag import TwinBag

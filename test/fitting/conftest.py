@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from gdfe_ros.live.bag import LiveBag
-from gdfe_ros.recording.step import Step, observe
-from gdfe_ros.recording.step_record import Begin, StepRecord
+from gdfe_ros.recording.step import Begin, Step, StepRecord, observe
 from gdfe_ros.scene import scene_from_text
 from gdfe_ros.simulation import Command, Simulation
 

@@ -19,7 +19,7 @@ from gdfe_ros.cli import main
 from gdfe_ros.constraints import Pose
 from gdfe_ros.errors import RecordingError
 from gdfe_ros.node.messages import pose_stamped
-from gdfe_ros.recording.step_record import Begin
+from gdfe_ros.recording.step import Begin
 from gdfe_ros.simulation import Command
 from gdfe_ros.testing import NodeProcess, Simulator
 from gdfe_ros.testing.client import PATIENCE, NodeConnection

@@ -17,15 +17,14 @@ from gdfe_ros.constraints import Pose
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.live.interface import Ability, ShownRun, View
 from gdfe_ros.live.remote.commander import Commander, Player
-from gdfe_ros.live.remote.search import NodeReport, Waiting, absence, full_name
-from gdfe_ros.live.remote.steps import Steps, view_of
+from gdfe_ros.live.remote.steps import NodeReport, Steps, Waiting, absence, full_name, view_of
 from gdfe_ros.node.command_messages import EFFORTS
 from gdfe_ros.node.interface import topics
 from gdfe_ros.node.orders import ActuatorOrder, Order
 from gdfe_ros.node.process import LoneNode
 from gdfe_ros.node.remodelling import moduli_of, source_with
 from gdfe_ros.node.ros_types import qos_profile
-from gdfe_ros.recording.step_record import Begin, StepRecord
+from gdfe_ros.recording.step import Begin, StepRecord
 from gdfe_ros.scene.arms import joint_starts
 from gdfe_ros.scene.loader import scene_from_text
 from gdfe_ros.scene.scene import Scene

@@ -221,7 +221,7 @@ STEP_RECORD = TopicSpec(
     name="~/step_record",
     type="std_msgs/msg/String",
     meaning="JSON: the commands that the step used and its outcome; everything that a replay needs "
-    "(gdfe_ros.recording.step_record)",
+    "(gdfe_ros.recording.step)",
 )
 MARKERS = TopicSpec(
     name="~/markers",
