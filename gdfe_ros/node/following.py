@@ -15,6 +15,7 @@ from gdfe_ros.node.command_messages import placed_order, require_pose
 from gdfe_ros.node.frames import Frames, Placement
 from gdfe_ros.node.orders import PoseOrder
 from gdfe_ros.node.refusals import Reason, Refusal
+from gdfe_ros.node.run import Run
 from gdfe_ros.scene.scene import Scene
 
 
@@ -92,22 +93,12 @@ class Followers:
 
     Args:
         leaders: leaders that are frames.
-        size: size of the body [m].
-        frames: frames of the body, with the transforms from /tf.
+        run: the run whose handles follow.
         put: function that receives the key of an input and its order.
-        refuse: function that receives the key of an input and the refusal of its order.
     """
 
-    def __init__(
-        self,
-        leaders: Iterable[Leader],
-        size: float,
-        frames: Frames,
-        put: Callable[[str, PoseOrder], None],
-        refuse: Callable[[str, Refusal], None],
-    ) -> None:
-        self._leaders, self._size, self._frames = list(leaders), size, frames
-        self._put, self._refuse = put, refuse
+    def __init__(self, leaders: Iterable[Leader], run: Run, put: Callable[[str, PoseOrder], None]) -> None:
+        self._leaders, self._run, self._put = list(leaders), run, put
         self._last: dict[str, PoseOrder] = {}
 
     def look(self, *, anew: bool = False) -> None:
@@ -118,13 +109,14 @@ class Followers:
         if anew:
             self._last.clear()
         for leader in self._leaders:
-            place: Placement | None = self._frames.place(leader.frame)
+            frames, size = self._run.frames, self._run.scene.mesh.size
+            place: Placement | None = frames.place(leader.frame)
             if place is None:
                 continue
             try:
-                order = placed_order(leader.handle, place, size=self._size, frames=self._frames)
+                order = placed_order(leader.handle, place, size=size, frames=frames)
                 if order != self._last.get(leader.key):
                     self._put(leader.key, order)
                     self._last[leader.key] = order
             except Refusal as refusal:
-                self._refuse(leader.key, refusal)
+                self._run.refusals.refuse(leader.key, refusal)

@@ -23,9 +23,10 @@ from gdfe_ros.node.interface import TopicSpec, topics
 from gdfe_ros.node.managed import ManagedNode
 from gdfe_ros.node.refusals import Freshness, Reason, Refusal, require_place, require_small
 from gdfe_ros.node.ros_types import installed, interface_class, qos_profile
+from gdfe_ros.recording.published import material_pose
+from gdfe_ros.recording.step import Step
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.soft_places import fit_rigidly
-from gdfe_ros.solver.motion.imu import ImuReading
 
 
 @dataclass(frozen=True, eq=False)
@@ -291,28 +292,14 @@ class Frames:
         vertices = self._scene.mesh.vertices
         return {self.rest(handle.name): Placement(handle.centre(vertices)) for handle in self._framed}
 
-    def places(
-        self,
-        poses: Mapping[str, Pose],
-        probes: Mapping[str, Pose],
-        units: Mapping[str, ImuReading],
-        positions: NDArray[np.float64],
-        links: Mapping[str, LinkFrame],
-    ) -> list[Placement]:
-        """Return the placements of the moving frames in their ``parents``, in the order of ``moving``.
-
-        Args:
-            poses: poses of handles and obstacles, relative to rest.
-            probes: poses of the material points.
-            units: readings of the inertial measurement units at the material points; empty without dynamics.
-            positions: positions of the vertices (n, 3) [m].
-            links: frames of the links of arms.
-        """
-        found = []
+    def places(self, step: Step) -> list[Placement]:
+        """Return the placements of the moving frames in their ``parents`` after a step, in the order of ``moving``."""
+        found, rest, positions, units = [], self._scene.mesh.vertices, step.result.positions, step.imus()
         for handle in self._framed:
-            place = self._moved(handle, poses[handle.name])
+            place = self._moved(handle, step.poses[handle.name])
             found += [Placement(place.origin), place]
-        points = [(np.array(probes[name].translation), name) for name in self._scene.probes]
+        probes = {name: material_pose(point, rest, positions) for name, point in self._scene.probes.items()}
+        points = [(np.array(pose.translation), name) for name, pose in probes.items()]
         found += [Placement(origin, Rotation.from_rotvec(probes[name].rotation)) for origin, name in points]
         found += [Placement(origin, units[name].orientation) for origin, name in points if name in units]
         found += [Placement(sensor.centre(positions)) for sensor in self._scene.sensors.values()]
@@ -320,7 +307,7 @@ class Frames:
             vertices = slice(part.first_vertex, part.first_vertex + part.mesh.n_vertices)
             origin, axes = fit_rigidly(part.mesh.vertices, positions[vertices])
             found.append(Placement(origin, Rotation.from_matrix(axes)))
-        return found + self._joined(links)
+        return found + self._joined(step.links)
 
     def _joined(self, links: Mapping[str, LinkFrame]) -> list[Placement]:
         """Return the placements of links in their parents."""

@@ -20,6 +20,7 @@ from gdfe_ros.actuators import Mode
 from gdfe_ros.node.command_messages import ActuatorOrders, pose_order, put_order, twist_order
 from gdfe_ros.node.following import Followers, Leader, followed_order, refuse_followed
 from gdfe_ros.node.interface import TopicSpec, topics
+from gdfe_ros.node.interface.topics import put_key
 from gdfe_ros.node.orders import ActuatorOrder, Inbox, Order, TrajectoryOrder
 from gdfe_ros.node.refusals import Freshness, Reason, Refusal, require_small
 from gdfe_ros.node.ros_types import interface_class, qos_profile
@@ -141,18 +142,18 @@ class Input:
     """One command topic.
 
     Attributes:
-        key: name of the input in ``command_set`` and in bags, e.g. ``handles/tip/target``.
-        topic: name of the topic.
         spec: description of the topic.
         check: function that returns the order of a message, or raises ``Refusal``.
+        key: name of the input in ``command_set`` and in bags, e.g. ``handles/tip/target``.
         stamped: whether the header's stamp is the time of the command.
+        leader: name of the topic of a handle's leader; empty: ``~/`` and the key.
     """
 
-    key: str
-    topic: str
     spec: TopicSpec
     check: Callable[[Any], Order]
-    stamped: bool
+    key: str
+    stamped: bool = True
+    leader: str = ""
 
 
 class Inputs:
@@ -179,7 +180,7 @@ class Inputs:
         self._inputs = {item.key: item for item in _inputs(run, leaders)}
         self._subscriptions = {key: self._subscribe(item) for key, item in self._inputs.items()}
         led = [leader for leader in leaders.values() if leader.frame]
-        self.followers = Followers(led, run.scene.mesh.size, run.frames, self._put, run.refusals.refuse)
+        self.followers = Followers(led, run, self._put)
         self._heard: set[str] = set()
 
     @property
@@ -274,7 +275,7 @@ class Inputs:
             self._run.node.destroy_subscription(subscription)
 
     def _subscribe(self, item: Input) -> Any:
-        topic = self._run.node.resolve_topic_name(item.topic)
+        topic = self._run.node.resolve_topic_name(item.leader or f"~/{item.key}")
         kind = interface_class(item.spec.type)
         receive = partial(self._receive, item, topic, kind)
         node = self._run.node
@@ -345,40 +346,35 @@ def _handle_inputs(run: Run, leaders: Mapping[str, Leader]) -> Iterator[Input]:
     # First: in lockstep, a teleport that arrives before the command set is complete belongs to the same step.
     for handle in scene.handles:
         if spec := topics.MOVED[handle.section].put:
-            topic = spec.name.format(**{handle.noun: handle.name})
-            take = partial(put_order, handle=handle, size=size, frames=frames)
-            yield Input(topic.removeprefix("~/"), topic, spec, take, stamped=True)
+            yield Input(spec, partial(put_order, handle=handle, size=size, frames=frames), put_key(handle))
     for handle in scene.handles:
         leader, moved = leaders.get(handle.name), topics.MOVED[handle.section]
         if moved.target is None:
             continue
         for spec, check in ((moved.target, pose_order), (moved.velocity, twist_order)):
-            topic = spec.name.format(**{handle.noun: handle.name})
             take = partial(check, handle=handle, size=size, frames=frames)
             if leader is not None:
                 take = partial(refuse_followed, leader=leader)
-            yield Input(topic.removeprefix("~/"), topic, spec, take, stamped=True)
+            yield Input(spec, take, spec.key(**{handle.noun: handle.name}))
         if leader is not None and leader.topic:
             take = partial(followed_order, leader=leader, size=size, frames=frames)
-            yield Input(leader.key, leader.topic, topics.FOLLOWED, take, stamped=True)
+            yield Input(topics.FOLLOWED, take, leader.key, leader=leader.topic)
 
 
 def _actuator_inputs(run: Run, orders: ActuatorOrders) -> Iterator[Input]:
     """Yield the inputs that command actuators, loads and joints."""
     scene = run.scene
     if any(arm.joints for arm in scene.arms):
-        spec = topics.JOINT_COMMAND
-        yield Input("joint_command", spec.name, spec, orders.from_joint_state, stamped=True)
-    yield Input("actuation", topics.ACTUATION.name, topics.ACTUATION, orders.from_joint_state, stamped=True)
+        yield Input(topics.JOINT_COMMAND, orders.from_joint_state, topics.JOINT_COMMAND.key())
+    yield Input(topics.ACTUATION, orders.from_joint_state, topics.ACTUATION.key())
     if scene.actuators:
-        spec = topics.ACTUATOR_COMMANDS
-        yield Input("commands", spec.name, spec, orders.from_array, stamped=False)
+        yield Input(topics.ACTUATOR_COMMANDS, orders.from_array, topics.ACTUATOR_COMMANDS.key(), stamped=False)
     if any(actuator.mode is Mode.GRIP for actuator in scene.actuators):
         for spec, holds in ((topics.ATTACH, 1.0), (topics.RELEASE, 0.0)):
             take = partial(orders.from_grip, holds=holds, present=lambda: run.simulation.commands)
-            yield Input(spec.key(), spec.name, spec, take, stamped=False)
+            yield Input(spec, take, spec.key(), stamped=False)
 
     def follow(message: Any) -> Order:
         return orders.from_trajectory(message, now=run.simulation_time(run.now()), convert=run.simulation_time)
 
-    yield Input(_TRAJECTORY, topics.TRAJECTORY.name, topics.TRAJECTORY, follow, stamped=False)
+    yield Input(topics.TRAJECTORY, follow, _TRAJECTORY, stamped=False)

@@ -25,7 +25,6 @@ from gdfe_ros.node.pace import ClockMode
 from gdfe_ros.node.run import Run
 from gdfe_ros.recording.packing import pack_text, packers
 from gdfe_ros.recording.provenance import RunInfo
-from gdfe_ros.recording.published import material_pose
 from gdfe_ros.recording.recorder import Recorder, RecorderStatus
 from gdfe_ros.recording.step import Step, to_nanoseconds
 from gdfe_ros.regular_file import path_inside
@@ -147,8 +146,11 @@ class TopicOutputs:
             yield Output(channel(specs.get(key, topics.HANDLE_SENSOR), key=key), pack)
         if self._publishes_tf:
             packer = TransformPacker(self._frames.moving, self._frames.parents)
-            pack = partial(self._pack_transforms, packer)
-            yield Output(channel(topics.TF, own=1), pack)
+
+            def pack_transforms(step: Step) -> bytes:
+                return packer.pack(step.record.stamp, self._frames.places(step))
+
+            yield Output(channel(topics.TF, own=1), pack_transforms)
 
         def period() -> float:
             return 1.0 / parameters["marker_rate"]
@@ -157,13 +159,6 @@ class TopicOutputs:
             pack = partial(self._pack_contacts, ContactMarkers(scene))
             yield Output(channel(topics.CONTACT_MARKERS), pack, period=period)
         yield Output(channel(topics.MARKERS), self._pack_surface, period=period)
-
-    def _pack_transforms(self, packer: TransformPacker, step: Step) -> bytes:
-        """Return the message with the frames of handles, obstacles, probes and links."""
-        rest, positions = self._scene.mesh.vertices, step.result.positions
-        probes = {name: material_pose(point, rest, positions) for name, point in self._scene.probes.items()}
-        places = self._frames.places(step.poses, probes, step.imus(), positions, step.links)
-        return packer.pack(step.record.stamp, places)
 
     def _pack_contacts(self, markers: ContactMarkers, step: Step) -> Any:
         head = messages.header(step.record.stamp, self._frame_id)
