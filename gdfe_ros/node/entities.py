@@ -4,25 +4,20 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
-import numpy as np
-from scipy.spatial.transform import Rotation
-
-from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.frames import Placement
 from gdfe_ros.node.interface import services
 from gdfe_ros.node.orders import require_near
-from gdfe_ros.node.refusals import Refusal, Refused, ResultCode, answer
+from gdfe_ros.node.refusals import Refused, ResultCode, answer
 from gdfe_ros.node.remodelling import build_simulation
 from gdfe_ros.node.services import SessionNode
-from gdfe_ros.node.session import SimulationSession
-from gdfe_ros.node.things import EntityRequest, Thing, placement_of, things_of
+from gdfe_ros.node.things import EntityRequest, Thing, placement_of, rest_place, things_of
 from gdfe_ros.scene.entity import with_body, without_bodies
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.scene.soft_bodies import parts_of
@@ -112,13 +107,13 @@ class Entities:
         """Add the body of a request.
 
         Raises:
-            Refused: the request has a defect that shows at once.
+            Refused, Refusal: the request has a defect that shows at once.
         """
         session, wanted = self._node.configured(), EntityRequest(request)
         if session.scene.dynamics is None:
             raise Refused(ResultCode.FAILED, f"scene {session.scene.name!r} has no `dynamics`, which free bodies need")
         outer = placement_of(wanted.pose, session.run.frames)
-        require_place_near(outer.origin, session)
+        require_near(tuple(outer.origin), session.scene.mesh.size)
         name = remark = ""
 
         def add(scene: Scene) -> Scene:
@@ -169,23 +164,6 @@ class Entities:
 
         work.add_done_callback(conclude)
         return work
-
-
-def require_place_near(place: Iterable[float], session: SimulationSession) -> None:
-    """Check that a place [m] is near the body.
-
-    Raises:
-        Refused: it is too far.
-    """
-    try:
-        require_near(tuple(place), session.scene.mesh.size)
-    except Refusal as refusal:
-        raise Refused(ResultCode.INVALID_POSE, str(refusal)) from refusal
-
-
-def rest_place(body: RigidBody) -> Placement:
-    """Return the initial placement of a rigid body's frame."""
-    return Placement(np.array(body.origin), Rotation.from_rotvec(body.turn))
 
 
 def _inner(scene: Scene, name: str, outer: Placement) -> Placement:

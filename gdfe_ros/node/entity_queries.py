@@ -14,15 +14,16 @@ from geometry_msgs.msg import Vector3
 from gdfe_ros.constraints import Pose
 from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.constraints.rigid_body import RigidBody
-from gdfe_ros.node.entities import Entities, require_place_near, rest_place
+from gdfe_ros.node.entities import Entities
 from gdfe_ros.node.frames import Placement
 from gdfe_ros.node.interface import services
 from gdfe_ros.node.messages import by_axis, header, pose_message
+from gdfe_ros.node.orders import require_near
 from gdfe_ros.node.refusals import Refused, ResultCode
 from gdfe_ros.node.ros_types import interface_class
 from gdfe_ros.node.services import SessionNode
 from gdfe_ros.node.session import SimulationSession
-from gdfe_ros.node.things import BOX, EMPTY, OBJECT, SPHERE, Thing, placement_of, within
+from gdfe_ros.node.things import BOX, EMPTY, OBJECT, SPHERE, Thing, placement_of, rest_place, within
 from gdfe_ros.scene.scene import Scene
 
 _REPEATED_GROUP = re.compile(r"(?<!\\)\)[*+{]")
@@ -111,7 +112,7 @@ class EntityQueries:
             return None
         outer = placement_of(request.state, session.run.frames)
         pose = _from_rest(thing, outer @ thing.inner)
-        require_place_near(pose.translation, session)
+        require_near(pose.translation, session.scene.mesh.size)
 
         def put() -> None:
             session.simulation.put({thing.name: pose})  # raises an error if the place is not free

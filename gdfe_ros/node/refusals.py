@@ -253,15 +253,17 @@ def succeed(response: Any, text: str | None = None) -> Any:
 
 
 def fail(response: Any, error: BaseException) -> Any:
-    """Return the response with the text of an error, if it has a place for it, and with the code of a `Refused`.
+    """Return the response with the text of an error, if it has a place for it, and with its code.
 
-    The text may contain parts of the request. A null character in it would end it.
+    A `Refused` has a code; a `Refusal` of a pose, which is checked as in commands, has `ResultCode.INVALID_POSE`. The
+    text may contain parts of the request. A null character in it would end it.
     """
     text = str(error) if isinstance(error, GdfeError) else repr(error)  # a KeyError's text is only its key
     if hasattr(response, "message"):
         response.success, response.message = False, text
     elif hasattr(getattr(response, "result", None), "error_message"):
-        response.result.result = int(error.code if isinstance(error, Refused) else ResultCode.FAILED)
+        given = ResultCode.INVALID_POSE if isinstance(error, Refusal) else ResultCode.FAILED
+        response.result.result = int(getattr(error, "code", given))
         response.result.error_message = plain_lines(without_middle(text, _LONGEST_REASON))
     return response
 
