@@ -9,11 +9,12 @@ from pathlib import Path
 
 from gdfe_ros.actuators import Mode
 from gdfe_ros.analysis.sweep import Archive, Case, grid_cases, read_axes, read_list, run_cases
-from gdfe_ros.commands.options import add_overrides, add_workers, open_client, read_overrides
+from gdfe_ros.commands.options import add_overrides, add_workers, open_client
 from gdfe_ros.commands.waiting import progress_bar, waiting
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.regular_file import path_inside
 from gdfe_ros.scene import load_scene
+from gdfe_ros.scene.override import read_overrides
 from gdfe_ros.terminal import PlainConsole, make_table
 from gdfe_ros.workers import connect
 

@@ -22,7 +22,7 @@ from gdfe_ros.node.drive import Settings
 from gdfe_ros.node.interface import TopicSpec, topics
 from gdfe_ros.node.managed import ManagedNode
 from gdfe_ros.node.refusals import Freshness, Reason, Refusal, require_place, require_small
-from gdfe_ros.node.ros_types import installed, interface_class, qos_profile
+from gdfe_ros.node.ros_types import interface_class, qos_profile
 from gdfe_ros.recording.published import material_pose
 from gdfe_ros.recording.step import Step
 from gdfe_ros.scene.scene import Scene
@@ -193,11 +193,6 @@ def _chain_up(frame: str, parents: Mapping[str, tuple[str, Placement]]) -> dict[
         chain[parent] = placement @ chain[frame]
         frame = parent
     return chain
-
-
-def transforms_installed() -> bool:
-    """Return whether the messages of /tf are installed."""
-    return installed(topics.TF.type)
 
 
 class Frames:

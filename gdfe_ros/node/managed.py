@@ -25,7 +25,7 @@ from rclpy.timer import Timer
 
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.interface import ServiceSpec
-from gdfe_ros.node.plain_log import PlainLog, Throttle, log_throttle
+from gdfe_ros.node.plain_log import PlainLog, Throttle
 from gdfe_ros.node.refusals import answer, answer_after, fail
 from gdfe_ros.node.ros_types import LARGEST, available, bounded_service, interface_class, unread_size
 
@@ -51,6 +51,8 @@ _MOST_ENTRIES = 10_000
 """Largest number of entries in a list of a request; rclpy's answer for 500000 names of parameters takes 15 s."""
 _TRIM = getattr(ctypes.CDLL(None), "malloc_trim", None)
 """Function of glibc that returns free memory to the system; None with another C library, which has no such pools."""
+_BURST = 100
+"""Largest number of entries of the log of the same severity in five seconds."""
 _PRIMARY = ("unconfigured", "inactive", "active")
 
 
@@ -96,7 +98,7 @@ class ManagedNode(EventlessNode, LifecycleNode):
         self._preparation: threading.Thread | None = None
         self.prepared: Any = None
         self._destroyed = False
-        self._turns, self._log_throttle = 0, log_throttle()
+        self._turns, self._log_throttle = 0, Throttle(_BURST, what="entries left out")
         self._destroyed_last: deque[tuple[int, Subscription | Timer]] = deque()
         self.faults = Faults(lambda text: self.get_logger().error(text))
         super().__init__(name, **options)

@@ -114,15 +114,6 @@ def require_finite(**vectors: tuple[float, ...]) -> None:
         raise Refusal(Reason.NOT_FINITE, f"{given} must be finite numbers")
 
 
-def require_unit(slack: float, **quaternion: tuple[float, float, float, float]) -> None:
-    """Raise a `Refusal` that shows the named quaternion (x, y, z, w) if its length is not 1 within ``slack``."""
-    ((name, value),) = quaternion.items()
-    length = math.hypot(*value)
-    if abs(length - 1.0) > slack:
-        text = f"{name} (x, y, z, w) {value} has length {length:.6g}; allowed: 1 +- {slack:g}"
-        raise Refusal(Reason.NOT_UNIT, text)
-
-
 def require_place(
     origin: Any, turn: Any, slack: float, names: tuple[str, str] = ("position", "orientation")
 ) -> tuple[tuple[float, float, float], tuple[float, float, float, float]]:
@@ -139,7 +130,10 @@ def require_place(
     """
     given = (origin.x, origin.y, origin.z), (turn.x, turn.y, turn.z, turn.w)
     require_finite(**dict(zip(names, given, strict=True)))
-    require_unit(slack, **{names[1]: given[1]})
+    length = math.hypot(*given[1])
+    if abs(length - 1.0) > slack:
+        text = f"{names[1]} (x, y, z, w) {given[1]} has length {length:.6g}; allowed: 1 +- {slack:g}"
+        raise Refusal(Reason.NOT_UNIT, text)
     return given
 
 

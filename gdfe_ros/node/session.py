@@ -17,8 +17,9 @@ from gdfe_ros.constraints import Pose
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.channel import Courier
 from gdfe_ros.node.following import leaders_of
-from gdfe_ros.node.frames import Transforms, transforms_installed
+from gdfe_ros.node.frames import Transforms
 from gdfe_ros.node.inputs import Inputs
+from gdfe_ros.node.interface import topics
 from gdfe_ros.node.interface.parameters import MODULUS
 from gdfe_ros.node.managed import ManagedNode
 from gdfe_ros.node.orders import Inbox
@@ -27,6 +28,7 @@ from gdfe_ros.node.pace import ClockMode, Lateness, Pace, Solves, make_pace
 from gdfe_ros.node.parameters import Moduli, NodeParameters
 from gdfe_ros.node.refusals import RefusalLog
 from gdfe_ros.node.remodelling import with_moduli
+from gdfe_ros.node.ros_types import installed
 from gdfe_ros.node.run import Run, Walk
 from gdfe_ros.node.stepper import SteppingThread
 from gdfe_ros.node.strays import UnmatchedTopics
@@ -80,7 +82,7 @@ class SimulationSession:
         *,
         ending: threading.Event,
     ) -> None:
-        listening = transforms_installed()
+        listening = installed(topics.TF.type)
         leaders = leaders_of(parameters.entries("follow"), simulation.scene, listening=listening)
         told = {"now": lambda: self.run.now(), "limits": parameters, "refuse": refusals.refuse}
         self._transforms = Transforms(node, lambda: self.inputs.followers.look(), **told) if listening else None

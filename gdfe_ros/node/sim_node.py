@@ -30,6 +30,7 @@ from gdfe_ros.node.standard import StandardServices, TrajectoryAction
 from gdfe_ros.node.worlds import Worlds
 from gdfe_ros.recording.step import Begin
 from gdfe_ros.scene.loader import load_scene
+from gdfe_ros.scene.override import read_overrides
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.simulation import Simulation
 
@@ -44,22 +45,12 @@ def prepare(parameters: NodeParameters, given: Mapping[str, object]) -> Simulati
     Raises:
         GdfeError: the scene or the overrides have defects; the text lists all of them.
     """
-    overrides = _overrides(parameters.entries("scene_overrides"))
+    overrides = read_overrides(parameters.entries("scene_overrides"), "parameter scene_overrides")
     scene = load_scene(parameters["scene"], overrides=overrides)
     moduli = given_moduli(given, scene)
     if moduli:
         scene = load_scene(parameters["scene"], overrides={**overrides, **moduli})
     return build_simulation(scene)
-
-
-def _overrides(entries: list[str]) -> Mapping[str, str]:
-    pairs = [entry.partition("=") for entry in entries]
-    wrong = [entry for entry, (_, equals, _) in zip(entries, pairs, strict=True) if not equals]
-    if wrong:
-        raise GdfeError(
-            f"parameter scene_overrides holds {wrong}; each entry must be key=value, e.g. solver.tolerance=1e-6"
-        )
-    return {key.strip(): value.strip() for key, _, value in pairs}
 
 
 _DIAGNOSTICS_PERIOD = 1.0
