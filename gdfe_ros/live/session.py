@@ -122,6 +122,7 @@ class LiveSession(ShownRun):
         refusals: counts of refused commands.
         last: the last step, or None.
         log_time: log time of the last step in the bag [ns].
+        playing: the program in progress, or None.
         stepper: the stepping thread.
     """
 
@@ -146,7 +147,7 @@ class LiveSession(ShownRun):
         self.last: Step | None = None
         self.log_time = 0
         self._clock, self._told, self._warn = clock, told, warn
-        self._programme: Programme | None = None
+        self.playing: Programme | None = None
         self._bag: LiveBag | None = None
         self.stepper = SteppingThread(self, deliver=self._deliver)
         self._inbox = Inbox(self.stepper.changed, queued=False)
@@ -155,11 +156,6 @@ class LiveSession(ShownRun):
     def scene(self) -> Scene:
         """The scene that is simulated."""
         return self.simulation.scene
-
-    @property
-    def playing(self) -> Programme | None:
-        """The program in progress, or None."""
-        return self._programme
 
     @property
     def recording(self) -> str | None:
@@ -195,7 +191,7 @@ class LiveSession(ShownRun):
         """Return a text about the activity and whether it is a problem; empty while idle or following commands."""
         if self.stepper.failure:
             return f"paused: {self.stepper.failure}", True
-        work, playing = self.stepper.work, self._programme
+        work, playing = self.stepper.work, self.playing
         if work is not None and monotonic() - work[1] > _LONG:
             return f"{work[0]}, since {monotonic() - work[1]:.1f} s", False
         if self.paused:
@@ -245,8 +241,8 @@ class LiveSession(ShownRun):
             Refusal: a number is not finite, or a target is too far from rest.
         """
         require_order(name, order, self.simulation.mesh.size)
-        if self._programme is not None:
-            self._programme.leave(order.values if isinstance(order, ActuatorOrder) else (name,))
+        if self.playing is not None:
+            self.playing.leave(order.values if isinstance(order, ActuatorOrder) else (name,))
         self._inbox.put(name, order)
 
     def play(self) -> None:
@@ -260,7 +256,7 @@ class LiveSession(ShownRun):
             raise GdfeError(f"scene {self.scene.name!r} has no program to play; add the key 'program'")
 
         def begin() -> None:
-            self._programme = Programme(program, self.simulation.time)
+            self.playing = Programme(program, self.simulation.time)
             self._feed(self.simulation.time)
             self.stepper.pause(False)
 
@@ -278,7 +274,7 @@ class LiveSession(ShownRun):
         """Set the simulation to its initial state at time 0, and end the program."""
 
         def back() -> None:
-            self._programme = None
+            self.playing = None
             self.stepper.reset()
 
         self.stepper.post(back, urgent=True)
@@ -332,12 +328,12 @@ class LiveSession(ShownRun):
 
     def _feed(self, time: float) -> None:
         """Queue the program's orders for the step after a simulation time [s]."""
-        if self._programme is None:
+        if self.playing is None:
             return
-        if self._programme.over(time):
-            self._programme = None
+        if self.playing.over(time):
+            self.playing = None
             return
-        self._programme.give(time + self.parameters["dt"], self._inbox.put)
+        self.playing.give(time + self.parameters["dt"], self._inbox.put)
 
     def report(self, text: str) -> None:
         """Report a failed step."""

@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from gdfe_ros.arms.dynamics import LinkFrame
 from gdfe_ros.constraints import Handle, Pose
-from gdfe_ros.constraints.obstacle import ArmLink, Obstacle
+from gdfe_ros.constraints.obstacle import ArmLink
 from gdfe_ros.node.drive import Settings
 from gdfe_ros.node.interface import TopicSpec, topics
 from gdfe_ros.node.managed import ManagedNode
@@ -208,16 +208,14 @@ class Frames:
 
     Attributes:
         frame_id: name of the node's own frame.
-        positions: function that returns the present vertices (n, 3) [m].
-        poses: function that returns the present poses of the obstacles by name, relative to rest.
+        last: function that returns the last step, or None.
     """
 
     def __init__(self, frame_id: str, scene: Scene | None = None, transforms: Transforms | None = None) -> None:
         self.frame_id, self._scene, self.transforms = frame_id, scene, transforms
         self._prefix = "/".join([*frame_id.split("/")[:-1], ""])
         self._links = {} if scene is None else self._parents_of_links(scene)
-        self.positions: Callable[[], NDArray[np.float64]] = lambda: scene.mesh.vertices
-        self.poses: Callable[[], Mapping[str, Pose]] = dict
+        self.last: Callable[[], Step | None] = lambda: None
 
     def full_name(self, name: str) -> str:
         """Return the name of one of the node's own frames, with the part that tells robots apart.
@@ -345,15 +343,12 @@ class Frames:
         return found
 
     def _own(self) -> dict[str, tuple[str, Placement]]:
-        """Return a dict from frame name to its parent and its placement there, for frames that the node computes.
-
-        A handle's frame has the rotation that best fits the handle's vertices.
-        """
-        now, poses = self.positions(), self.poses()
+        """Return a dict from frame name to its parent and its placement there, for frames that the node computes."""
+        last = self.last()
+        now, poses = (self._scene.mesh.vertices, {}) if last is None else (last.result.positions, last.poses)
         own = {name: (self.frame_id, place) for name, place in self.rests().items()}
         for handle in self._framed:
-            obstacle = isinstance(handle, Obstacle)
-            place = self._moved(handle, poses.get(handle.name, Pose())) if obstacle else self._turned(handle, now)
+            place = self._moved(handle, poses.get(handle.name, Pose()))
             own[self.full_name(f"{handle.name}_centre")] = self.frame_id, Placement(place.origin)
             own[self.full_name(handle.name)] = self.frame_id, place
         centres = {name: sensor.centre(now) for name, sensor in self._scene.sensors.items()}
@@ -365,9 +360,3 @@ class Frames:
         """Return the placement of the frame of a handle or obstacle with a pose relative to rest."""
         origin = handle.centre(self._scene.mesh.vertices) + pose.translation
         return Placement(origin, Rotation.from_rotvec(pose.rotation))
-
-    def _turned(self, handle: Handle, now: NDArray[np.float64]) -> Placement:
-        """Return the placement of a handle's frame, fitted to the body's vertices ``now`` (n, 3) [m]."""
-        rest, centre = self._scene.mesh.vertices, handle.centre(now)
-        arms = now[handle.vertices] - centre, rest[handle.vertices] - handle.centre(rest)
-        return Placement(centre, Rotation.align_vectors(*arms)[0])

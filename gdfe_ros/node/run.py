@@ -4,16 +4,13 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from concurrent.futures import Future, InvalidStateError
 from contextlib import suppress
 
-import numpy as np
-from numpy.typing import NDArray
 from rclpy.clock import JumpHandle, JumpThreshold, TimeJump
 from rclpy.duration import Duration
 
-from gdfe_ros.constraints import Pose
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.frames import Frames, Transforms
 from gdfe_ros.node.managed import ManagedNode
@@ -59,7 +56,7 @@ class Run:
         self.node, self.parameters, self.refusals, self.ending = node, parameters, refusals, ending
         self.simulation = simulation
         self.frames = Frames(parameters["frame_id"], self.scene, transforms)
-        self.frames.positions, self.frames.poses = self._positions, self._obstacles
+        self.frames.last = lambda: self.last
         self.last: Step | None = None
         self.log_time = 0
         self.pace: Pace | None = None
@@ -123,14 +120,6 @@ class Run:
             wake()
 
         return self.node.get_clock().create_jump_callback(any_jump, post_callback=set_by_another)
-
-    def _positions(self) -> NDArray[np.float64]:
-        """Return the vertices after the last step (n, 3) [m]."""
-        return self.scene.mesh.vertices if self.last is None else self.last.result.positions
-
-    def _obstacles(self) -> Mapping[str, Pose]:
-        """Return the poses of the obstacles after the last step, relative to rest."""
-        return {} if self.last is None else self.last.poses
 
 
 class Walk:

@@ -60,6 +60,7 @@ class SteppingThread:
         count: number of steps made.
         begin: kind of the state from which the next step starts.
         stepping: whether a step is being made.
+        paused: whether only ``advance`` makes steps; set by `pause`.
         work: description of the present task, and its start on a monotonic clock [s]; None without a task.
         rounds: number of rounds of iterations of the solve in progress.
         drive: makes the command of each step from the orders.
@@ -85,7 +86,7 @@ class SteppingThread:
         self._readings: deque[Callable[[], None]] = deque()
         self._retries, self._stored = 0, True
         self._rated = any(math.isfinite(actuator.rate) for actuator in run.scene.actuators)
-        self.stepping = self._stopping = self._draining = self._paused = False
+        self.stepping = self._stopping = self._draining = self.paused = False
         self._thread: threading.Thread | None = None
 
     @property
@@ -97,18 +98,13 @@ class SteppingThread:
         """Whether the thread runs."""
         return self._thread is not None
 
-    @property
-    def paused(self) -> bool:
-        """Whether only ``advance`` makes steps."""
-        return self._paused
-
     def start(self, pace: Pace, inbox: Inbox, *, paused: bool = False) -> None:
         """Start the thread: it delivers the present state at once, then makes a step whenever ``pace`` requires it.
 
         ``paused``: only ``advance`` makes steps.
         """
         self._pace, self._inbox = pace, inbox
-        self._stopping, self._paused = False, paused
+        self._stopping, self.paused = False, paused
         self.failure = ""
         self._thread = threading.Thread(target=self._work, name=STEPPER, daemon=True)
         self._thread.start()
@@ -186,7 +182,7 @@ class SteppingThread:
     def pause(self, paused: bool) -> None:
         """Pause or resume the stepping."""
         with self.changed:
-            self._paused = paused
+            self.paused = paused
             if not paused:
                 self.failure = ""
                 self._pace.restart()
@@ -267,7 +263,7 @@ class SteppingThread:
                     job = self._jobs.popleft()
                     return lambda: _carry_out(*job)
                 delay = None
-                if not self._paused:
+                if not self.paused:
                     pending = self._inbox.ready()
                     # An order makes a step due, whether the state is settled or not.
                     delay = self._pace.delay(pending=pending, settled=not pending and self._settled())
@@ -292,7 +288,7 @@ class SteppingThread:
         self.failures += 1
         self.failure = f"{what} failed: {str(error) if isinstance(error, GdfeError) else repr(error)}"
         with self.changed:
-            self._paused = True
+            self.paused = True
         self.drive.clear()
         remedy = "~/pause false goes on, ~/reset goes back to rest"
         dropped = "the commands of this step, velocities and trajectories are dropped"
