@@ -336,8 +336,7 @@ def _inputs(run: Run, leaders: Mapping[str, Leader]) -> Iterator[Input]:
     yield from _handle_inputs(run, leaders)
     scene = run.scene
     if scene.actuators or scene.loads or scene.arms:
-        joints = [joint for arm in scene.arms for joint in arm.joints]
-        yield from _actuator_inputs(run, ActuatorOrders(scene.actuators, [load.name for load in scene.loads], joints))
+        yield from _actuator_inputs(run, ActuatorOrders(scene))
 
 
 def _handle_inputs(run: Run, leaders: Mapping[str, Leader]) -> Iterator[Input]:

@@ -20,7 +20,6 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, Header, String
 
 from gdfe_ros.actuators import Mode
-from gdfe_ros.arms.carriers import Carriers
 from gdfe_ros.command import Orders
 from gdfe_ros.constraints import Pose
 from gdfe_ros.errors import CommandError, GdfeError, OverlapError
@@ -81,7 +80,7 @@ class Simulator:
         self._movable = {each.name: target_key(each) for each in self.scene.handles if is_commanded(each)}
         self._puts = {body.name: put_key(body) for body in self.scene.rigid_bodies}
         self._actuators = {actuator.name: actuator for actuator in self.scene.actuators}
-        self._orders, self._carriers = Orders(self.scene, self.scene.solver), Carriers(self.scene.arms)
+        self._orders = Orders(self.scene, self.scene.solver)
         self._patience = patience
         namespace = f"/gdfe_test_{os.getpid()}_{next(_numbers)}"
         self.name = f"{namespace}/{NODE_NAME}"
@@ -123,7 +122,7 @@ class Simulator:
             raise GdfeError("cannot step: `inputs` were given; use `spin`")
         # First the errors that a direct call would raise.
         poses, values = self._orders.targets(command, self._poses), self._orders.values(command, self._values)
-        values |= self._carriers.checked(command)
+        values |= self._orders.positions(command)
         self._orders.places(command)
         given = {**command.actuators, **command.loads, **command.joints}
         named = ((command.handles, self._movable), (given, self._values), (command.bodies, self._puts))

@@ -52,8 +52,7 @@ class Robot:
         self._twin, scene = twin, twin.session.scene
         self._warn, self._refusals = warn, RefusalLog(warn, noun="message")
         self._framed: set[str] = set()
-        joints = [joint for arm in scene.arms for joint in arm.joints]
-        self._orders = ActuatorOrders(scene.actuators, [load.name for load in scene.loads], joints)
+        self._orders = ActuatorOrders(scene)
         self._ros = LoneNode("gdfe_twin")
         self._node = self._ros.node
         try:
