@@ -22,7 +22,7 @@ from gdfe_ros.node.drive import Settings
 from gdfe_ros.node.interface import TopicSpec, topics
 from gdfe_ros.node.managed import ManagedNode
 from gdfe_ros.node.refusals import Freshness, Reason, Refusal, require_place, require_small
-from gdfe_ros.node.ros_types import interface_class, qos_profile
+from gdfe_ros.node.ros_types import interface_class, subscribe
 from gdfe_ros.recording.published import material_pose
 from gdfe_ros.recording.step import Step
 from gdfe_ros.scene.scene import Scene
@@ -96,10 +96,7 @@ class Transforms:
         self._parents: dict[str, tuple[str, Placement]] = {}
         self._lock = threading.Lock()
         self._subscriptions = [
-            node.create_subscription(
-                interface_class(spec.type), spec.name, partial(self._keep, spec), qos_profile(spec.delivery), raw=True
-            )
-            for spec in (topics.TF, topics.TF_STATIC)
+            subscribe(node, spec, partial(self._keep, spec), raw=True) for spec in (topics.TF, topics.TF_STATIC)
         ]
 
     def destroy(self) -> None:

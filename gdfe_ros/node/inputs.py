@@ -23,9 +23,9 @@ from gdfe_ros.node.interface import TopicSpec, topics
 from gdfe_ros.node.interface.topics import put_key
 from gdfe_ros.node.orders import ActuatorOrder, Inbox, Order, TrajectoryOrder
 from gdfe_ros.node.refusals import Freshness, Reason, Refusal, require_small
-from gdfe_ros.node.ros_types import interface_class, qos_profile
+from gdfe_ros.node.ros_types import interface_class, subscribe, topic_info
 from gdfe_ros.node.run import Run
-from gdfe_ros.recording.bag_info import Qos, TopicInfo
+from gdfe_ros.recording.bag_info import TopicInfo
 from gdfe_ros.recording.recorder import Recorder
 from gdfe_ros.recording.step import Step
 
@@ -213,15 +213,7 @@ class Inputs:
     @property
     def infos(self) -> list[TopicInfo]:
         """Descriptions of the topics for a bag."""
-        return [
-            TopicInfo(
-                name=subscription.topic_name,
-                type=self._inputs[key].spec.type,
-                qos=Qos.from_rclpy(qos_profile(self._inputs[key].spec.delivery)),
-                role=key,
-            )
-            for key, subscription in self._subscriptions.items()
-        ]
+        return [topic_info(self._inputs[key].spec, each.topic_name, key) for key, each in self._subscriptions.items()]
 
     def trajectory(self, message: Any) -> TrajectoryOrder:
         """Check a JointTrajectory message and return its order.
@@ -276,26 +268,22 @@ class Inputs:
 
     def _subscribe(self, item: Input) -> Any:
         topic = self._run.node.resolve_topic_name(item.leader or f"~/{item.key}")
-        kind = interface_class(item.spec.type)
-        receive = partial(self._receive, item, topic, kind)
-        node = self._run.node
-        profile = qos_profile(item.spec.delivery)
-        return node.create_subscription(kind, topic, receive, profile, raw=True)
+        return subscribe(self._run.node, item.spec, partial(self._receive, item, topic), topic, raw=True)
 
-    def _receive(self, item: Input, topic: str, kind: type, data: bytes) -> None:
+    def _receive(self, item: Input, topic: str, data: bytes) -> None:
         if self.recorder is not None:
             self.recorder.record(topic, data, self._run.log_time)
         try:
-            self._take(item, topic, kind, data)
+            self._take(item, topic, data)
         except Refusal as refusal:
             self._run.refusals.refuse(topic, refusal)
         else:
             self._run.refusals.take()
 
-    def _take(self, item: Input, topic: str, kind: type, data: bytes) -> None:
+    def _take(self, item: Input, topic: str, data: bytes) -> None:
         if self.inbox is None:
             raise Refusal(Reason.INACTIVE, "the node is not active; it takes commands after `activate`")
-        message = read_message(data, kind)
+        message = read_message(data, interface_class(item.spec.type))
         order = item.check(message)
         if item.stamped:
             run, values = self._run, self._run.parameters

@@ -28,7 +28,7 @@ from gdfe_ros.node.interface.services import COMPUTE_JACOBIAN, RESET_COMMANDS, S
 from gdfe_ros.node.interface.topics import JACOBIAN, REFUSED, is_commanded, put_key, state_topics, target_key
 from gdfe_ros.node.messages import actuation, pose_stamped
 from gdfe_ros.node.refusals import Reason
-from gdfe_ros.node.ros_types import interface_class, qos_profile
+from gdfe_ros.node.ros_types import interface_class, subscribe
 from gdfe_ros.recording.step import Begin
 from gdfe_ros.scene.arms import joint_starts
 from gdfe_ros.scene.loader import load_scene
@@ -265,8 +265,7 @@ class Simulator:
         self._node.create_subscription(Float64MultiArray, topic, self._jacobians.append, 10)
         self._refusals: list[str] = []
         self._overlaps: list[str] = []
-        profile = qos_profile(REFUSED.delivery)
-        self._node.create_subscription(String, REFUSED.name.replace("~", self.name), self._hear, profile)
+        subscribe(self._node, REFUSED, self._hear, REFUSED.name.replace("~", self.name))
         self._client.meet()
 
     def _hear(self, message: String) -> None:
