@@ -242,7 +242,7 @@ class LiveSession(ShownRun):
         """
         require_order(name, order, self.simulation.mesh.size)
         if self.playing is not None:
-            self.playing.leave(order.values if isinstance(order, ActuatorOrder) else (name,))
+            self.playing.leave(order.names)
         self._inbox.put(name, order)
 
     def play(self) -> None:

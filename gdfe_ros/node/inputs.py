@@ -21,7 +21,7 @@ from gdfe_ros.node.command_messages import ActuatorOrders, pose_order, put_order
 from gdfe_ros.node.following import Followers, Leader, followed_order, refuse_followed
 from gdfe_ros.node.interface import TopicSpec, topics
 from gdfe_ros.node.interface.topics import put_key
-from gdfe_ros.node.orders import ActuatorOrder, Inbox, Order, TrajectoryOrder
+from gdfe_ros.node.orders import Inbox, Order, TrajectoryOrder
 from gdfe_ros.node.refusals import Freshness, Reason, Refusal, require_small
 from gdfe_ros.node.ros_types import interface_class, subscribe, topic_info
 from gdfe_ros.node.run import Run
@@ -96,8 +96,7 @@ class Pursuit:
 
     def displace(self, later: Order) -> None:
         """End the trajectory if a later order commands one of its names."""
-        names = later.values if isinstance(later, ActuatorOrder) else getattr(later, "names", ())
-        if taken := sorted(set(names) & set(self.order.names)):
+        if taken := sorted(set(later.names) & set(self.order.names)):
             self.end(Code.INVALID_GOAL, f"a later command of {', '.join(taken)} took its place")
 
     def look(self, time: float, present: Mapping[str, float]) -> None:
@@ -287,9 +286,8 @@ class Inputs:
         order = item.check(message)
         if item.stamped:
             run, values = self._run, self._run.parameters
-            names = order.values if isinstance(order, ActuatorOrder) else ("",)
             self.freshness.check(
-                [f"{topic} {name}" for name in names],
+                [f"{topic} {name}" for name in order.names],
                 message.header.stamp,
                 now=run.now(),
                 max_age=values["command_max_age"],

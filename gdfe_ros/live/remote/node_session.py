@@ -20,7 +20,7 @@ from gdfe_ros.live.remote.commander import Commander, Player
 from gdfe_ros.live.remote.steps import NodeReport, Steps, Waiting, absence, full_name, view_of
 from gdfe_ros.node.command_messages import EFFORTS
 from gdfe_ros.node.interface import topics
-from gdfe_ros.node.orders import ActuatorOrder, Order
+from gdfe_ros.node.orders import Order
 from gdfe_ros.node.process import LoneNode
 from gdfe_ros.node.remodelling import moduli_of, source_with
 from gdfe_ros.node.ros_types import subscribe
@@ -175,7 +175,7 @@ class NodeSession(ShownRun):
             GdfeError: a number is not finite, or a target is too far from rest.
         """
         self._commander.require(name, order)
-        self._player.leave(order.values if isinstance(order, ActuatorOrder) else (name,))
+        self._player.leave(order.names)
         self._commander.send(name, order)
 
     def ask(self, ability: Ability) -> Future[str] | None:
