@@ -249,7 +249,8 @@ def require_movable(handle: Handle) -> None:
         text = f"{what} moves freely and follows no target; remedy: teleport it, or make it an obstacle"
     elif handle.fixed:
         entry = f"{handle.section}.{handle.name}.fixed=false"
-        text = f"{what} is fixed in the scene and takes no commands; remedy: put {entry} into its overrides"
+        remedy = f"put {entry} into scene_overrides of a node, or into overrides of load_scene"
+        text = f"{what} is fixed in the scene and takes no commands; remedy: {remedy}"
     else:
         return
     raise CommandError(text)
