@@ -6,9 +6,9 @@ from __future__ import annotations
 import argparse
 import time
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from gdfe_ros.actuators import Mode
-from gdfe_ros.analysis.sweep import Archive, Case, grid_cases, read_axes, read_list, run_cases
 from gdfe_ros.commands.options import add_overrides, add_workers, open_client
 from gdfe_ros.commands.waiting import progress_bar, waiting
 from gdfe_ros.errors import GdfeError
@@ -17,6 +17,9 @@ from gdfe_ros.scene import load_scene
 from gdfe_ros.scene.override import read_overrides
 from gdfe_ros.terminal import PlainConsole, make_table
 from gdfe_ros.workers import connect
+
+if TYPE_CHECKING:
+    from gdfe_ros.analysis.sweep import Archive, Case
 
 FAILED = 1
 _SHOWN = 10
@@ -49,7 +52,7 @@ def add_sweep(parser: argparse.ArgumentParser) -> None:
 def sweep(arguments: argparse.Namespace) -> int:
     """Run all cases and write the results; return 0, or 1 if a case failed or did not converge."""
     from gdfe_ros.analysis.export import write_parquet
-    from gdfe_ros.analysis.sweep import draw_results, flat_row
+    from gdfe_ros.analysis.sweep import Archive, draw_results, flat_row
 
     with waiting(f"loading {arguments.scene}"):
         scene = load_scene(arguments.scene)
@@ -75,6 +78,8 @@ def sweep(arguments: argparse.Namespace) -> int:
 
 
 def _cases(arguments: argparse.Namespace) -> list[Case]:
+    from gdfe_ros.analysis.sweep import grid_cases, read_axes, read_list
+
     if not arguments.grid and not arguments.list:
         raise GdfeError("nothing to vary: give --grid KEY=VALUES or --list FILE")
     rows = read_list(arguments.list) if arguments.list else [{}]
@@ -83,6 +88,8 @@ def _cases(arguments: argparse.Namespace) -> list[Case]:
 
 def _complete(arguments: argparse.Namespace, scene: str, cases: list[Case], archive: Archive) -> None:
     """Run the cases that have no result in the archive and, with ``--retry``, the failed cases; store the results."""
+    from gdfe_ros.analysis.sweep import run_cases
+
     left = [case for case in cases if _is_left(archive, case, retry=arguments.retry)]
     if len(left) < len(cases):
         PlainConsole(stderr=True).print(f"{len(cases) - len(left)} of {len(cases)} cases are done already")

@@ -13,18 +13,20 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 from functools import cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from gdfe_ros.actuators import ActuatorState
-from gdfe_ros.arms.carriers import JointReading
-from gdfe_ros.arms.dynamics import LinkFrame
 from gdfe_ros.bounded_text import load_json_object
 from gdfe_ros.constraints import Pose
-from gdfe_ros.element_fields import ElementFields
 from gdfe_ros.errors import RecordingError
-from gdfe_ros.simulation import Command, Simulation
-from gdfe_ros.solver.motion.imu import ImuReading
-from gdfe_ros.solver.result import StepResult
+
+if TYPE_CHECKING:
+    from gdfe_ros.actuators import ActuatorState
+    from gdfe_ros.arms.carriers import JointReading
+    from gdfe_ros.arms.dynamics import LinkFrame
+    from gdfe_ros.element_fields import ElementFields
+    from gdfe_ros.simulation import Command, Simulation
+    from gdfe_ros.solver.motion.imu import ImuReading
+    from gdfe_ros.solver.result import StepResult
 
 FORMAT = 1
 _LARGEST = 4_000_000

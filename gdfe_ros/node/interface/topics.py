@@ -4,11 +4,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-from gdfe_ros.constraints import Handle
-from gdfe_ros.contacts import contact_names
 from gdfe_ros.node.interface import Delivery, TopicSpec
-from gdfe_ros.scene.scene import Scene
+
+if TYPE_CHECKING:
+    from gdfe_ros.constraints import Handle
+    from gdfe_ros.scene.scene import Scene
 
 
 def _command(name: str, kind: str, meaning: str) -> TopicSpec:
@@ -358,6 +360,8 @@ def pose_and_wrench(handle: Handle) -> dict[str, TopicSpec]:
 
 def state_topics(scene: Scene) -> dict[str, TopicSpec]:
     """Return a dict from key to topic of all topics with the state after a step, first the step record."""
+    from gdfe_ros.contacts import contact_names  # the terminal's commands for other nodes need no scene
+
     found = {spec.key(): spec for spec in (STEP_RECORD, MESH, STRAIN)}
     for handle in scene.handles:
         found |= pose_and_wrench(handle)
