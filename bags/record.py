@@ -17,7 +17,7 @@ from gdfe_ros.analysis.bag_run import BagRun
 from gdfe_ros.analysis.difference import Difference
 from gdfe_ros.analysis.replay import Replay
 from gdfe_ros.scene import load_scene
-from gdfe_ros.testing.player import play_program
+from gdfe_ros.testing.node_replay import play_program
 
 HERE = Path(__file__).resolve().parent
 TOLERANCE = 1e-8

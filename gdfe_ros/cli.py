@@ -45,6 +45,7 @@ _HOMES = {
     **dict.fromkeys(("topics", "nodes", "params", "lifecycle", "hz", "pub", "echo", "call"), "graph"),
     **dict.fromkeys(("export", "recover", "report"), "bags"),
     "compare": "replay",
+    "workspace": "sweep",
 }
 """Dict from command to its module in `commands`, if that has another name."""
 BAD_INPUT, CLOSED = 2, 141

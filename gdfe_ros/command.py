@@ -14,13 +14,14 @@ from numpy.typing import ArrayLike, NDArray
 from gdfe_ros.actuators import Actuator, Mode
 from gdfe_ros.actuators.embedding import Embedding
 from gdfe_ros.constraints import Handle, Pose
-from gdfe_ros.errors import CommandError, SceneError, require_named
+from gdfe_ros.errors import CommandError, RangeError, SceneError, require_named
 from gdfe_ros.mesh.cavities import inside_volume
 from gdfe_ros.mesh.quality import list_ids
 from gdfe_ros.real_number import is_finite, is_number, require_command
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.solver.settings import SolverSettings
 from gdfe_ros.solver.state import Snapshot
+from gdfe_ros.spelling import did_you_mean
 
 FARTHEST = 1000.0
 """Limits of a commanded pose: largest translation [body lengths] and largest rotation [revolutions]."""
@@ -60,6 +61,7 @@ class Orders:
 
     Attributes:
         text: scene file, policy and torsion, which together determine the equilibria.
+        actuators, loads, joints: dict from name to actuator, load, or joint of an arm, in the scene's order.
 
     Raises:
         SceneError: a keyframe of the program is farther than `FARTHEST`.
@@ -69,8 +71,9 @@ class Orders:
         self._scene, self._own = scene, f" in scene {scene.name!r}"
         self.text = f"{scene.source}\npolicy {settings.policy.value}, torsion {settings.torsion.value}"
         self._handles = {handle.name: handle for handle in scene.handles}
-        self._actuators = {actuator.name: actuator for actuator in scene.actuators}
-        self._loads = {load.name: load for load in scene.loads}
+        self.actuators = {actuator.name: actuator for actuator in scene.actuators}
+        self.loads = {load.name: load for load in scene.loads}
+        self.joints = {joint.name: joint for arm in scene.arms for joint in arm.joints}
         tracks = scene.program.keyframes.items() if scene.program else ()
         frames = [(name, frame) for name, track in tracks for frame in track]
         texts = [self._distance(f"program: {name!r} at {frame.time:g} s is", frame.pose) for name, frame in frames]
@@ -92,8 +95,8 @@ class Orders:
         Raises:
             CommandError: no such actuator.
         """
-        require_named("actuator", name, self._actuators, self._own)
-        return self._actuators[name]
+        require_named("actuator", name, self.actuators, self._own)
+        return self.actuators[name]
 
     def probes(self, names: Sequence[str] | None) -> list[Embedding]:
         """Return the probes with these names; None: all probes.
@@ -121,15 +124,7 @@ class Orders:
         targets = dict(last)
         for name, pose in (command.handles if command else {}).items():
             _require_pose(f"handle {name!r}: the target", pose)
-            if (handle := self.handle(name)).carrier:
-                text = f"handle {name!r} is carried by arm {handle.carrier!r}"
-                raise CommandError(f"{text}; remedy: command the arm's joints")
-            if handle.section == "bodies":
-                text = f"body {name!r} moves freely and follows no target"
-                raise CommandError(f"{text}; remedy: teleport it by `bodies` of a Command")
-            if handle.fixed:
-                movable = [each.name for each in self._scene.handles if not each.fixed and each.noun == handle.noun]
-                raise CommandError(f"{handle.noun} {name!r} is fixed; {handle.section} that move: {_list(movable)}")
+            require_movable(handle := self.handle(name))
             self._require_near(f"{handle.noun} {name!r} is commanded", pose)
             targets[name] = pose
         return targets
@@ -185,22 +180,48 @@ class Orders:
         """
         values = dict(last)
         for name, value in (command.actuators if command else {}).items():
-            actuator = self.actuator(name)
-            actuator.require(value)
-            self._require_room(actuator, float(value))
-            values[name] = float(value >= 0.5) if actuator.mode is Mode.GRIP else float(value)
+            grips = self.actuator(name).mode is Mode.GRIP
+            values[name] = float(self.require(name, value) >= 0.5) if grips else self.require(name, value)
         for name, value in (command.loads if command else {}).items():
-            require_named("load", name, self._loads, self._own)
-            values[name] = require_command(f"load {name!r}: factor", value)
+            require_named("load", name, self.loads, self._own)
+            values[name] = self.require(name, value)
         return values
 
+    def positions(self, command: Command | None) -> dict[str, float]:
+        """Return dict from joint to its commanded position [rad] or [m].
+
+        Raises:
+            CommandError: there is no such joint, or a position is not a finite number within the joint's limits.
+        """
+        given = dict(command.joints if command else {})
+        for name in given:
+            if name not in self.joints:
+                joints = ", ".join(self.joints) or "none"
+                raise CommandError(f"no joint {name!r}; {did_you_mean(name, self.joints)}joints: {joints}")
+        return {name: self.require(name, value) for name, value in given.items()}
+
+    def require(self, name: str, value: object) -> float:
+        """Return a command of an actuator, a load (its factor) or a joint (its position), after a check.
+
+        Raises:
+            CommandError: it is no finite number.
+            RangeError: it is out of range.
+        """
+        if name in self.loads:
+            return require_command(f"load {name!r}: factor", value)
+        if name in self.joints:
+            return self.joints[name].require(value)
+        number = self.actuators[name].require(value)
+        self._require_room(self.actuators[name], number)
+        return number
+
     def _require_room(self, actuator: Actuator, value: float) -> None:
-        """Raise CommandError for a chamber's volume above `MOST_INFLATED` times its undeformed volume."""
+        """Raise RangeError for a chamber's volume above `MOST_INFLATED` times its undeformed volume."""
         if actuator.mode is not Mode.VOLUME:
             return
         rest = max(inside_volume(actuator.at(self._scene.mesh.vertices), actuator.quads), actuator.least)
         if value > MOST_INFLATED * rest:
-            raise CommandError(
+            raise RangeError(
                 f"actuator {actuator.name!r}: volume {value!r} m^3 is {value / rest:.3g} times the undeformed one, "
                 f"{rest:.3g} m^3; at most {MOST_INFLATED:g} times are allowed; remedy: check the unit: 1 ml is 1e-6 m^3"
             )
@@ -208,11 +229,31 @@ class Orders:
     def within_rates(self, values: Mapping[str, float], present: Mapping[str, float], dt: float) -> dict[str, float]:
         """Return ``values``, limited to changes from ``present`` that the actuators' rates allow in ``dt`` [s]."""
         limited = dict(values)
-        for name, actuator in self._actuators.items():
+        for name, actuator in self.actuators.items():
             if np.isfinite(actuator.rate):
                 reach = actuator.rate * dt
                 limited[name] = float(np.clip(limited[name], present[name] - reach, present[name] + reach))
         return limited
+
+
+def require_movable(handle: Handle) -> None:
+    """Check that a handle or obstacle follows commanded poses.
+
+    Raises:
+        CommandError: an arm carries it, it moves freely, or it is fixed.
+    """
+    what = f"{handle.noun} {handle.name!r}"
+    if arm := handle.carrier or getattr(handle, "arm", ""):
+        text = f"{what} is carried by arm {arm!r}; remedy: command the arm's joints"
+    elif handle.section == "bodies":
+        text = f"{what} moves freely and follows no target; remedy: teleport it, or make it an obstacle"
+    elif handle.fixed:
+        entry = f"{handle.section}.{handle.name}.fixed=false"
+        remedy = f"put {entry} into scene_overrides of a node, or into overrides of load_scene"
+        text = f"{what} is fixed in the scene and takes no commands; remedy: {remedy}"
+    else:
+        return
+    raise CommandError(text)
 
 
 def require_snapshot(given: object) -> None:

@@ -13,7 +13,7 @@ from gdfe_ros.actuators import ActuatorState, total_gravity
 from gdfe_ros.arms.carriers import Carriers, JointReading, Motions
 from gdfe_ros.arms.dynamics import LinkFrame
 from gdfe_ros.command import Orders
-from gdfe_ros.constraints import Pose
+from gdfe_ros.constraints import Handle, Pose
 from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.coupling.joint_coupling import JointCoupling
@@ -109,14 +109,26 @@ class SceneReadings:
         Raises:
             CommandError: no such handle, obstacle or rigid body.
         """
-        handle = self._orders.handle(name)
+        return self._pose(self._orders.handle(name), self.state, self.state.positions + self.origin)
+
+    def later_poses(self) -> Callable[[], dict[str, Pose]]:
+        """Return a function that computes all present poses by name, in any thread and also after further steps."""
+        state = self.state
+
+        def read() -> dict[str, Pose]:
+            positions = state.positions + self.origin
+            return {handle.name: self._pose(handle, state, positions) for handle in self.scene.handles}
+
+        return read
+
+    def _pose(self, handle: Handle, state: State, positions: NDArray[np.float64]) -> Pose:
+        """Return a handle's pose in a state, whose vertices are at ``positions`` [m]."""
         if isinstance(handle, Obstacle):
-            return handle.pose(self.state.poses[name], self.state.positions + self.origin)
+            return handle.pose(state.poses[handle.name], positions)
         if handle.fixed:
             return Pose()
-        moved = handle.centre(self.positions) - handle.centre(self.mesh.vertices)
-        pose = self.stepper.equilibrium.handles.pose(name, self.state.poses, self.state.turns)
-        return Pose(tuple(moved), pose.rotation)
+        moved = handle.centre(positions) - handle.centre(self.mesh.vertices)
+        return Pose(tuple(moved), self.stepper.equilibrium.handles.pose(handle.name, state.poses, state.turns).rotation)
 
     def actuator_states(self) -> dict[str, ActuatorState]:
         """Return dict from actuator to its command, its length or volume, and its tension or pressure."""

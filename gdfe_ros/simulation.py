@@ -202,7 +202,7 @@ class Simulation(SceneReadings):
             dt = moves.step if moves else 0.0
         dt = require_times(dt=dt, deadline=deadline, cut_after=cut_after)
         targets, places = self._orders.targets(command, self.targets), self._orders.places(command)
-        moved = self._carriers.advance(self._joints, self._carriers.checked(command), dt, targets)
+        moved = self._carriers.advance(self._joints, self._orders.positions(command), dt, targets)
         targets |= moved.poses
         commands = self._orders.values(command, self.commands)
         limited = self._orders.within_rates(commands, self.state.commands, dt)

@@ -99,7 +99,10 @@ def test_targets_stay_until_commanded_again(simulate: MakeSimulation) -> None:
 
 @pytest.mark.parametrize(
     ("name", "message"),
-    [("nose", r"no handle 'nose' in scene 'small'; handles: base, tip"), ("base", r"'base' is fixed.*move: tip")],
+    [
+        ("nose", r"no handle 'nose' in scene 'small'; handles: base, tip"),
+        ("base", r"'base' is fixed .*takes no commands; remedy: put handles.base.fixed=false"),
+    ],
 )
 def test_impossible_commands_change_nothing(simulate: MakeSimulation, name: str, message: str) -> None:
     """A command of an unknown or fixed handle beside a valid one is refused, and state, time and targets stay."""

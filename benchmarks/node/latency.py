@@ -20,7 +20,7 @@ from benchmarks.replay import figures
 from benchmarks.report import run_script
 from gdfe_ros.constraints import Pose
 from gdfe_ros.node.interface.topics import MESH, STEP_RECORD, STRAIN
-from gdfe_ros.recording.step_record import StepRecord
+from gdfe_ros.recording.step import StepRecord
 from gdfe_ros.scene import load_scene
 from gdfe_ros.simulation import Command, Simulation
 from gdfe_ros.testing.process import NodeProcess

@@ -21,7 +21,7 @@ from gdfe_ros.mesh import HexMesh
 from gdfe_ros.recording.bag_info import TopicInfo
 from gdfe_ros.recording.decoding import array_decoder
 from gdfe_ros.recording.reader import BagReader
-from gdfe_ros.recording.step_record import StepRecord
+from gdfe_ros.recording.step import StepRecord
 from gdfe_ros.scene import Scene, scene_from_text
 
 _INPUTS = frozenset({"actuation", "commands", "trajectory"})

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.recording.step_record import StepRecord
+from gdfe_ros.recording.step import StepRecord
 
 Values = dict[str, NDArray[Any]]
 """Dict from field name, e.g. ``eps_eq`` or ``wrench.force.x``, to array (k,), of one message."""

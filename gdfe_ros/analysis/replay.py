@@ -18,8 +18,7 @@ from gdfe_ros.checkpoint import load_state
 from gdfe_ros.errors import GdfeError, RecordingError
 from gdfe_ros.recording.provenance import STATE_FILE
 from gdfe_ros.recording.published import tables_of
-from gdfe_ros.recording.step import OUTCOME, Demand, Step, observe
-from gdfe_ros.recording.step_record import Begin, StepRecord
+from gdfe_ros.recording.step import OUTCOME, Begin, Step, StepRecord, observe
 from gdfe_ros.scene import scene_from_text
 from gdfe_ros.simulation import Command, Simulation
 from gdfe_ros.solver.result import StepResult
@@ -80,7 +79,7 @@ class Publication:
             record: record of the recorded step that was repeated.
             topics: names without the node's name; topics for which the simulation has no arrays are left out.
         """
-        step = Step(record=record, result=result, log_time=0, **observe(self._simulation, Demand()))
+        step = Step(record=record, result=result, log_time=0, **observe(self._simulation))
         found = {topic: self._tables[topic].columns(step) for topic in topics if topic in self._tables}
         if RECORD in topics:
             outcomes = {name: getattr(result, name) for name in OUTCOME}

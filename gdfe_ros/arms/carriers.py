@@ -13,11 +13,8 @@ from numpy.typing import NDArray
 from gdfe_ros.arms.arm import Arm
 from gdfe_ros.arms.dynamics import LinkFrame, Push
 from gdfe_ros.arms.limits import JointMotion
-from gdfe_ros.command import Command
 from gdfe_ros.constraints.pose import Pose
-from gdfe_ros.errors import CommandError
 from gdfe_ros.solver.contact.touch import Touch
-from gdfe_ros.spelling import did_you_mean
 
 Vector = NDArray[np.float64]
 Motions = dict[str, JointMotion]
@@ -79,21 +76,6 @@ class Carriers:
     def restored(motions: Mapping[str, Sequence[Vector]]) -> Motions:
         """Return the motion of the joints that a snapshot contains."""
         return {name: JointMotion(*parts) for name, parts in motions.items()}
-
-    def checked(self, command: Command | None) -> dict[str, float]:
-        """Return dict from joint to its commanded position [rad] or [m], after a check of the command.
-
-        Raises:
-            CommandError: there is no such joint, or a position is not a finite number within the joint's limits.
-        """
-        found = {}
-        for name, value in (command.joints if command else {}).items():
-            if name not in self._places:
-                joints = ", ".join(self._places) or "none"
-                raise CommandError(f"no joint {name!r}; {did_you_mean(name, self._places)}joints: {joints}")
-            arm, i = self._places[name]
-            found[name] = arm.joints[i].require(value)
-        return found
 
     def parts(self, motions: Motions, part: str) -> dict[str, float]:
         """Return dict from joint to one ``part`` of its motion, e.g. ``positions``."""

@@ -53,7 +53,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _play(scene: Scene, source: str, bag: Path, dt: float) -> float:
     """Send the program to a node, with a progress bar; return the time [s] from the node's start to its first step."""
-    from gdfe_ros.testing.player import play_program
+    from gdfe_ros.testing.node_replay import play_program
 
     with progress_bar(f"{scene.name}: starting the node", scene.program.duration) as update:
 

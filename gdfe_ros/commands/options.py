@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import argparse
 import math
-from collections.abc import Iterable
 from contextlib import AbstractContextManager, nullcontext
 from importlib.util import find_spec
 from pathlib import Path
@@ -37,21 +36,6 @@ def require_number(option: str, value: float | None, quantity: Quantity) -> None
 def add_overrides(parser: argparse.ArgumentParser, text: str) -> None:
     """Declare ``--set``, which may be given several times; ``text`` describes it."""
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help=text)
-
-
-def read_overrides(pairs: Iterable[str]) -> dict[str, str]:
-    """Return dict from key to value of ``KEY=VALUE`` entries. Values remain text; the scene parses them as YAML.
-
-    Raises:
-        argparse.ArgumentTypeError: an entry has no ``=``.
-    """
-    overrides = {}
-    for pair in pairs:
-        key, separator, value = pair.partition("=")
-        if not separator:
-            raise argparse.ArgumentTypeError(f"expected KEY=VALUE, got {pair!r}")
-        overrides[key.strip()] = value.strip()
-    return overrides
 
 
 def require_picture(path: Path | None) -> None:

@@ -11,9 +11,10 @@ from gdfe_ros.analysis.bag_run import BagRun
 from gdfe_ros.analysis.difference import Comparison, Difference, compare_bags
 from gdfe_ros.analysis.difference_table import difference_table, wide_console
 from gdfe_ros.analysis.replay import Replay, ReplayReport
-from gdfe_ros.commands.options import add_overrides, read_overrides
+from gdfe_ros.commands.options import add_overrides
 from gdfe_ros.commands.waiting import waiting
 from gdfe_ros.recording.provenance import describe_machine
+from gdfe_ros.scene.override import read_overrides
 from gdfe_ros.solver.settings import Policy
 
 DIFFERENT = 1

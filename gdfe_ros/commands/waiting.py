@@ -25,7 +25,7 @@ from gdfe_ros.compilations import compilations
 from gdfe_ros.terminal import PlainConsole
 
 if TYPE_CHECKING:
-    from gdfe_ros.recording.step_record import StepRecord
+    from gdfe_ros.recording.step import StepRecord
     from gdfe_ros.solver.result import StepResult
 
 SILENT = 1.0

@@ -13,7 +13,7 @@ from gdfe_ros.fitting.bag_topics import TopicValues
 from gdfe_ros.fitting.match import CommandModel, CompareModel, Source, along_of, matched_observable, scale_of
 from gdfe_ros.fitting.recording import CLOUDS, Observable, QuantityKind, Schedule, Series, Track, constant
 from gdfe_ros.recording.foreign_bag import open_bag
-from gdfe_ros.recording.step_record import Begin
+from gdfe_ros.recording.step import Begin
 from gdfe_ros.scene.scene import Scene
 
 MOST_POINTS = 400

@@ -1,32 +1,89 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Bag of a live session, recorded without ROS; it has the contents of a node's bag, and `gdfe replay` repeats it."""
+"""Bags recorded without ROS: of a live session, which `gdfe replay` repeats like a node's, and of a twin."""
 
 from __future__ import annotations
 
 import json
-from dataclasses import replace
+from collections.abc import Collection, Mapping
 from pathlib import Path
+from typing import Any
 
 from gdfe_ros.contacts import contact_names
-from gdfe_ros.node.interface import NODE_NAME, topics
-from gdfe_ros.node.interface.scene_topics import state_topics
+from gdfe_ros.node.interface import FRAME, NODE_NAME, TopicSpec, topics
+from gdfe_ros.node.interface.topics import state_topics
 from gdfe_ros.recording.bag_info import TopicInfo
-from gdfe_ros.recording.packing import pack_text, packing
+from gdfe_ros.recording.packing import pack_text, packers
 from gdfe_ros.recording.provenance import RunInfo
-from gdfe_ros.recording.published import tables_of
 from gdfe_ros.recording.recorder import Recorder
-from gdfe_ros.recording.step import Demand, Step, observe
-from gdfe_ros.simulation import Simulation
-
-_FRAME = "base_link"
+from gdfe_ros.recording.step import Step
+from gdfe_ros.scene.scene import Scene
 
 
-class LiveBag:
-    """Records steps under the node's topic names; used by the stepping thread.
+class StepBag:
+    """Records steps under the topic names of a node.
 
     Args:
         path: directory of the bag; it must not exist yet, or be empty.
-        simulation: the recorded simulation; it must not be replaced while the bag is written.
+        scene: scene of the steps.
+        node: name of the node.
+        settings: of the run, and ``state``, as for `RunInfo.of`.
+        texts: dict from latched topic to its text.
+        start: log time of these texts [ns].
+        others: dict from a further topic, without the node's name, to its type.
+        left_out: topics of a step that are not recorded.
+
+    Raises:
+        RecordingError: the bag cannot be created.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        scene: Scene,
+        *,
+        node: str,
+        settings: Mapping[str, Any],
+        texts: Mapping[TopicSpec, str],
+        start: int = 0,
+        others: Mapping[str, str] = {},
+        left_out: Collection[TopicSpec] = (),
+    ) -> None:
+        kinds = {role: spec.type for role, spec in state_topics(scene).items() if spec not in left_out}
+        packs = packers(scene, lambda name: name or FRAME)
+        self._packs = {role: packs[role] for role in kinds}
+        kinds |= {**others, **{spec.key(): spec.type for spec in texts}}
+        self._prefix = f"/{node}/"
+        infos = [TopicInfo(name=f"{self._prefix}{role}", type=kind, role=role) for role, kind in kinds.items()]
+        self._recorder = Recorder(path, infos, run=RunInfo.of(scene, **settings), waits=True)
+        for spec, text in texts.items():
+            self.record(spec.key(), pack_text(text), start)
+
+    @property
+    def path(self) -> Path:
+        """Directory of the bag."""
+        return self._recorder.path
+
+    def record(self, role: str, data: bytes, log_time: int) -> None:
+        """Record a message of a topic, whose name is without the node's name, with a log time [ns]."""
+        self._recorder.record(f"{self._prefix}{role}", data, log_time)
+
+    def write(self, step: Step) -> None:
+        """Record a step; after an error of the disk, do nothing."""
+        if self._recorder.error is None:
+            for role, pack in self._packs.items():
+                self.record(role, pack(step), step.log_time)
+
+    def close(self) -> str:
+        """Complete the bag and return a summary."""
+        return self._recorder.close().summary(self.path)
+
+
+class LiveBag(StepBag):
+    """The bag of a live session, with the contents of a node's bag.
+
+    Args:
+        path: directory of the bag; it must not exist yet, or be empty.
+        scene: scene of the session.
         state: serialised state from which the first step starts; None: the initial state of the scene.
         dt: simulation time of a step [s], stored in the bag.
 
@@ -34,42 +91,9 @@ class LiveBag:
         RecordingError: the bag cannot be created.
     """
 
-    def __init__(self, path: Path, simulation: Simulation, *, state: bytes | None, dt: float) -> None:
-        scene, self._simulation = simulation.scene, simulation
-        specs, rows = state_topics(scene), [*simulation.actuator_names, *simulation.joint_goals]
-        tables = {role: table for role, table in tables_of(scene).items() if role in specs}
-        self._packs = {role: packing(table, table.frame or _FRAME, rows) for role, table in tables.items()}
-        self._packs[topics.STEP_RECORD.key()] = lambda step: pack_text(step.record.to_json())
-        texts = {topics.SCENE: scene.source}
-        if touching := contact_names(scene.handles, scene.self_contact):
+    def __init__(self, path: Path, scene: Scene, *, state: bytes | None, dt: float) -> None:
+        texts, touching = {topics.SCENE: scene.source}, contact_names(scene.handles, scene.self_contact)
+        if touching:
             texts[topics.CONTACT_NAMES] = json.dumps(touching)
-        kinds = {role: spec.type for role, spec in specs.items()} | {spec.key(): spec.type for spec in texts}
-        self._recorder = Recorder(
-            path,
-            [TopicInfo(name=_full(role), type=kind, role=role) for role, kind in kinds.items()],
-            run=RunInfo.of(scene, node={"clock": "live", "dt": dt}, state=state),
-            waits=True,
-        )
-        for spec, text in texts.items():
-            self._recorder.record(_full(spec.key()), pack_text(text), 0)
-
-    @property
-    def path(self) -> Path:
-        """Directory of the bag."""
-        return self._recorder.path
-
-    def write(self, step: Step) -> None:
-        """Record the last step of the simulation; after an error of the disk, do nothing."""
-        if self._recorder.error is not None:
-            return
-        whole = replace(step, **observe(self._simulation, Demand()))
-        for role, pack in self._packs.items():
-            self._recorder.record(_full(role), pack(whole), step.log_time)
-
-    def close(self) -> str:
-        """Complete the bag and return a summary."""
-        return self._recorder.close().summary(self.path)
-
-
-def _full(role: str) -> str:
-    return f"/{NODE_NAME}/{role}"
+        settings = {"node": {"clock": "live", "dt": dt}, "state": state}
+        super().__init__(path, scene, node=NODE_NAME, settings=settings, texts=texts)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from gdfe_ros.constraints import Pose
 from gdfe_ros.contacts import contact_points
 from gdfe_ros.node.orders import Order
-from gdfe_ros.recording.step_record import StepRecord
+from gdfe_ros.recording.step import StepRecord
 from gdfe_ros.scene.scene import Scene
 
 if TYPE_CHECKING:

@@ -22,8 +22,7 @@ from gdfe_ros.node.pace import ClockMode, FastPace, Timing, WallPace
 from gdfe_ros.node.refusals import RefusalLog
 from gdfe_ros.node.remodelling import moduli_of, with_moduli
 from gdfe_ros.node.stepper import SteppingThread
-from gdfe_ros.recording.step import Demand, Step, to_nanoseconds
-from gdfe_ros.recording.step_record import Begin
+from gdfe_ros.recording.step import Begin, Step, to_nanoseconds
 from gdfe_ros.regular_file import path_inside
 from gdfe_ros.scene.program import Program
 from gdfe_ros.scene.scene import Scene
@@ -123,6 +122,7 @@ class LiveSession(ShownRun):
         refusals: counts of refused commands.
         last: the last step, or None.
         log_time: log time of the last step in the bag [ns].
+        playing: the program in progress, or None.
         stepper: the stepping thread.
     """
 
@@ -147,20 +147,15 @@ class LiveSession(ShownRun):
         self.last: Step | None = None
         self.log_time = 0
         self._clock, self._told, self._warn = clock, told, warn
-        self._programme: Programme | None = None
+        self.playing: Programme | None = None
         self._bag: LiveBag | None = None
-        self.stepper = SteppingThread(self, lambda: Demand(imus=False), deliver=self._deliver)
+        self.stepper = SteppingThread(self, deliver=self._deliver)
         self._inbox = Inbox(self.stepper.changed, queued=False)
 
     @property
     def scene(self) -> Scene:
         """The scene that is simulated."""
         return self.simulation.scene
-
-    @property
-    def playing(self) -> Programme | None:
-        """The program in progress, or None."""
-        return self._programme
 
     @property
     def recording(self) -> str | None:
@@ -196,7 +191,7 @@ class LiveSession(ShownRun):
         """Return a text about the activity and whether it is a problem; empty while idle or following commands."""
         if self.stepper.failure:
             return f"paused: {self.stepper.failure}", True
-        work, playing = self.stepper.work, self._programme
+        work, playing = self.stepper.work, self.playing
         if work is not None and monotonic() - work[1] > _LONG:
             return f"{work[0]}, since {monotonic() - work[1]:.1f} s", False
         if self.paused:
@@ -246,8 +241,8 @@ class LiveSession(ShownRun):
             Refusal: a number is not finite, or a target is too far from rest.
         """
         require_order(name, order, self.simulation.mesh.size)
-        if self._programme is not None:
-            self._programme.leave(order.values if isinstance(order, ActuatorOrder) else (name,))
+        if self.playing is not None:
+            self.playing.leave(order.names)
         self._inbox.put(name, order)
 
     def play(self) -> None:
@@ -261,7 +256,7 @@ class LiveSession(ShownRun):
             raise GdfeError(f"scene {self.scene.name!r} has no program to play; add the key 'program'")
 
         def begin() -> None:
-            self._programme = Programme(program, self.simulation.time)
+            self.playing = Programme(program, self.simulation.time)
             self._feed(self.simulation.time)
             self.stepper.pause(False)
 
@@ -279,7 +274,7 @@ class LiveSession(ShownRun):
         """Set the simulation to its initial state at time 0, and end the program."""
 
         def back() -> None:
-            self._programme = None
+            self.playing = None
             self.stepper.reset()
 
         self.stepper.post(back, urgent=True)
@@ -314,7 +309,7 @@ class LiveSession(ShownRun):
         if self._bag is not None:
             raise GdfeError(f"{self._bag.path} is being written already")
         state = None if self.stepper.begin is Begin.REST else save_state(self.simulation)
-        self._bag = LiveBag(path, self.simulation, state=state, dt=self.parameters["dt"])
+        self._bag = LiveBag(path, self.scene, state=state, dt=self.parameters["dt"])
         self.stepper.repeat(self.stepper.begin if state is None else Begin.LOADED)
         return f"recording to {path}"
 
@@ -333,12 +328,12 @@ class LiveSession(ShownRun):
 
     def _feed(self, time: float) -> None:
         """Queue the program's orders for the step after a simulation time [s]."""
-        if self._programme is None:
+        if self.playing is None:
             return
-        if self._programme.over(time):
-            self._programme = None
+        if self.playing.over(time):
+            self.playing = None
             return
-        self._programme.give(time + self.parameters["dt"], self._inbox.put)
+        self.playing.give(time + self.parameters["dt"], self._inbox.put)
 
     def report(self, text: str) -> None:
         """Report a failed step."""

@@ -15,8 +15,7 @@ from rclpy.serialization import serialize_message
 
 from gdfe_ros.node.interface import Delivery, TopicSpec
 from gdfe_ros.node.managed import ManagedNode
-from gdfe_ros.node.ros_types import interface_class, qos_profile
-from gdfe_ros.recording.bag_info import Qos, TopicInfo
+from gdfe_ros.node.ros_types import interface_class, qos_profile, topic_info
 from gdfe_ros.recording.recorder import Recorder
 from gdfe_ros.recording.step import Step
 from gdfe_ros.threads import COURIER, show_name
@@ -43,30 +42,22 @@ class Channel:
     """
 
     def __init__(
-        self,
-        node: ManagedNode,
-        spec: TopicSpec,
-        *,
-        repeated: bool = False,
-        own: int = 0,
-        key: str = "",
+        self, node: ManagedNode, spec: TopicSpec, *, repeated: bool = False, own: int = 0, key: str = ""
     ) -> None:
         self._node, self.recorded, self.latest, self._own = node, spec.recorded, -1, own
-        profile = qos_profile(spec.delivery)
         # Latched topics, events and diagnostics publish while the node is not active, too.
         managed = spec.name.startswith("~") and spec.delivery not in (Delivery.LATCHED, Delivery.EVENT)
         make = node.create_lifecycle_publisher if managed else node.create_publisher
         topic = f"~/{key}" if key else spec.name
         self._repeated, self._newcomers, self._unsure, self._known = repeated, False, False, own
         self._greeted: set[bytes] = set()
-        self._publisher = make(interface_class(spec.type), topic, profile)
+        self._publisher = make(interface_class(spec.type), topic, qos_profile(spec.delivery))
         # Enter the handle once: rclpy would enter and leave it for each count of subscribers, i.e. in each step.
         self._held, self._count = ExitStack(), self._publisher.get_subscription_count
         if repeated:
             self._held.enter_context(self._publisher.handle)
             self._count = self._publisher.handle.get_subscription_count
-        name, qos = self._publisher.topic_name, Qos.from_rclpy(profile)
-        self.info = TopicInfo(name=name, type=spec.type, qos=qos, role=topic.removeprefix("~/"))
+        self.info = topic_info(spec, self._publisher.topic_name, topic.removeprefix("~/"))
         self.recorder: Recorder | None = None
 
     @property

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from geometry_msgs.msg import Pose as PoseMessage
@@ -14,8 +14,8 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
 from trajectory_msgs.msg import JointTrajectory
 
-from gdfe_ros.actuators import Actuator, Mode
-from gdfe_ros.arms.description import Joint
+from gdfe_ros.actuators import Mode
+from gdfe_ros.command import Orders, require_movable
 from gdfe_ros.constraints import Handle
 from gdfe_ros.errors import CommandError, RangeError
 from gdfe_ros.node.frames import Frames, Placement
@@ -29,7 +29,7 @@ from gdfe_ros.node.orders import (
     require_near,
 )
 from gdfe_ros.node.refusals import Reason, Refusal, require_finite, require_place
-from gdfe_ros.real_number import require_command
+from gdfe_ros.scene.scene import Scene
 
 UNIT_SLACK = 1e-3
 """Largest allowed difference between a quaternion's length and 1."""
@@ -127,13 +127,10 @@ def _near(place: Placement, size: float) -> tuple[Vector, Quaternion]:
 
 
 def _require_movable(handle: Handle) -> None:
-    if handle.carrier:
-        text = f"arm {handle.carrier!r} carries {handle.noun} {handle.name!r}, which takes no commands of its own"
-        raise Refusal(Reason.FOLLOWS, f"{text}; remedy: command the arm's joints on ~/joint_command or ~/trajectory")
-    if handle.fixed:
-        text = f"{handle.noun} {handle.name!r} is fixed in the scene and takes no commands"
-        remedy = f"put {handle.section}.{handle.name}.fixed=false into scene_overrides"
-        raise Refusal(Reason.FIXED, f"{text}; remedy: {remedy}")
+    try:
+        require_movable(handle)
+    except CommandError as error:
+        raise Refusal(Reason.FOLLOWS if handle.carrier else Reason.FIXED, str(error)) from error
 
 
 EFFORTS = (Mode.TENSION, Mode.PRESSURE)
@@ -149,15 +146,12 @@ class ActuatorOrders:
     """Converts command messages to orders, after a check against the actuators, loads and joints of a scene.
 
     Args:
-        actuators: actuators of the scene, in the order of ``~/commands``.
-        loads: names of the loads, which are commanded by a factor.
-        joints: joints of all arms, which are commanded by position.
+        scene: the scene; its actuators are in the order of ``~/commands``.
     """
 
-    def __init__(self, actuators: Iterable[Actuator], loads: Iterable[str] = (), joints: Iterable[Joint] = ()) -> None:
-        self._joints: Mapping[str, Joint] = {joint.name: joint for joint in joints}
-        self._actuators: Mapping[str, Actuator] = {actuator.name: actuator for actuator in actuators}
-        self._loads = tuple(loads)
+    def __init__(self, scene: Scene) -> None:
+        self._orders = Orders(scene, scene.solver)
+        self._actuators, self._loads, self._joints = self._orders.actuators, self._orders.loads, self._orders.joints
 
     def from_joint_state(self, message: JointState) -> ActuatorOrder:
         """Return the commands of a JointState: tension [N] and pressure [Pa] from ``effort``, others from ``position``.
@@ -276,9 +270,7 @@ class ActuatorOrders:
 
     def _checked(self, name: str, value: float) -> float:
         try:
-            if name in self._loads:
-                return require_command(f"load {name!r}: factor", value)
-            return (self._joints.get(name) or self._actuators[name]).require(value)
+            return self._orders.require(name, value)
         except CommandError as error:
             reason = Reason.OUT_OF_RANGE if isinstance(error, RangeError) else Reason.NOT_FINITE
             raise Refusal(reason, str(error)) from error

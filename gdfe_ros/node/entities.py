@@ -4,26 +4,20 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
-import numpy as np
-from scipy.spatial.transform import Rotation
-
-from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.errors import GdfeError
+from gdfe_ros.node.frames import Placement
 from gdfe_ros.node.interface import services
-from gdfe_ros.node.managed import ManagedNode
 from gdfe_ros.node.orders import require_near
-from gdfe_ros.node.refusals import Refusal
+from gdfe_ros.node.refusals import Refused, ResultCode, answer
 from gdfe_ros.node.remodelling import build_simulation
-from gdfe_ros.node.session import SimulationSession
-from gdfe_ros.node.standard_answers import Refused, ResultCode, answer_standard
-from gdfe_ros.node.things import EntityRequest, Thing, placement_of, things_of
-from gdfe_ros.node.transforms import Placement
+from gdfe_ros.node.services import SessionNode
+from gdfe_ros.node.things import EntityRequest, Thing, placement_of, rest_place, things_of
 from gdfe_ros.scene.entity import with_body, without_bodies
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.scene.soft_bodies import parts_of
@@ -38,22 +32,15 @@ class Entities:
 
     Args:
         node: node that offers the services.
-        session: function that returns the running session, or None.
         exchange: carries out the changes of the scene.
     """
 
-    def __init__(
-        self, node: ManagedNode, session: Callable[[], SimulationSession | None], exchange: SceneExchange
-    ) -> None:
-        self._find, self._exchange = session, exchange
+    def __init__(self, node: SessionNode, exchange: SceneExchange) -> None:
+        self._node, self._exchange = node, exchange
         self._inner: dict[str, Placement] = {}
         self._adding = 0
-        offered = {
-            services.SPAWN_ENTITY: self._spawn,
-            services.SPAWN_ENTITIES: self._spawn_all,
-            services.DELETE_ENTITY: self._delete,
-        }
-        node.offer_standard(offered)
+        offered = {services.SPAWN_ENTITY: self._spawn, services.SPAWN_ENTITIES: self._spawn_all}
+        node.offer({**offered, services.DELETE_ENTITY: self._delete})
 
     @property
     def any_spawned(self) -> bool:
@@ -68,20 +55,9 @@ class Entities:
         """Remove all spawned bodies; ``anew``: start again at rest at time 0."""
         return self._remove(None, anew=anew)
 
-    def session(self) -> SimulationSession:
-        """Return the running session.
-
-        Raises:
-            Refused: the node is not configured.
-        """
-        session = self._find()
-        if session is None:
-            raise Refused(ResultCode.INCORRECT_STATE, "the node is unconfigured; call the transition `configure` first")
-        return session
-
     def all(self) -> list[Thing]:
         """Return the entities of the present scene; raise `Refused` if there is none."""
-        return things_of(self.session().scene, self._inner)
+        return things_of(self._node.configured().scene, self._inner)
 
     def find(self, name: str) -> Thing:
         """Return the entity of a name.
@@ -117,9 +93,10 @@ class Entities:
             if number == len(wanted):
                 conclude()
                 return
-            answer = answer_standard(self._spawn, wanted[number], results[number])
-            if isinstance(answer, Future):
-                answer.add_done_callback(lambda _: go_on(number + 1))
+            note = partial(self._node.faults.note, "spawning a body")
+            answered = answer(self._spawn, wanted[number], results[number], note)
+            if isinstance(answered, Future):
+                answered.add_done_callback(lambda _: go_on(number + 1))
             else:
                 go_on(number + 1)
 
@@ -130,13 +107,13 @@ class Entities:
         """Add the body of a request.
 
         Raises:
-            Refused: the request has a defect that shows at once.
+            Refused, Refusal: the request has a defect that shows at once.
         """
-        session, wanted = self.session(), EntityRequest(request)
+        session, wanted = self._node.configured(), EntityRequest(request)
         if session.scene.dynamics is None:
             raise Refused(ResultCode.FAILED, f"scene {session.scene.name!r} has no `dynamics`, which free bodies need")
         outer = placement_of(wanted.pose, session.run.frames)
-        require_place_near(outer.origin, session)
+        require_near(tuple(outer.origin), session.scene.mesh.size)
         name = remark = ""
 
         def add(scene: Scene) -> Scene:
@@ -169,7 +146,7 @@ class Entities:
 
     def _remove(self, names: tuple[str, ...] | None, *, anew: bool) -> Future[Scene]:
         """Remove spawned bodies; None: all that are spawned when the change begins."""
-        command_set = self.session().run.parameters.entries("command_set")
+        command_set = self._node.configured().run.parameters.entries("command_set")
         gone: list[str] = []
 
         def without(scene: Scene) -> Scene:
@@ -187,23 +164,6 @@ class Entities:
 
         work.add_done_callback(conclude)
         return work
-
-
-def require_place_near(place: Iterable[float], session: SimulationSession) -> None:
-    """Check that a place [m] is near the body.
-
-    Raises:
-        Refused: it is too far.
-    """
-    try:
-        require_near(tuple(place), session.scene.mesh.size)
-    except Refusal as refusal:
-        raise Refused(ResultCode.INVALID_POSE, str(refusal)) from refusal
-
-
-def rest_place(body: RigidBody) -> Placement:
-    """Return the initial placement of a rigid body's frame."""
-    return Placement(np.array(body.origin), Rotation.from_rotvec(body.turn))
 
 
 def _inner(scene: Scene, name: str, outer: Placement) -> Placement:
@@ -258,18 +218,12 @@ class SceneExchange:
 
     Args:
         node: node whose executor exchanges the simulations.
-        session: function that returns the running session, or None.
         replace: function that replaces the session's simulation. Its further arguments are the scene from which the
             simulation was made, and whether to start anew. It returns whether this is still the session's scene.
     """
 
-    def __init__(
-        self,
-        node: ManagedNode,
-        session: Callable[[], SimulationSession | None],
-        replace: Callable[[Simulation, Scene, bool], bool],
-    ) -> None:
-        self._node, self._session, self._replace = node, session, replace
+    def __init__(self, node: SessionNode, replace: Callable[[Simulation, Scene, bool], bool]) -> None:
+        self._node, self._replace = node, replace
         self._waiting: deque[_Change] = deque()
         self._busy: _Change | None = None
 
@@ -288,7 +242,7 @@ class SceneExchange:
     def _begin(self) -> None:
         if self._busy is not None or not self._waiting:
             return
-        change, session = self._waiting.popleft(), self._session()
+        change, session = self._waiting.popleft(), self._node.session
         if session is None:
             change.outcome.set_exception(GdfeError("the node was cleaned up before the scene was changed"))
             self._begin()
@@ -317,7 +271,7 @@ class SceneExchange:
         """Carry out a change and return the new scene; None if the present scene is another one meanwhile."""
         if isinstance(built, Exception):
             raise built
-        session = self._session()
+        session = self._node.session
         if session is None:
             raise GdfeError("the node was cleaned up before the scene was changed")
         session.bags.require_none()

@@ -14,15 +14,16 @@ from geometry_msgs.msg import Vector3
 from gdfe_ros.constraints import Pose
 from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.constraints.rigid_body import RigidBody
-from gdfe_ros.node.entities import Entities, require_place_near, rest_place
+from gdfe_ros.node.entities import Entities
+from gdfe_ros.node.frames import Placement
 from gdfe_ros.node.interface import services
-from gdfe_ros.node.managed import ManagedNode
 from gdfe_ros.node.messages import by_axis, header, pose_message
+from gdfe_ros.node.orders import require_near
+from gdfe_ros.node.refusals import Refused, ResultCode
 from gdfe_ros.node.ros_types import interface_class
+from gdfe_ros.node.services import SessionNode
 from gdfe_ros.node.session import SimulationSession
-from gdfe_ros.node.standard_answers import Refused, ResultCode
-from gdfe_ros.node.things import BOX, EMPTY, OBJECT, SPHERE, Thing, placement_of, within
-from gdfe_ros.node.transforms import Placement
+from gdfe_ros.node.things import BOX, EMPTY, OBJECT, SPHERE, Thing, placement_of, rest_place, within
 from gdfe_ros.scene.scene import Scene
 
 _REPEATED_GROUP = re.compile(r"(?<!\\)\)[*+{]")
@@ -43,8 +44,8 @@ class EntityQueries:
         entities: the bodies.
     """
 
-    def __init__(self, node: ManagedNode, entities: Entities) -> None:
-        self._entities = entities
+    def __init__(self, node: SessionNode, entities: Entities) -> None:
+        self._node, self._entities = node, entities
         offered = {
             services.GET_ENTITIES: self._list,
             services.GET_ENTITY_STATE: self._get_state,
@@ -54,7 +55,7 @@ class EntityQueries:
             services.GET_ENTITY_BOUNDS: self._get_bounds,
             services.GET_NAMED_POSES: self._get_poses,
         }
-        node.offer_standard(offered)
+        node.offer(offered)
 
     def _list(self, request: Any, response: Any) -> Future[None] | None:
         chosen = self._choose(request.filters)
@@ -67,7 +68,7 @@ class EntityQueries:
         return self._after_step(write, chosen, request.filters)
 
     def _get_states(self, request: Any, response: Any) -> Future[None]:
-        session, kind = self._entities.session(), interface_class("simulation_interfaces/msg/EntityState")
+        session, kind = self._node.configured(), interface_class("simulation_interfaces/msg/EntityState")
 
         def write(near: list[Thing]) -> None:
             response.entities, response.states = [each.name for each in near], [kind() for _ in near]
@@ -85,7 +86,7 @@ class EntityQueries:
 
     def _after_step(self, write: Callable[[list[Thing]], None], chosen: list[Thing], filters: Any) -> Future[None]:
         """Let ``write`` answer after the present step, with those bodies of ``chosen`` that are within the bounds."""
-        session = self._entities.session()
+        session = self._node.configured()
 
         def look() -> None:
             near = chosen
@@ -97,11 +98,11 @@ class EntityQueries:
         return session.stepper.post(look)
 
     def _get_state(self, request: Any, response: Any) -> Future[None]:
-        session, thing = self._entities.session(), self._entities.find(request.entity)
+        session, thing = self._node.configured(), self._entities.find(request.entity)
         return session.stepper.post(lambda: _write_state(response.state, session, thing))
 
     def _set_state(self, request: Any, response: Any) -> Future[None] | None:
-        session, thing = self._entities.session(), self._entities.find(request.entity)
+        session, thing = self._node.configured(), self._entities.find(request.entity)
         twist = request.state.twist
         values = [getattr(part, axis) for part in (twist.linear, twist.angular) for axis in "xyz"]
         if getattr(request, "set_twist", any(values)) and any(values):
@@ -111,7 +112,7 @@ class EntityQueries:
             return None
         outer = placement_of(request.state, session.run.frames)
         pose = _from_rest(thing, outer @ thing.inner)
-        require_place_near(pose.translation, session)
+        require_near(pose.translation, session.scene.mesh.size)
 
         def put() -> None:
             session.simulation.put({thing.name: pose})  # raises an error if the place is not free
@@ -125,7 +126,7 @@ class EntityQueries:
         response.info.description, response.info.tags = thing.description, list(thing.tags)
 
     def _get_bounds(self, request: Any, response: Any) -> Future[None]:
-        session, thing = self._entities.session(), self._entities.find(request.entity)
+        session, thing = self._node.configured(), self._entities.find(request.entity)
         response.bounds.type = BOX
 
         def look() -> None:
@@ -137,7 +138,7 @@ class EntityQueries:
     def _get_poses(self, request: Any, response: Any) -> None:
         import simulation_interfaces.msg
 
-        for name, kind, place in _named_poses(self._entities.session().scene):
+        for name, kind, place in _named_poses(self._node.configured().scene):
             if not _has_tags((kind,), request.tags):
                 continue
             message = simulation_interfaces.msg.NamedPose(name=name, tags=[kind])

@@ -8,13 +8,14 @@ from dataclasses import dataclass
 
 from geometry_msgs.msg import PoseStamped
 
+from gdfe_ros.command import require_movable
 from gdfe_ros.constraints import Handle
-from gdfe_ros.errors import GdfeError
+from gdfe_ros.errors import CommandError, GdfeError
 from gdfe_ros.node.command_messages import placed_order, require_pose
 from gdfe_ros.node.frames import Frames, Placement
-from gdfe_ros.node.interface.topics import MOVED
 from gdfe_ros.node.orders import PoseOrder
 from gdfe_ros.node.refusals import Reason, Refusal
+from gdfe_ros.node.run import Run
 from gdfe_ros.scene.scene import Scene
 
 
@@ -56,15 +57,10 @@ def leaders_of(entries: Iterable[str], scene: Scene, *, listening: bool) -> dict
             raise GdfeError(f"{start}; allowed: handle=topic:/name or handle=frame:name")
         if name not in handles:
             raise GdfeError(f"{start}; the scene has no handle {name!r}, but {', '.join(handles) or 'none'}")
-        if (handle := handles[name]).carrier or handle.section == "links":
-            raise GdfeError(
-                f"{start}; {handle.noun} {name!r} moves with an arm and follows nothing: command its joints"
-            )
-        if MOVED[handle.section].target is None:
-            raise GdfeError(f"{start}; {handle.noun} {name!r} moves freely and follows nothing: make it an obstacle")
-        if handle.fixed:
-            remedy = f"put {handle.section}.{name}.fixed=false into scene_overrides"
-            raise GdfeError(f"{start}; {handle.noun} {name!r} is fixed: {remedy}")
+        try:
+            require_movable(handle := handles[name])
+        except CommandError as error:
+            raise GdfeError(f"{start}; {error}") from error
         if kind == "frame" and not listening:
             raise GdfeError(f"{start}; frames need tf2_msgs, which is not installed: follow a topic, or install it")
         if name in found:
@@ -97,22 +93,12 @@ class Followers:
 
     Args:
         leaders: leaders that are frames.
-        size: size of the body [m].
-        frames: frames of the body, with the transforms from /tf.
+        run: the run whose handles follow.
         put: function that receives the key of an input and its order.
-        refuse: function that receives the key of an input and the refusal of its order.
     """
 
-    def __init__(
-        self,
-        leaders: Iterable[Leader],
-        size: float,
-        frames: Frames,
-        put: Callable[[str, PoseOrder], None],
-        refuse: Callable[[str, Refusal], None],
-    ) -> None:
-        self._leaders, self._size, self._frames = list(leaders), size, frames
-        self._put, self._refuse = put, refuse
+    def __init__(self, leaders: Iterable[Leader], run: Run, put: Callable[[str, PoseOrder], None]) -> None:
+        self._leaders, self._run, self._put = list(leaders), run, put
         self._last: dict[str, PoseOrder] = {}
 
     def look(self, *, anew: bool = False) -> None:
@@ -123,13 +109,14 @@ class Followers:
         if anew:
             self._last.clear()
         for leader in self._leaders:
-            place: Placement | None = self._frames.place(leader.frame)
+            frames, size = self._run.frames, self._run.scene.mesh.size
+            place: Placement | None = frames.place(leader.frame)
             if place is None:
                 continue
             try:
-                order = placed_order(leader.handle, place, size=self._size, frames=self._frames)
+                order = placed_order(leader.handle, place, size=size, frames=frames)
                 if order != self._last.get(leader.key):
                     self._put(leader.key, order)
                     self._last[leader.key] = order
             except Refusal as refusal:
-                self._refuse(leader.key, refusal)
+                self._run.refusals.refuse(leader.key, refusal)

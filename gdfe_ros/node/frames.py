@@ -1,22 +1,195 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Names and placements of the coordinate frames of a body, and transforms from other frames to them."""
+"""Coordinate frames of a body and frames on /tf: names, placements, and the chain of transforms between two of them."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import threading
+from collections import deque
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from rclpy.serialization import deserialize_message
 from scipy.spatial.transform import Rotation
 
 from gdfe_ros.arms.dynamics import LinkFrame
 from gdfe_ros.constraints import Handle, Pose
-from gdfe_ros.constraints.obstacle import ArmLink, Obstacle
-from gdfe_ros.node.refusals import Reason, Refusal
-from gdfe_ros.node.transforms import Placement, Transforms
+from gdfe_ros.constraints.obstacle import ArmLink
+from gdfe_ros.node.drive import Settings
+from gdfe_ros.node.interface import TopicSpec, topics
+from gdfe_ros.node.managed import ManagedNode
+from gdfe_ros.node.refusals import Freshness, Reason, Refusal, require_place, require_small
+from gdfe_ros.node.ros_types import interface_class, subscribe
+from gdfe_ros.recording.published import material_pose
+from gdfe_ros.recording.step import Step
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.soft_places import fit_rigidly
-from gdfe_ros.solver.motion.imu import ImuReading
+
+
+@dataclass(frozen=True, eq=False)
+class Placement:
+    """Placement of one frame in another: origin (3,) [m] and rotation of its axes."""
+
+    origin: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
+    turn: Rotation = field(default_factory=Rotation.identity)
+
+    @classmethod
+    def of(cls, translation: Any, rotation: Any) -> Placement:
+        """Return the placement with the translation x, y, z [m] and the rotation, a quaternion, of a message."""
+        turn = Rotation.from_quat([rotation.x, rotation.y, rotation.z, rotation.w])
+        return cls(np.array([translation.x, translation.y, translation.z]), turn)
+
+    def __matmul__(self, inner: Placement) -> Placement:
+        """Return the placement in this frame's parent of a frame whose placement in this frame is ``inner``."""
+        return Placement(self.origin + self.turn.apply(inner.origin), self.turn * inner.turn)
+
+    def inverse(self) -> Placement:
+        """Return the placement of the parent frame in this frame."""
+        back = self.turn.inv()
+        return Placement(-back.apply(self.origin), back)
+
+
+_UNREAD = 2000
+"""Largest number of unread messages of /tf; older ones are dropped. A moving frame is published again long before so
+many messages arrive.
+"""
+_MOST_FRAMES = 10_000
+"""Largest number of frames of other nodes; transforms of further ones are refused."""
+_DEEPEST = 1000
+"""A frame with more ancestors than this number is part of a cycle."""
+_SHOWN = 80
+"""Largest number of characters of a frame's name that a refusal shows."""
+_UNIT_SLACK = 1e-2
+"""Largest deviation of a quaternion's length from 1, as in tf2."""
+
+
+class Transforms:
+    """Subscribes to /tf and /tf_static; for each frame the transform with the latest stamp is used.
+
+    A transform is ignored, and counted as a refused command, in three cases: a number is not finite, the quaternion is
+    not of unit length, or the stamp is older or farther ahead than allowed for a command.
+
+    Args:
+        node: node of the subscriptions.
+        heard: function that is called after each message.
+        now: function that returns the time on the clock of the stamps [ns].
+        limits: parameters ``command_max_age`` and ``command_max_lead`` [s] by name.
+        refuse: function that receives topic and frame of a transform, and its refusal.
+    """
+
+    def __init__(
+        self,
+        node: ManagedNode,
+        heard: Callable[[], object],
+        *,
+        now: Callable[[], int],
+        limits: Settings,
+        refuse: Callable[[str, Refusal], None],
+    ) -> None:
+        self._node, self._heard, self._now, self._limits, self._refuse = node, heard, now, limits, refuse
+        self._freshness = Freshness()
+        self._own: Collection[str] = ()
+        self._unread: dict[TopicSpec, deque[tuple[bytes, int]]] = {topics.TF_STATIC: deque(), topics.TF: deque()}
+        self._parents: dict[str, tuple[str, Placement]] = {}
+        self._lock = threading.Lock()
+        self._subscriptions = [
+            subscribe(node, spec, partial(self._keep, spec), raw=True) for spec in (topics.TF, topics.TF_STATIC)
+        ]
+
+    def destroy(self) -> None:
+        """Remove the subscriptions from the graph."""
+        self._heard = lambda: None
+        for subscription in self._subscriptions:
+            self._node.destroy_subscription(subscription)
+        self._subscriptions = []
+
+    def known(self) -> list[str]:
+        """Return the names of the received frames, sorted."""
+        with self._lock:
+            self._read()
+            return sorted({*self._parents, *(parent for parent, _ in self._parents.values())})
+
+    def find(self, source: str, target: str, own: Mapping[str, tuple[str, Placement]]) -> Placement | None:
+        """Return the placement of the frame ``source`` in the frame ``target``; None if no transforms connect them.
+
+        Args:
+            source: name of the frame to place.
+            target: name of the reference frame.
+            own: dict from name of a frame that the node computes itself to its parent and its placement there.
+        """
+        with self._lock:
+            self._own = own.keys()
+            self._read()
+            parents = {**self._parents, **own}
+        chains = _chain_up(source, parents), _chain_up(target, parents)
+        common = next((frame for frame in chains[0] if frame in chains[1]), None)
+        return None if common is None else chains[1][common].inverse() @ chains[0][common]
+
+    def reset(self) -> None:
+        """Drop the stored stamps, so that the next stamp of each frame may be earlier than its last one."""
+        with self._lock:
+            self._freshness.reset()
+
+    def _keep(self, spec: TopicSpec, data: bytes) -> None:
+        """Store a message without reading it: a robot publishes thousands of transforms a second; few are needed."""
+        try:
+            require_small(data)
+        except Refusal as refusal:
+            self._refuse(spec.name, refusal)
+            return
+        waiting = self._unread[spec]
+        waiting.append((data, self._now()))
+        if len(waiting) > _UNREAD:
+            with self._lock:
+                if spec is topics.TF:
+                    waiting.popleft()
+                else:  # unlike moving frames, these are not published again
+                    self._read()
+        self._heard()
+
+    def _read(self) -> None:
+        """Read the stored messages; needs the lock."""
+        kind = interface_class(topics.TF.type)
+        for spec, waiting in self._unread.items():
+            while waiting:
+                data, arrived = waiting.popleft()
+                for each in deserialize_message(data, kind).transforms:
+                    if each.child_frame_id in self._own:  # published by this node itself
+                        continue
+                    try:
+                        self._take(each, arrived, moving=spec is topics.TF)
+                    except Refusal as refusal:
+                        if refusal.reason is not Reason.OUT_OF_ORDER:
+                            self._refuse(f"{spec.name}, frame {each.child_frame_id[:_SHOWN]!r},", refusal)
+
+    def _take(self, told: Any, arrived: int, *, moving: bool) -> None:
+        """Store a transform that arrived at a time [ns]; the stamp of a moving frame is checked.
+
+        Raises:
+            Refusal: a number is not finite, the quaternion is not of unit length, or the stamp is too old, ahead, or
+                before the frame's last stamp.
+        """
+        origin, turn = told.transform.translation, told.transform.rotation
+        require_place(origin, turn, _UNIT_SLACK, ("translation", "rotation"))
+        if told.child_frame_id not in self._parents and len(self._parents) >= _MOST_FRAMES:
+            raise Refusal(Reason.QUEUE_FULL, f"{_MOST_FRAMES} frames are known; further ones are refused")
+        if moving:
+            ages = {"max_age": self._limits["command_max_age"], "max_lead": self._limits["command_max_lead"]}
+            self._freshness.check([told.child_frame_id], told.header.stamp, now=arrived, **ages)
+        self._parents[told.child_frame_id] = told.header.frame_id, Placement.of(origin, turn)
+
+
+def _chain_up(frame: str, parents: Mapping[str, tuple[str, Placement]]) -> dict[str, Placement]:
+    """Return a dict from a frame itself and each of its ancestors, nearest first, to the frame's placement there."""
+    chain = {frame: Placement()}
+    while frame in parents and parents[frame][0] not in chain and len(chain) < _DEEPEST:
+        parent, placement = parents[frame]
+        chain[parent] = placement @ chain[frame]
+        frame = parent
+    return chain
 
 
 class Frames:
@@ -32,16 +205,14 @@ class Frames:
 
     Attributes:
         frame_id: name of the node's own frame.
-        positions: function that returns the present vertices (n, 3) [m].
-        poses: function that returns the present poses of the obstacles by name, relative to rest.
+        last: function that returns the last step, or None.
     """
 
     def __init__(self, frame_id: str, scene: Scene | None = None, transforms: Transforms | None = None) -> None:
         self.frame_id, self._scene, self.transforms = frame_id, scene, transforms
         self._prefix = "/".join([*frame_id.split("/")[:-1], ""])
         self._links = {} if scene is None else self._parents_of_links(scene)
-        self.positions: Callable[[], NDArray[np.float64]] = lambda: scene.mesh.vertices
-        self.poses: Callable[[], Mapping[str, Pose]] = dict
+        self.last: Callable[[], Step | None] = lambda: None
 
     def full_name(self, name: str) -> str:
         """Return the name of one of the node's own frames, with the part that tells robots apart.
@@ -50,10 +221,10 @@ class Frames:
         ``<handle>_centre``, at its present centre, with the node's axes, the frame of its wrench; ``<handle>``, which
         moves and rotates with it; ``<probe>_probe``, which moves and rotates with a material point; ``<probe>_imu``,
         which rotates with the cell around it; ``<sensor>_sensor``, at the present centre of a contact sensor, with the
-        node's axes; ``<mesh>_mesh``, which moves and turns with one of several meshes, as best fits its vertices; or
-        the name of an arm's link.
+        node's axes; ``<mesh>_mesh``, which moves and turns with one of several meshes, as best fits its vertices; the
+        name of an arm's link; or empty, for the node's own frame.
         """
-        return f"{self._prefix}{name}"
+        return f"{self._prefix}{name}" if name else self.frame_id
 
     def rest(self, handle: str) -> str:
         """Return the name of the frame at the rest centre of a handle or obstacle."""
@@ -73,9 +244,7 @@ class Frames:
     def parents(self) -> list[str]:
         """Names of the parents of the ``moving`` frames: a link's parent link, and for all others the node's frame."""
         own = len(self.moving) - len(self._links)
-        return [self.frame_id] * own + [
-            self.full_name(each) if each else self.frame_id for each in self._links.values()
-        ]
+        return [self.frame_id] * own + list(map(self.full_name, self._links.values()))
 
     def remarks(self) -> list[str]:
         """Return a text for each root link of an arm that has the name of the node's frame, but lies elsewhere."""
@@ -113,28 +282,14 @@ class Frames:
         vertices = self._scene.mesh.vertices
         return {self.rest(handle.name): Placement(handle.centre(vertices)) for handle in self._framed}
 
-    def places(
-        self,
-        poses: Mapping[str, Pose],
-        probes: Mapping[str, Pose],
-        units: Mapping[str, ImuReading],
-        positions: NDArray[np.float64],
-        links: Mapping[str, LinkFrame],
-    ) -> list[Placement]:
-        """Return the placements of the moving frames in their ``parents``, in the order of ``moving``.
-
-        Args:
-            poses: poses of handles and obstacles, relative to rest.
-            probes: poses of the material points.
-            units: readings of the inertial measurement units at the material points; empty without dynamics.
-            positions: positions of the vertices (n, 3) [m].
-            links: frames of the links of arms.
-        """
-        found = []
+    def places(self, step: Step) -> list[Placement]:
+        """Return the placements of the moving frames in their ``parents`` after a step, in the order of ``moving``."""
+        found, rest, positions, units = [], self._scene.mesh.vertices, step.result.positions, step.imus()
         for handle in self._framed:
-            place = self._moved(handle, poses[handle.name])
+            place = self._moved(handle, step.poses[handle.name])
             found += [Placement(place.origin), place]
-        points = [(np.array(probes[name].translation), name) for name in self._scene.probes]
+        probes = {name: material_pose(point, rest, positions) for name, point in self._scene.probes.items()}
+        points = [(np.array(pose.translation), name) for name, pose in probes.items()]
         found += [Placement(origin, Rotation.from_rotvec(probes[name].rotation)) for origin, name in points]
         found += [Placement(origin, units[name].orientation) for origin, name in points if name in units]
         found += [Placement(sensor.centre(positions)) for sensor in self._scene.sensors.values()]
@@ -142,7 +297,7 @@ class Frames:
             vertices = slice(part.first_vertex, part.first_vertex + part.mesh.n_vertices)
             origin, axes = fit_rigidly(part.mesh.vertices, positions[vertices])
             found.append(Placement(origin, Rotation.from_matrix(axes)))
-        return found + self._joined(links)
+        return found + self._joined(step.links)
 
     def _joined(self, links: Mapping[str, LinkFrame]) -> list[Placement]:
         """Return the placements of links in their parents."""
@@ -185,15 +340,12 @@ class Frames:
         return found
 
     def _own(self) -> dict[str, tuple[str, Placement]]:
-        """Return a dict from frame name to its parent and its placement there, for frames that the node computes.
-
-        A handle's frame has the rotation that best fits the handle's vertices.
-        """
-        now, poses = self.positions(), self.poses()
+        """Return a dict from frame name to its parent and its placement there, for frames that the node computes."""
+        last = self.last()
+        now, poses = (self._scene.mesh.vertices, {}) if last is None else (last.result.positions, last.poses)
         own = {name: (self.frame_id, place) for name, place in self.rests().items()}
         for handle in self._framed:
-            obstacle = isinstance(handle, Obstacle)
-            place = self._moved(handle, poses.get(handle.name, Pose())) if obstacle else self._turned(handle, now)
+            place = self._moved(handle, poses.get(handle.name, Pose()))
             own[self.full_name(f"{handle.name}_centre")] = self.frame_id, Placement(place.origin)
             own[self.full_name(handle.name)] = self.frame_id, place
         centres = {name: sensor.centre(now) for name, sensor in self._scene.sensors.items()}
@@ -205,9 +357,3 @@ class Frames:
         """Return the placement of the frame of a handle or obstacle with a pose relative to rest."""
         origin = handle.centre(self._scene.mesh.vertices) + pose.translation
         return Placement(origin, Rotation.from_rotvec(pose.rotation))
-
-    def _turned(self, handle: Handle, now: NDArray[np.float64]) -> Placement:
-        """Return the placement of a handle's frame, fitted to the body's vertices ``now`` (n, 3) [m]."""
-        rest, centre = self._scene.mesh.vertices, handle.centre(now)
-        arms = now[handle.vertices] - centre, rest[handle.vertices] - handle.centre(rest)
-        return Placement(centre, Rotation.align_vectors(*arms)[0])

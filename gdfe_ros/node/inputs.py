@@ -20,11 +20,12 @@ from gdfe_ros.actuators import Mode
 from gdfe_ros.node.command_messages import ActuatorOrders, pose_order, put_order, twist_order
 from gdfe_ros.node.following import Followers, Leader, followed_order, refuse_followed
 from gdfe_ros.node.interface import TopicSpec, topics
-from gdfe_ros.node.orders import ActuatorOrder, Inbox, Order, TrajectoryOrder
+from gdfe_ros.node.interface.topics import put_key
+from gdfe_ros.node.orders import Inbox, Order, TrajectoryOrder
 from gdfe_ros.node.refusals import Freshness, Reason, Refusal, require_small
-from gdfe_ros.node.ros_types import interface_class, qos_profile
+from gdfe_ros.node.ros_types import interface_class, subscribe, topic_info
 from gdfe_ros.node.run import Run
-from gdfe_ros.recording.bag_info import Qos, TopicInfo
+from gdfe_ros.recording.bag_info import TopicInfo
 from gdfe_ros.recording.recorder import Recorder
 from gdfe_ros.recording.step import Step
 
@@ -95,8 +96,7 @@ class Pursuit:
 
     def displace(self, later: Order) -> None:
         """End the trajectory if a later order commands one of its names."""
-        names = later.values if isinstance(later, ActuatorOrder) else getattr(later, "names", ())
-        if taken := sorted(set(names) & set(self.order.names)):
+        if taken := sorted(set(later.names) & set(self.order.names)):
             self.end(Code.INVALID_GOAL, f"a later command of {', '.join(taken)} took its place")
 
     def look(self, time: float, present: Mapping[str, float]) -> None:
@@ -141,18 +141,18 @@ class Input:
     """One command topic.
 
     Attributes:
-        key: name of the input in ``command_set`` and in bags, e.g. ``handles/tip/target``.
-        topic: name of the topic.
         spec: description of the topic.
         check: function that returns the order of a message, or raises ``Refusal``.
+        key: name of the input in ``command_set`` and in bags, e.g. ``handles/tip/target``.
         stamped: whether the header's stamp is the time of the command.
+        leader: name of the topic of a handle's leader; empty: ``~/`` and the key.
     """
 
-    key: str
-    topic: str
     spec: TopicSpec
     check: Callable[[Any], Order]
-    stamped: bool
+    key: str
+    stamped: bool = True
+    leader: str = ""
 
 
 class Inputs:
@@ -179,7 +179,7 @@ class Inputs:
         self._inputs = {item.key: item for item in _inputs(run, leaders)}
         self._subscriptions = {key: self._subscribe(item) for key, item in self._inputs.items()}
         led = [leader for leader in leaders.values() if leader.frame]
-        self.followers = Followers(led, run.scene.mesh.size, run.frames, self._put, run.refusals.refuse)
+        self.followers = Followers(led, run, self._put)
         self._heard: set[str] = set()
 
     @property
@@ -212,15 +212,7 @@ class Inputs:
     @property
     def infos(self) -> list[TopicInfo]:
         """Descriptions of the topics for a bag."""
-        return [
-            TopicInfo(
-                name=subscription.topic_name,
-                type=self._inputs[key].spec.type,
-                qos=Qos.from_rclpy(qos_profile(self._inputs[key].spec.delivery)),
-                role=key,
-            )
-            for key, subscription in self._subscriptions.items()
-        ]
+        return [topic_info(self._inputs[key].spec, each.topic_name, key) for key, each in self._subscriptions.items()]
 
     def trajectory(self, message: Any) -> TrajectoryOrder:
         """Check a JointTrajectory message and return its order.
@@ -274,33 +266,28 @@ class Inputs:
             self._run.node.destroy_subscription(subscription)
 
     def _subscribe(self, item: Input) -> Any:
-        topic = self._run.node.resolve_topic_name(item.topic)
-        kind = interface_class(item.spec.type)
-        receive = partial(self._receive, item, topic, kind)
-        node = self._run.node
-        profile = qos_profile(item.spec.delivery)
-        return node.create_subscription(kind, topic, receive, profile, raw=True)
+        topic = self._run.node.resolve_topic_name(item.leader or f"~/{item.key}")
+        return subscribe(self._run.node, item.spec, partial(self._receive, item, topic), topic, raw=True)
 
-    def _receive(self, item: Input, topic: str, kind: type, data: bytes) -> None:
+    def _receive(self, item: Input, topic: str, data: bytes) -> None:
         if self.recorder is not None:
             self.recorder.record(topic, data, self._run.log_time)
         try:
-            self._take(item, topic, kind, data)
+            self._take(item, topic, data)
         except Refusal as refusal:
             self._run.refusals.refuse(topic, refusal)
         else:
             self._run.refusals.take()
 
-    def _take(self, item: Input, topic: str, kind: type, data: bytes) -> None:
+    def _take(self, item: Input, topic: str, data: bytes) -> None:
         if self.inbox is None:
             raise Refusal(Reason.INACTIVE, "the node is not active; it takes commands after `activate`")
-        message = read_message(data, kind)
+        message = read_message(data, interface_class(item.spec.type))
         order = item.check(message)
         if item.stamped:
             run, values = self._run, self._run.parameters
-            names = order.values if isinstance(order, ActuatorOrder) else ("",)
             self.freshness.check(
-                [f"{topic} {name}" for name in names],
+                [f"{topic} {name}" for name in order.names],
                 message.header.stamp,
                 now=run.now(),
                 max_age=values["command_max_age"],
@@ -335,8 +322,7 @@ def _inputs(run: Run, leaders: Mapping[str, Leader]) -> Iterator[Input]:
     yield from _handle_inputs(run, leaders)
     scene = run.scene
     if scene.actuators or scene.loads or scene.arms:
-        joints = [joint for arm in scene.arms for joint in arm.joints]
-        yield from _actuator_inputs(run, ActuatorOrders(scene.actuators, [load.name for load in scene.loads], joints))
+        yield from _actuator_inputs(run, ActuatorOrders(scene))
 
 
 def _handle_inputs(run: Run, leaders: Mapping[str, Leader]) -> Iterator[Input]:
@@ -345,40 +331,35 @@ def _handle_inputs(run: Run, leaders: Mapping[str, Leader]) -> Iterator[Input]:
     # First: in lockstep, a teleport that arrives before the command set is complete belongs to the same step.
     for handle in scene.handles:
         if spec := topics.MOVED[handle.section].put:
-            topic = spec.name.format(**{handle.noun: handle.name})
-            take = partial(put_order, handle=handle, size=size, frames=frames)
-            yield Input(topic.removeprefix("~/"), topic, spec, take, stamped=True)
+            yield Input(spec, partial(put_order, handle=handle, size=size, frames=frames), put_key(handle))
     for handle in scene.handles:
         leader, moved = leaders.get(handle.name), topics.MOVED[handle.section]
         if moved.target is None:
             continue
         for spec, check in ((moved.target, pose_order), (moved.velocity, twist_order)):
-            topic = spec.name.format(**{handle.noun: handle.name})
             take = partial(check, handle=handle, size=size, frames=frames)
             if leader is not None:
                 take = partial(refuse_followed, leader=leader)
-            yield Input(topic.removeprefix("~/"), topic, spec, take, stamped=True)
+            yield Input(spec, take, spec.key(**{handle.noun: handle.name}))
         if leader is not None and leader.topic:
             take = partial(followed_order, leader=leader, size=size, frames=frames)
-            yield Input(leader.key, leader.topic, topics.FOLLOWED, take, stamped=True)
+            yield Input(topics.FOLLOWED, take, leader.key, leader=leader.topic)
 
 
 def _actuator_inputs(run: Run, orders: ActuatorOrders) -> Iterator[Input]:
     """Yield the inputs that command actuators, loads and joints."""
     scene = run.scene
     if any(arm.joints for arm in scene.arms):
-        spec = topics.JOINT_COMMAND
-        yield Input("joint_command", spec.name, spec, orders.from_joint_state, stamped=True)
-    yield Input("actuation", topics.ACTUATION.name, topics.ACTUATION, orders.from_joint_state, stamped=True)
+        yield Input(topics.JOINT_COMMAND, orders.from_joint_state, topics.JOINT_COMMAND.key())
+    yield Input(topics.ACTUATION, orders.from_joint_state, topics.ACTUATION.key())
     if scene.actuators:
-        spec = topics.ACTUATOR_COMMANDS
-        yield Input("commands", spec.name, spec, orders.from_array, stamped=False)
+        yield Input(topics.ACTUATOR_COMMANDS, orders.from_array, topics.ACTUATOR_COMMANDS.key(), stamped=False)
     if any(actuator.mode is Mode.GRIP for actuator in scene.actuators):
         for spec, holds in ((topics.ATTACH, 1.0), (topics.RELEASE, 0.0)):
             take = partial(orders.from_grip, holds=holds, present=lambda: run.simulation.commands)
-            yield Input(spec.key(), spec.name, spec, take, stamped=False)
+            yield Input(spec, take, spec.key(), stamped=False)
 
     def follow(message: Any) -> Order:
         return orders.from_trajectory(message, now=run.simulation_time(run.now()), convert=run.simulation_time)
 
-    yield Input(_TRAJECTORY, topics.TRAJECTORY.name, topics.TRAJECTORY, follow, stamped=False)
+    yield Input(topics.TRAJECTORY, follow, _TRAJECTORY, stamped=False)

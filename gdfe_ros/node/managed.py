@@ -23,10 +23,11 @@ from rclpy.service import Service
 from rclpy.subscription import Subscription
 from rclpy.timer import Timer
 
+from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.interface import ServiceSpec
-from gdfe_ros.node.plain_log import PlainLog, Throttle, log_throttle
+from gdfe_ros.node.plain_log import PlainLog, Throttle
+from gdfe_ros.node.refusals import answer, answer_after, fail
 from gdfe_ros.node.ros_types import LARGEST, available, bounded_service, interface_class, unread_size
-from gdfe_ros.node.standard_answers import ResultCode, answer_after, answer_standard, failed
 
 NO_PUBLISHER_EVENTS = PublisherEventCallbacks(use_default_callbacks=False)
 NO_SUBSCRIPTION_EVENTS = SubscriptionEventCallbacks(use_default_callbacks=False)
@@ -50,6 +51,8 @@ _MOST_ENTRIES = 10_000
 """Largest number of entries in a list of a request; rclpy's answer for 500000 names of parameters takes 15 s."""
 _TRIM = getattr(ctypes.CDLL(None), "malloc_trim", None)
 """Function of glibc that returns free memory to the system; None with another C library, which has no such pools."""
+_BURST = 100
+"""Largest number of entries of the log of the same severity in five seconds."""
 _PRIMARY = ("unconfigured", "inactive", "active")
 
 
@@ -95,7 +98,7 @@ class ManagedNode(EventlessNode, LifecycleNode):
         self._preparation: threading.Thread | None = None
         self.prepared: Any = None
         self._destroyed = False
-        self._turns, self._log_throttle = 0, log_throttle()
+        self._turns, self._log_throttle = 0, Throttle(_BURST, what="entries left out")
         self._destroyed_last: deque[tuple[int, Subscription | Timer]] = deque()
         self.faults = Faults(lambda text: self.get_logger().error(text))
         super().__init__(name, **options)
@@ -126,15 +129,13 @@ class ManagedNode(EventlessNode, LifecycleNode):
         later = ("materials.", "qos_overrides.", "start_type_description_service", "use_sim_time")
         return {name for name in self.given_parameters if not self.has_parameter(name) and not name.startswith(later)}
 
-    def offer(self, kind: type, name: str, callback: Callable[[Any, Any], Any]) -> None:
-        """Create a service; its callback may return a ``Future``, see the class."""
-        self._shield(self.create_service(kind, name, callback))
-
-    def offer_standard(self, offered: Mapping[ServiceSpec, Callable[[Any, Any], Any]]) -> None:
-        """Offer those services whose types are installed; `answer_standard` says what their functions return."""
+    def offer(self, offered: Mapping[ServiceSpec, Callable[[Any, Any], Any]]) -> None:
+        """Offer those services whose types are installed; `answer` says what their functions return."""
         for spec, action in offered.items():
             if available(spec.type):
-                self.offer(interface_class(spec.type), spec.name, partial(answer_standard, action))
+                note = partial(self.faults.note, f"the service {spec.name}")
+                callback = partial(answer, action, note=note)
+                self._shield(self.create_service(interface_class(spec.type), spec.name, callback))
 
     def create_timer(self, timer_period_sec: float, callback: Callable[[], None], *more: Any, **options: Any) -> Any:
         """Create a timer, as rclpy does, that survives exceptions in its callback."""
@@ -350,14 +351,12 @@ def _describe_excess(request: Any) -> str:
 
 
 def _failure(request: Any, response: Any, text: str) -> Any:
-    """Put the reason of a failure into every suitable field of a response, and return the response."""
+    """Put the reason of a failure into the response, and return it."""
     refused = SetParametersResult(successful=False, reason=text)
-    if hasattr(response, "message"):
-        response.message = text
-    if hasattr(response, "results"):
+    if hasattr(request, "parameters") and hasattr(response, "results"):
         response.results = [refused] * max(1, min(len(request.parameters), _MOST_ENTRIES))
-    if hasattr(response, "result") and isinstance(response.result, SetParametersResult):
+    elif isinstance(getattr(response, "result", None), SetParametersResult):
         response.result = refused
-    elif hasattr(response, "result") and hasattr(response.result, "error_message"):
-        failed(response, ResultCode.FAILED, text)
+    else:
+        fail(response, GdfeError(text))
     return response

@@ -34,9 +34,9 @@ from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.mesh import HexMesh
 from gdfe_ros.mesh.solid import Solid
 from gdfe_ros.node.command_messages import EFFORTS
+from gdfe_ros.node.frames import Placement
 from gdfe_ros.node.plain_log import shorten
 from gdfe_ros.node.refusals import LONGEST, Refusal
-from gdfe_ros.node.transforms import Placement
 from gdfe_ros.recording.packing import Cdr, pack_text, put_stamp
 from gdfe_ros.scene.scene import Scene
 

@@ -2,7 +2,8 @@
 """Orders to the simulation, made from command messages, and the inbox in which they wait for their step.
 
 The method ``without`` returns the part of an order that remains valid after a later order, or None. Orders of different
-handles or actuators do not affect each other.
+handles or actuators do not affect each other. ``names`` are those of the commanded handle or body, or of the commanded
+actuators, loads and joints.
 """
 
 from __future__ import annotations
@@ -26,7 +27,17 @@ FARTHEST = 10.0
 
 
 @dataclass(frozen=True)
-class PlaceOrder:
+class _ItemOrder:
+    name: str
+
+    @property
+    def names(self) -> tuple[str]:
+        """The name, alone."""
+        return (self.name,)
+
+
+@dataclass(frozen=True)
+class PlaceOrder(_ItemOrder):
     """A place of a handle or a body.
 
     Attributes:
@@ -35,7 +46,6 @@ class PlaceOrder:
         quaternion: x, y, z, w, of unit length.
     """
 
-    name: str
     translation: tuple[float, float, float]
     quaternion: tuple[float, float, float, float]
 
@@ -59,7 +69,7 @@ class PoseOrder(PlaceOrder):
 
 
 @dataclass(frozen=True)
-class TwistOrder:
+class TwistOrder(_ItemOrder):
     """A velocity of a handle's target, valid until another command or its timeout.
 
     Attributes:
@@ -68,7 +78,6 @@ class TwistOrder:
         angular: angular velocity about the handle's centre, in world axes [rad/s].
     """
 
-    name: str
     linear: tuple[float, float, float]
     angular: tuple[float, float, float]
 
@@ -107,6 +116,11 @@ class ActuatorOrder:
     """
 
     values: Mapping[str, float]
+
+    @property
+    def names(self) -> Collection[str]:
+        """Names of the commanded actuators, loads and joints."""
+        return self.values.keys()
 
     def without(self, later: Order) -> ActuatorOrder | None:
         """Return the commands that a later order does not replace; None if it replaces all.
@@ -149,16 +163,9 @@ class TrajectoryOrder:
 
     def without(self, later: Order) -> TrajectoryOrder | None:
         """Return the trajectory without the actuators, loads and joints that a later order commands."""
-        match later:
-            case ActuatorOrder():
-                taken = set(later.values)
-            case TrajectoryOrder():
-                taken = set(later.names)
-            case _:
-                return self
-        kept = [place for place, name in enumerate(self.names) if name not in taken]
-        if not kept:
-            return None
+        kept = [place for place, name in enumerate(self.names) if name not in later.names]
+        if not kept or len(kept) == len(self.names):
+            return self if kept else None
         tables = {name: getattr(self, name) for name in ("values", "slopes", "bends")}
         parts = {name: None if table is None else table[:, kept] for name, table in tables.items()}
         return replace(self, names=tuple(self.names[place] for place in kept), **parts)

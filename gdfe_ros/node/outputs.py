@@ -1,30 +1,34 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Output topics of a simulation, published for each step or once for each scene."""
+"""Output topics of a simulation, published for each step or once for each scene, and their recording in bags."""
 
 from __future__ import annotations
 
 import json
 import time
 from collections.abc import Callable, Iterator
+from datetime import datetime
 from functools import cached_property, partial
+from pathlib import Path
 from typing import Any
 
 from rosgraph_msgs.msg import Clock
 
 from gdfe_ros.contacts import contact_names, contact_points
+from gdfe_ros.errors import GdfeError
 from gdfe_ros.node import messages
 from gdfe_ros.node.channel import Channel
-from gdfe_ros.node.interface import topics
-from gdfe_ros.node.interface.scene_topics import state_topics
+from gdfe_ros.node.inputs import Inputs
+from gdfe_ros.node.interface import TopicSpec, topics
+from gdfe_ros.node.interface.topics import state_topics
 from gdfe_ros.node.messages import ContactMarkers, SurfaceMarker, TransformPacker
+from gdfe_ros.node.pace import ClockMode
 from gdfe_ros.node.run import Run
-from gdfe_ros.recording.packing import pack_text, packing
-from gdfe_ros.recording.published import material_pose, tables_of
-from gdfe_ros.recording.recorder import Recorder
-from gdfe_ros.recording.step import Demand, Step, to_nanoseconds
-
-_PARTS = ("messages", "fields", "poses", "actuators", "imus")
-"""Attributes of `Demand`."""
+from gdfe_ros.recording.packing import pack_text, packers
+from gdfe_ros.recording.provenance import RunInfo
+from gdfe_ros.recording.recorder import Recorder, RecorderStatus
+from gdfe_ros.recording.step import Step, to_nanoseconds
+from gdfe_ros.regular_file import path_inside
+from gdfe_ros.scene.scene import Scene
 
 
 class Output:
@@ -33,24 +37,14 @@ class Output:
     Args:
         channel: channel of the topic.
         pack: function that returns the message of a step, or its bytes.
-        part: attribute of `Step` without which there is no message.
-        needs: parts of the `Demand` that the message needs, besides ``part``.
         period: function that returns the shortest wall time between two messages [s], for a topic with a message for
             few steps; None: each step has one.
     """
 
     def __init__(
-        self,
-        channel: Channel,
-        pack: Callable[[Step], Any],
-        *,
-        part: str = "result",
-        needs: tuple[str, ...] = (),
-        period: Callable[[], float] | None = None,
+        self, channel: Channel, pack: Callable[[Step], Any], *, period: Callable[[], float] | None = None
     ) -> None:
-        self.channel, self._pack, self._part = channel, pack, part
-        self.needs = {"messages", part, *needs} & set(_PARTS)
-        self._period, self._next = period, 0.0
+        self.channel, self._pack, self._period, self._next = channel, pack, period, 0.0
 
     @property
     def wanted(self) -> bool:
@@ -60,7 +54,7 @@ class Output:
     def publish(self, step: Step) -> None:
         """Publish and record the message of a step, if it is due."""
         seldom = self._period is not None and not step.again
-        if not getattr(step, self._part) or not (self.wanted if seldom else self.channel.due(step)):
+        if not (self.wanted if seldom else self.channel.due(step)):
             return
         if self._period is not None:
             self._next = time.monotonic() + self._period()
@@ -79,32 +73,25 @@ class TopicOutputs:
         self._run, self._frames, self._scene, self._frame_id = run, frames, scene, frames.frame_id
         self._publishes_tf = frames.transforms is not None and run.parameters["publish_tf"]
         self._contacts = contact_names(scene.handles, scene.self_contact)
-        self._topology, self._scene_text = Channel(node, topics.TOPOLOGY), Channel(node, topics.SCENE)
-        self._contact_names = Channel(node, topics.CONTACT_NAMES) if self._contacts else None
-        described = topics.ROBOT_DESCRIPTION
-        self._robots = [(arm, Channel(node, described, key=described.key(arm=arm.name))) for arm in scene.arms]
+        self._latched = [(Channel(node, spec, key=key), pack) for spec, key, pack in self._make_latched()]
         self._jacobian = Channel(node, topics.JACOBIAN) if scene.actuators and scene.probes else None
-        self._tf_static = Channel(node, topics.TF_STATIC) if self._publishes_tf else None
         outputs = self._make_outputs(partial(Channel, node, repeated=True))
         # Last those of element fields, whose evaluation would delay the others.
-        self._outputs = sorted(outputs, key=lambda output: "fields" in output.needs)
+        slow = (topics.STRAIN.key(), topics.MARKERS.key())
+        self._outputs = sorted(outputs, key=lambda output: output.channel.info.role in slow)
 
     @property
     def channels(self) -> Iterator[Channel]:
         """Channels of all output topics, in no particular order."""
         yield from (output.channel for output in self._outputs)
-        yield from (self._topology, self._scene_text, *(channel for _, channel in self._robots))
-        optional = (self._contact_names, self._jacobian, self._tf_static)
-        yield from (channel for channel in optional if channel is not None)
+        yield from (channel for channel, _ in self._latched)
+        if self._jacobian is not None:
+            yield self._jacobian
 
-    def demand(self) -> Demand:
-        """Return the outputs of the next step that a subscriber or a bag needs."""
-        # Ask an output only if it adds to the demand, because counting subscribers is a call into the middleware.
-        needs: set[str] = set()
-        for output in self._outputs:
-            if not output.needs <= needs and output.wanted:
-                needs |= output.needs
-        return Demand(**{part: part in needs for part in _PARTS})
+    @property
+    def wanted(self) -> bool:
+        """Whether a subscriber or a bag needs a message of the next step."""
+        return any(output.wanted for output in self._outputs)
 
     def missed(self, *, thorough: bool = False) -> bool:
         """Return whether a subscriber has not received the present state; ``thorough``: see `Channel.missed`."""
@@ -118,16 +105,8 @@ class TopicOutputs:
 
     def publish_scene(self, log_time: int) -> None:
         """Publish the latched topics; ``log_time`` is their log time in the bag [ns]."""
-        self._topology.send(messages.topology(self._scene.mesh.cells), log_time)
-        self._scene_text.send(pack_text(self._run.scene.source), log_time)  # its moduli may have changed
-        if self._contact_names is not None:
-            self._contact_names.send(pack_text(json.dumps(self._contacts)), log_time)
-        for arm, channel in self._robots:
-            channel.send(pack_text(arm.text), log_time)
-        if self._tf_static is not None:
-            rests = self._frames.rests()
-            packer = TransformPacker(list(rests), [self._frame_id] * len(rests))
-            self._tf_static.send(packer.pack(self._run.clock(), list(rests.values())), log_time)
+        for channel, pack in self._latched:
+            channel.send(pack(), log_time)
 
     def publish_jacobian(self, values: object, log_time: int) -> None:
         """Publish the Jacobian d(probe position) / d(command), (probes, 3, actuators)."""
@@ -144,22 +123,34 @@ class TopicOutputs:
         for channel in self.channels:
             channel.destroy()
 
+    def _make_latched(self) -> Iterator[tuple[TopicSpec, str, Callable[[], Any]]]:
+        """Yield topic, name with its braces filled, and function that returns the message, of the latched topics."""
+        yield topics.TOPOLOGY, "", partial(messages.topology, self._scene.mesh.cells)
+        yield topics.SCENE, "", lambda: pack_text(self._run.scene.source)  # its moduli may have changed
+        if self._contacts:
+            yield topics.CONTACT_NAMES, "", partial(pack_text, json.dumps(self._contacts))
+        for arm in self._scene.arms:
+            yield topics.ROBOT_DESCRIPTION, topics.ROBOT_DESCRIPTION.key(arm=arm.name), partial(pack_text, arm.text)
+        if self._publishes_tf:
+            rests = self._frames.rests()
+            packer = TransformPacker(list(rests), [self._frame_id] * len(rests))
+            yield topics.TF_STATIC, "", lambda: packer.pack(self._run.clock(), list(rests.values()))
+
     def _make_outputs(self, channel: Callable[..., Channel]) -> Iterator[Output]:
         """Yield the outputs in the order in which a step is published."""
         scene, parameters = self._scene, self._run.parameters
         if parameters["publish_clock"]:
             yield Output(channel(topics.CLOCK), _pack_clock)
-        yield Output(channel(topics.STEP_RECORD), lambda step: pack_text(step.record.to_json()))
-        tables, specs = tables_of(scene), state_topics(scene)
-        specs |= {key: topics.HANDLE_SENSOR for key in tables if key.endswith("/force_torque")}
-        rows = [*(each.name for each in scene.actuators), *(joint.name for arm in scene.arms for joint in arm.joints)]
-        for key, table in tables.items():
-            frame_id = self._frames.full_name(table.frame) if table.frame else self._frame_id
-            yield Output(channel(specs[key], key=key), packing(table, frame_id, rows), part=table.part)
+        specs = state_topics(scene)
+        for key, pack in packers(scene, self._frames.full_name).items():
+            yield Output(channel(specs.get(key, topics.HANDLE_SENSOR), key=key), pack)
         if self._publishes_tf:
             packer = TransformPacker(self._frames.moving, self._frames.parents)
-            pack = partial(self._pack_transforms, packer)
-            yield Output(channel(topics.TF, own=1), pack, part="poses", needs=("imus",))
+
+            def pack_transforms(step: Step) -> bytes:
+                return packer.pack(step.record.stamp, self._frames.places(step))
+
+            yield Output(channel(topics.TF, own=1), pack_transforms)
 
         def period() -> float:
             return 1.0 / parameters["marker_rate"]
@@ -167,19 +158,11 @@ class TopicOutputs:
         if self._contacts:
             pack = partial(self._pack_contacts, ContactMarkers(scene))
             yield Output(channel(topics.CONTACT_MARKERS), pack, period=period)
-        yield Output(channel(topics.MARKERS), self._pack_surface, period=period, part="fields")
-
-    def _pack_transforms(self, packer: TransformPacker, step: Step) -> bytes:
-        """Return the message with the frames of handles, obstacles, probes and links."""
-        rest, positions = self._scene.mesh.vertices, step.result.positions
-        probes = {name: material_pose(point, rest, positions) for name, point in self._scene.probes.items()}
-        units = step.imus() if step.imus else {}
-        places = self._frames.places(step.poses, probes, units, positions, step.links)
-        return packer.pack(step.record.stamp, places)
+        yield Output(channel(topics.MARKERS), self._pack_surface, period=period)
 
     def _pack_contacts(self, markers: ContactMarkers, step: Step) -> Any:
         head = messages.header(step.record.stamp, self._frame_id)
-        return markers.message(head, step.obstacles, contact_points(step.result.contacts))
+        return markers.message(head, step.poses, contact_points(step.result.contacts))
 
     @cached_property
     def _surface(self) -> SurfaceMarker:
@@ -192,3 +175,90 @@ class TopicOutputs:
 
 def _pack_clock(step: Step) -> Clock:
     return Clock(clock=messages.to_time(to_nanoseconds(step.record.time)))
+
+
+class Bags:
+    """Records the topics of a session, one bag at a time.
+
+    Args:
+        run: the recorded run; its parameter ``bag_path`` is the directory of the next bag.
+        inputs: command topics; their messages are recorded as received.
+        outputs: output topics; their messages are recorded as published.
+
+    Attributes:
+        recorder: recorder of the bag in progress, or of the last bag; None before the first.
+        active: whether a bag is being written.
+    """
+
+    def __init__(self, run: Run, inputs: Inputs, outputs: TopicOutputs) -> None:
+        self._run, self._logger = run, run.node.get_logger()
+        self._inputs, self._outputs = inputs, outputs
+        self.recorder: Recorder | None = None
+        self.active = False
+
+    def require_none(self) -> None:
+        """Raise an error while a bag is being written, because a replay could not follow a change from outside.
+
+        Raises:
+            GdfeError: a bag is being written.
+        """
+        if self.active:
+            raise GdfeError("a bag is being written, and a replay could not follow; finish it first with ~/record")
+
+    def begin(self, *, state: bytes | None) -> str:
+        """Begin a bag in the directory ``bag_path`` (default: ``runs/<scene>_<time>``); return a text with its path.
+
+        If the disk is too slow, messages are dropped and counted under the wall clock. Under other clocks the steps
+        wait for the disk.
+
+        Args:
+            state: serialised state from which the first step starts; None: the initial state of the scene.
+
+        Raises:
+            RecordingError: the bag cannot be created.
+        """
+        topics = [*self._inputs.infos, *(channel.info for channel in self._outputs.channels if channel.recorded)]
+        scene, parameters = self._run.scene, self._run.parameters.as_dict()
+        waits = parameters["clock"] != ClockMode.WALL.value
+        self.recorder = Recorder(
+            _directory(scene, parameters["bag_path"]),
+            topics,
+            run=RunInfo.of(scene, node=parameters, state=state),
+            waits=waits,
+            failed=self._say_failed,
+        )
+        self._attach(self.recorder)
+        self._outputs.publish_scene(self._run.log_time)
+        text = f"recording to {self.recorder.path}"
+        self._logger.info(text)
+        return text
+
+    def finish(self) -> str:
+        """Finish the bag and return a summary; `failed` then states whether the recording ended early."""
+        self._attach(None)
+        status = self.recorder.close()
+        text = status.summary(self.recorder.path)
+        # On separate lines: rclpy binds a severity permanently to the line that logs.
+        if status.error is None:
+            self._logger.info(text)
+        else:
+            self._logger.error(text)
+        return text
+
+    @property
+    def failed(self) -> bool:
+        """Whether the recording of the bag in progress, or of the last bag, ended early because of an error."""
+        return self.recorder is not None and self.recorder.error is not None
+
+    def _say_failed(self, status: RecorderStatus) -> None:
+        """Log that the recording has failed; called in the recorder's thread. The simulation continues."""
+        self._logger.error(f"recording ended, the simulation goes on: {status.summary(self.recorder.path)}")
+
+    def _attach(self, recorder: Recorder | None) -> None:
+        self._outputs.attach(recorder)
+        self._inputs.recorder = recorder
+        self.active = recorder is not None
+
+
+def _directory(scene: Scene, path: str) -> Path:
+    return Path(path) if path else path_inside(Path("runs"), f"{scene.name}_{datetime.now():%Y%m%d_%H%M%S_%f}")

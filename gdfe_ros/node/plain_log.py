@@ -51,8 +51,6 @@ class Throttle:
 
 _LONGEST_ENTRY = 20_000
 """Largest number of characters of an entry of the log."""
-_BURST = 100
-"""Largest number of entries of the same severity in five seconds."""
 _LONGEST_TEXT, _LONGEST_LIST = 4096, 1_000_000
 """Largest number of characters of a parameter that is a text, which is that of a path, and of a list of texts."""
 
@@ -77,11 +75,6 @@ def without_middle(text: str, most: int) -> str:
 
 def _escape(text: str) -> str:
     return "".join(each if each.isprintable() else repr(each)[1:-1] for each in text)
-
-
-def log_throttle() -> Throttle:
-    """Return the limit on the number of entries of a node's log, by severity."""
-    return Throttle(_BURST, what="entries left out")
 
 
 class PlainLog:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Refused commands: reasons, counts, occasional warnings, and checks of numbers, sizes and stamps."""
+"""Refused commands: reasons, counts, warnings, checks of numbers, sizes and stamps; answers to requests."""
 
 from __future__ import annotations
 
@@ -7,11 +7,13 @@ import math
 import threading
 from collections import Counter
 from collections.abc import Callable, Collection
-from enum import Enum
+from concurrent.futures import Future
+from enum import Enum, IntEnum
 from typing import TYPE_CHECKING, Any
 
+from gdfe_ros.bounded_text import plain_lines
 from gdfe_ros.errors import GdfeError
-from gdfe_ros.node.plain_log import Throttle, shorten
+from gdfe_ros.node.plain_log import Throttle, shorten, without_middle
 
 if TYPE_CHECKING:
     from builtin_interfaces.msg import Time
@@ -112,15 +114,6 @@ def require_finite(**vectors: tuple[float, ...]) -> None:
         raise Refusal(Reason.NOT_FINITE, f"{given} must be finite numbers")
 
 
-def require_unit(slack: float, **quaternion: tuple[float, float, float, float]) -> None:
-    """Raise a `Refusal` that shows the named quaternion (x, y, z, w) if its length is not 1 within ``slack``."""
-    ((name, value),) = quaternion.items()
-    length = math.hypot(*value)
-    if abs(length - 1.0) > slack:
-        text = f"{name} (x, y, z, w) {value} has length {length:.6g}; allowed: 1 +- {slack:g}"
-        raise Refusal(Reason.NOT_UNIT, text)
-
-
 def require_place(
     origin: Any, turn: Any, slack: float, names: tuple[str, str] = ("position", "orientation")
 ) -> tuple[tuple[float, float, float], tuple[float, float, float, float]]:
@@ -137,7 +130,10 @@ def require_place(
     """
     given = (origin.x, origin.y, origin.z), (turn.x, turn.y, turn.z, turn.w)
     require_finite(**dict(zip(names, given, strict=True)))
-    require_unit(slack, **{names[1]: given[1]})
+    length = math.hypot(*given[1])
+    if abs(length - 1.0) > slack:
+        text = f"{names[1]} (x, y, z, w) {given[1]} has length {length:.6g}; allowed: 1 +- {slack:g}"
+        raise Refusal(Reason.NOT_UNIT, text)
     return given
 
 
@@ -195,3 +191,105 @@ class Freshness:
     def reset(self) -> None:
         """Drop the stored stamps, e.g. because time goes back to zero."""
         self._last.clear()
+
+
+_LONGEST_REASON = 4000
+"""Largest number of characters of a reason in an answer."""
+
+
+class ResultCode(IntEnum):
+    """Result codes of ``simulation_interfaces/msg/Result``, whose names differ between its versions.
+
+    Codes above 100 belong to a single service.
+    """
+
+    UNSUPPORTED = 0
+    OK = 1
+    NOT_FOUND = 2
+    INCORRECT_STATE = 3
+    FAILED = 4
+    ALREADY = 101
+    NAME_NOT_UNIQUE = 101
+    NAME_INVALID = 102
+    UNSUPPORTED_FORMAT = 103
+    NO_RESOURCE = 104
+    NAMESPACE_INVALID = 105
+    PARSE_ERROR = 106
+    INVALID_POSE = 109
+    SPAWN_FAILED = 150
+    WORLD_FORMAT = 101
+    WORLD_NO_RESOURCE = 102
+    WORLD_PARSE_ERROR = 103
+    NO_WORLD = 101
+    SOURCES_FAILED = 101
+
+
+class Refused(GdfeError):
+    """A request that cannot be granted.
+
+    Args:
+        code: result code of the answer.
+        text: reason and remedy.
+    """
+
+    def __init__(self, code: int, text: str) -> None:
+        super().__init__(text)
+        self.code = code
+
+
+def succeed(response: Any, text: str | None = None) -> Any:
+    """Return the response with its sign of success, if it has one, and with a text, if it has a place for it."""
+    if hasattr(response, "message"):
+        response.success, response.message = True, text
+    elif hasattr(response, "result"):
+        response.result.result = int(ResultCode.OK)
+    return response
+
+
+def fail(response: Any, error: BaseException) -> Any:
+    """Return the response with the text of an error, if it has a place for it, and with its code.
+
+    A `Refused` has a code; a `Refusal` of a pose, which is checked as in commands, has `ResultCode.INVALID_POSE`. The
+    text may contain parts of the request. A null character in it would end it.
+    """
+    text = str(error) if isinstance(error, GdfeError) else repr(error)  # a KeyError's text is only its key
+    if hasattr(response, "message"):
+        response.success, response.message = False, text
+    elif hasattr(getattr(response, "result", None), "error_message"):
+        given = ResultCode.INVALID_POSE if isinstance(error, Refusal) else ResultCode.FAILED
+        response.result.result = int(getattr(error, "code", given))
+        response.result.error_message = plain_lines(without_middle(text, _LONGEST_REASON))
+    return response
+
+
+def answer_after(work: Future[Any], respond: Callable[[Future[Any]], Any]) -> Future[Any]:
+    """Return a ``Future`` of the response that ``respond`` makes of ``work`` when this is done."""
+    answer: Future = Future()
+    work.add_done_callback(lambda done: answer.set_result(respond(done)))
+    return answer
+
+
+def answer(
+    action: Callable[[Any, Any], Any], request: Any, response: Any, note: Callable[[BaseException], object]
+) -> Any:
+    """Return the response of a service, or a ``Future`` of it.
+
+    Args:
+        action: function that writes its results into the response, and returns a text or None, or raises `Refused` or
+            another GdfeError. It may return a ``Future``, whose result or exception becomes the answer.
+        request: request of the service.
+        response: empty response.
+        note: function that receives an exception of the ``Future`` that is no GdfeError.
+    """
+
+    def respond(work: Future[Any]) -> Any:
+        error = work.exception()
+        if error is not None and not isinstance(error, GdfeError):
+            note(error)
+        return succeed(response, work.result()) if error is None else fail(response, error)
+
+    try:
+        work = action(request, response)
+    except GdfeError as error:
+        return fail(response, error)
+    return answer_after(work, respond) if isinstance(work, Future) else succeed(response, work)

@@ -16,9 +16,11 @@ from importlib.util import find_spec
 from types import SimpleNamespace
 from typing import Any
 
+from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
-from gdfe_ros.node.interface import Delivery
+from gdfe_ros.node.interface import Delivery, TopicSpec
+from gdfe_ros.recording.bag_info import Qos, TopicInfo
 
 _PROFILES = {
     # Transient local: subscribers that request it miss no step during discovery; others are not affected.
@@ -46,6 +48,17 @@ def interface_class(type_name: str) -> type[Any]:
     """Import a message or service class by its ROS name, ``package/msg/Name``."""
     package, kind, name = type_name.split("/")
     return getattr(import_module(f"{package}.{kind}"), name)
+
+
+def subscribe(node: Node, spec: TopicSpec, callback: Callable[[Any], None], name: str = "", **options: Any) -> Any:
+    """Subscribe to a topic with its type and quality of service; ``name`` replaces the one in its description."""
+    profile = qos_profile(spec.delivery)
+    return node.create_subscription(interface_class(spec.type), name or spec.name, callback, profile, **options)
+
+
+def topic_info(spec: TopicSpec, name: str, role: str) -> TopicInfo:
+    """Return the description of a topic for a bag: full name, and name without the node's."""
+    return TopicInfo(name=name, type=spec.type, qos=Qos.from_rclpy(qos_profile(spec.delivery)), role=role)
 
 
 def available(type_name: str) -> bool:

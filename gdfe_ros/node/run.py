@@ -1,24 +1,23 @@
 # SPDX-License-Identifier: Apache-2.0
-"""State of a configured node, common to its parts: the simulation, its frames, and its clock."""
+"""State of a configured node, common to its parts: simulation, frames, clock; and requests for several steps."""
 
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
+from concurrent.futures import Future, InvalidStateError
+from contextlib import suppress
 
-import numpy as np
-from numpy.typing import NDArray
 from rclpy.clock import JumpHandle, JumpThreshold, TimeJump
 from rclpy.duration import Duration
 
-from gdfe_ros.constraints import Pose
 from gdfe_ros.errors import GdfeError
-from gdfe_ros.node.frames import Frames
+from gdfe_ros.node.frames import Frames, Transforms
 from gdfe_ros.node.managed import ManagedNode
 from gdfe_ros.node.pace import ExternalPace, Pace, Timing
 from gdfe_ros.node.parameters import NodeParameters
 from gdfe_ros.node.refusals import RefusalLog
-from gdfe_ros.node.transforms import Transforms
+from gdfe_ros.node.stepper import SteppingThread
 from gdfe_ros.recording.step import Step, to_nanoseconds
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.simulation import Simulation
@@ -57,7 +56,7 @@ class Run:
         self.node, self.parameters, self.refusals, self.ending = node, parameters, refusals, ending
         self.simulation = simulation
         self.frames = Frames(parameters["frame_id"], self.scene, transforms)
-        self.frames.positions, self.frames.poses = self._positions, self._obstacles
+        self.frames.last = lambda: self.last
         self.last: Step | None = None
         self.log_time = 0
         self.pace: Pace | None = None
@@ -122,10 +121,74 @@ class Run:
 
         return self.node.get_clock().create_jump_callback(any_jump, post_callback=set_by_another)
 
-    def _positions(self) -> NDArray[np.float64]:
-        """Return the vertices after the last step (n, 3) [m]."""
-        return self.scene.mesh.vertices if self.last is None else self.last.result.positions
 
-    def _obstacles(self) -> Mapping[str, Pose]:
-        """Return the poses of the obstacles after the last step, relative to rest."""
-        return {} if self.last is None else self.last.obstacles
+class Walk:
+    """Makes a number of steps; other tasks of the stepper run between two of them.
+
+    Args:
+        run: owner of the simulation.
+        stepper: thread that makes the steps.
+        flush: function that waits until the steps are published.
+        count: number of steps.
+        told: function that is called after each step with the number of steps made; None: not called.
+
+    Attributes:
+        done: number of steps made so far.
+    """
+
+    def __init__(
+        self,
+        run: Run,
+        stepper: SteppingThread,
+        flush: Callable[[], None],
+        count: int,
+        told: Callable[[int], None] | None = None,
+    ) -> None:
+        self._run, self._stepper, self._flush, self._count, self._told = run, stepper, flush, count, told
+        self._future: Future[str] = Future()
+        self.done = 0
+
+    def __str__(self) -> str:
+        return f"{self.done} of {self._count} steps"
+
+    @property
+    def going(self) -> bool:
+        """Whether steps are still to be made."""
+        return not self._future.done()
+
+    def begin(self) -> Future[str]:
+        """Queue the first step, and return a ``Future`` of a message with the number of steps and the time."""
+        self._post()
+        return self._future
+
+    def end(self, reason: BaseException) -> None:
+        """End the request after the step in progress, unless it has ended already; the ``Future`` raises ``reason``."""
+        with suppress(InvalidStateError):  # it had ended already
+            self._future.set_exception(reason)
+
+    def interrupt(self, why: str) -> None:
+        """End the request early; the ``Future`` raises a GdfeError whose text begins with ``why``."""
+        self.end(GdfeError(f"{why}; {self} were made"))
+
+    def _post(self) -> None:
+        def look(step: Future[None]) -> None:
+            if (error := step.exception()) is not None:
+                self.end(error)
+
+        self._stepper.post(self._step).add_done_callback(look)
+
+    def _step(self) -> None:
+        if self._run.ending.is_set():
+            self.interrupt("the node is ending")
+        if not self.going:
+            return
+        self._stepper.advance()
+        self.done += 1
+        if self._told is not None:
+            self._told(self.done)
+        if self.done < self._count:
+            self._post()
+            return
+        self._flush()
+        with suppress(InvalidStateError):  # it was ended during its last step
+            self._future.set_result(f"{self._count} steps, time {self._run.simulation.time:.9g} s")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The node's services: each is executed between two steps and answers with its outcome.
+"""The node that has a session, and its services: each is executed between two steps and answers with its outcome.
 
 No service blocks the node's other callbacks. If the answer depends on a later step, it is sent after that step.
 """
@@ -19,12 +19,43 @@ from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.interface import ServiceSpec, services
 from gdfe_ros.node.managed import ManagedNode
 from gdfe_ros.node.parameters import NodeParameters
-from gdfe_ros.node.ros_types import interface_class
+from gdfe_ros.node.refusals import Refused, ResultCode
 from gdfe_ros.node.session import SimulationSession
-from gdfe_ros.node.standard_answers import answer_after
-from gdfe_ros.recording.step_record import Begin
+from gdfe_ros.recording.step import Begin
 from gdfe_ros.regular_file import read_bytes
 from gdfe_ros.simulation import Simulation
+
+
+class SessionNode(ManagedNode):
+    """A node with the session of a simulation.
+
+    Attributes:
+        session: the parts of the configured node; None before it is configured.
+    """
+
+    session: SimulationSession | None = None
+
+    def configured(self) -> SimulationSession:
+        """Return the session.
+
+        Raises:
+            Refused: the node is not configured.
+        """
+        if self.session is None:
+            text = "the node is unconfigured; call the transition `configure` first"
+            raise Refused(ResultCode.INCORRECT_STATE, text)
+        return self.session
+
+    def active(self) -> SimulationSession:
+        """Return the session, whose stepping runs.
+
+        Raises:
+            Refused: the node is not active.
+        """
+        session = self.configured()
+        if not session.stepper.running:
+            raise Refused(ResultCode.INCORRECT_STATE, "the node is not active; call the transition `activate` first")
+        return session
 
 
 class Services:
@@ -33,14 +64,11 @@ class Services:
     Args:
         node: node of the services.
         parameters: parameters of the node.
-        session: function that returns the running session, or None.
     """
 
-    def __init__(
-        self, node: ManagedNode, parameters: NodeParameters, session: Callable[[], SimulationSession | None]
-    ) -> None:
-        self._node, self._parameters, self._find = node, parameters, session
-        actions = {
+    def __init__(self, node: SessionNode, parameters: NodeParameters) -> None:
+        self._node, self._parameters = node, parameters
+        actions: dict[ServiceSpec, Callable[[Any], str | Future[str]]] = {
             services.RESET: self._reset,
             services.RESET_COMMANDS: lambda _: self._post(SimulationSession.reset_commands),
             services.RESET_BODIES: lambda _: self._post(SimulationSession.reset_bodies),
@@ -53,28 +81,15 @@ class Services:
             services.LOAD_STATE: self._load_state,
             services.COMPUTE_JACOBIAN: self._compute_jacobian,
         }
-        for spec, action in actions.items():
-            node.offer(interface_class(spec.type), spec.name, self._answer(spec.name, action))
-
-    def _session(self) -> SimulationSession:
-        session = self._find()
-        if session is None:
-            raise GdfeError("the node is unconfigured; call the transition `configure` first")
-        return session
-
-    def _active(self) -> SimulationSession:
-        session = self._session()
-        if not session.stepper.running:
-            raise GdfeError("the node is not active; call the transition `activate` first")
-        return session
+        node.offer({spec: lambda request, _, action=action: action(request) for spec, action in actions.items()})
 
     def _reset(self, request: Trigger.Request) -> Future[str]:
-        session = self._session()
+        session = self._node.configured()
         session.interrupt("~/reset ended it")
         return session.stepper.post(session.reset, urgent=True)
 
     def _post(self, reset: Callable[[SimulationSession], str]) -> Future[str]:
-        session = self._session()
+        session = self._node.configured()
         return session.stepper.post(partial(reset, session))
 
     def _reset_shape(self, request: Trigger.Request) -> Future[str]:
@@ -87,7 +102,7 @@ class Services:
 
     def _reset_part(self, spec: ServiceSpec, reset: Callable[[Simulation], None], why: str, done: str) -> Future[str]:
         """Reset a part between two steps, as soon as possible; the answer is the text ``done`` and the time."""
-        session = self._session()
+        session = self._node.configured()
         session.interrupt(f"{spec.name} ended it")
 
         def reset_now() -> str:
@@ -97,7 +112,7 @@ class Services:
         return session.stepper.post(reset_now, urgent=True)
 
     def _pause(self, request: SetBool.Request) -> str:
-        session = self._active()
+        session = self._node.active()
         if not request.data:
             session.play()
             return "running"
@@ -106,15 +121,15 @@ class Services:
         return "paused"
 
     def _step(self, request: Trigger.Request) -> Future[str]:
-        session = self._active()
+        session = self._node.active()
         return session.take_steps(self._parameters["step_count"])
 
     def _record(self, request: SetBool.Request) -> Future[str]:
-        session = self._active()
+        session = self._node.active()
         return session.stepper.post(lambda: session.record(request.data), "beginning or finishing a bag")
 
     def _save_state(self, request: Trigger.Request) -> Future[str]:
-        session, path = self._session(), self._state_path()
+        session, path = self._node.configured(), self._state_path()
 
         def save() -> str:
             data = save_state(session.simulation)
@@ -127,7 +142,7 @@ class Services:
         return session.stepper.post(save, "saving the state")
 
     def _load_state(self, request: Trigger.Request) -> Future[str]:
-        session, path = self._session(), self._state_path()
+        session, path = self._node.configured(), self._state_path()
         session.interrupt("~/load_state ended it")
 
         def load() -> str:
@@ -151,7 +166,7 @@ class Services:
         return Path(self._parameters["state_path"])
 
     def _compute_jacobian(self, request: Trigger.Request) -> Future[str]:
-        session = self._active()
+        session = self._node.active()
         scene = session.scene
         if not scene.actuators or not scene.probes:
             missing = "actuators" if not scene.actuators else "probes"
@@ -163,27 +178,3 @@ class Services:
             return f"{len(scene.probes)} probes, {len(scene.actuators)} actuators"
 
         return session.stepper.post(compute, "computing the Jacobian")
-
-    def _answer(self, name: str, action: Callable[[Any], str | Future[str]]) -> Callable[[Any, Any], Any]:
-        """Return a service callback for ``action``, which returns a message or a ``Future`` of one, or raises."""
-
-        def respond(response: Any, done: Future[str]) -> Any:
-            error = done.exception()
-            if error is not None and not isinstance(error, GdfeError):
-                self._node.faults.note(f"the service {name}", error)
-            response.success = error is None
-            response.message = done.result() if error is None else str(error) or repr(error)
-            return response
-
-        def callback(request: Any, response: Any) -> Any:
-            try:
-                outcome = action(request)
-            except GdfeError as error:
-                response.success, response.message = False, str(error)
-                return response
-            if isinstance(outcome, str):
-                response.success, response.message = True, outcome
-                return response
-            return answer_after(outcome, partial(respond, response))
-
-        return callback

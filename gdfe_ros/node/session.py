@@ -15,25 +15,24 @@ from rclpy.clock import JumpHandle
 from gdfe_ros.checkpoint import save_state
 from gdfe_ros.constraints import Pose
 from gdfe_ros.errors import GdfeError
-from gdfe_ros.node.bag import Bags
 from gdfe_ros.node.channel import Courier
 from gdfe_ros.node.following import leaders_of
+from gdfe_ros.node.frames import Transforms
 from gdfe_ros.node.inputs import Inputs
+from gdfe_ros.node.interface import topics
 from gdfe_ros.node.interface.parameters import MODULUS
 from gdfe_ros.node.managed import ManagedNode
 from gdfe_ros.node.orders import Inbox
-from gdfe_ros.node.outputs import TopicOutputs
+from gdfe_ros.node.outputs import Bags, TopicOutputs
 from gdfe_ros.node.pace import ClockMode, Lateness, Pace, Solves, make_pace
 from gdfe_ros.node.parameters import Moduli, NodeParameters
 from gdfe_ros.node.refusals import RefusalLog
 from gdfe_ros.node.remodelling import with_moduli
-from gdfe_ros.node.run import Run
+from gdfe_ros.node.ros_types import installed
+from gdfe_ros.node.run import Run, Walk
 from gdfe_ros.node.stepper import SteppingThread
 from gdfe_ros.node.strays import UnmatchedTopics
-from gdfe_ros.node.transforms import Transforms, transforms_installed
-from gdfe_ros.node.walk import Walk
-from gdfe_ros.recording.step import Demand, Step, observe
-from gdfe_ros.recording.step_record import Begin
+from gdfe_ros.recording.step import Begin, Step, observe
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.simulation import Simulation
 
@@ -83,14 +82,14 @@ class SimulationSession:
         *,
         ending: threading.Event,
     ) -> None:
-        listening = transforms_installed()
+        listening = installed(topics.TF.type)
         leaders = leaders_of(parameters.entries("follow"), simulation.scene, listening=listening)
         told = {"now": lambda: self.run.now(), "limits": parameters, "refuse": refusals.refuse}
         self._transforms = Transforms(node, lambda: self.inputs.followers.look(), **told) if listening else None
         self.run = run = Run(node, parameters, simulation, refusals, ending, self._transforms)
         self.outputs = TopicOutputs(run)
         store = node.guard(partial(self._deliver_again, stored=True), "publishing a step for later subscribers")
-        self.stepper = SteppingThread(run, self.outputs.demand, deliver=self._deliver, store=store)
+        self.stepper = SteppingThread(run, deliver=self._deliver, store=store)
         self.inputs = Inputs(run, leaders)
         self.bags = Bags(run, self.inputs, self.outputs)
         self._moduli = Moduli(node, self.scene, locked=lambda: self.bags.active, changed=self._change_moduli)
@@ -360,7 +359,7 @@ class SimulationSession:
     def _deliver(self, step: Step) -> None:
         """Report a step to trajectories, and queue it for publishing if a subscriber or a bag needs a part of it."""
         self.inputs.look(step)
-        if step.wanted:
+        if step.first or step.stored or self.outputs.wanted:
             self.courier.put(step)
 
     def _deliver_again(self, *, stored: bool = False) -> None:
@@ -371,10 +370,10 @@ class SimulationSession:
         self._telling, last = False, self.run.last
         if last is None:
             return
-        again = observe(self.simulation, Demand(poses=not (self.stepper.stepping and self.scene.arms)))
+        again = observe(self.simulation)
         if self.stepper.stepping:
             again |= {"joints": last.joints, "links": last.links}
-        self.courier.put(replace(last, first=False, again=True, stored=stored, **again | {"wanted": True}))
+        self.courier.put(replace(last, first=False, again=True, stored=stored, **again))
 
     def _change_moduli(self, moduli: Mapping[str, float]) -> None:
         """Replace the simulation by one with other moduli, in equilibrium or, with dynamics, in the present motion."""

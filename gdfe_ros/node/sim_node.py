@@ -20,18 +20,17 @@ from gdfe_ros.node.entities import Entities, SceneExchange
 from gdfe_ros.node.entity_queries import EntityQueries
 from gdfe_ros.node.interface import NODE_NAME, topics
 from gdfe_ros.node.interface.parameters import PARAMETERS
-from gdfe_ros.node.managed import ManagedNode
 from gdfe_ros.node.messages import pack_refusal
 from gdfe_ros.node.parameters import NodeParameters, given_moduli
 from gdfe_ros.node.refusals import Refusal, RefusalLog
 from gdfe_ros.node.remodelling import build_simulation, take_over
-from gdfe_ros.node.services import Services
+from gdfe_ros.node.services import Services, SessionNode
 from gdfe_ros.node.session import SimulationSession
-from gdfe_ros.node.standard import StandardServices
-from gdfe_ros.node.trajectory_action import TrajectoryAction
-from gdfe_ros.node.worlds import Worlds, offer_spawnables
-from gdfe_ros.recording.step_record import Begin
+from gdfe_ros.node.standard import StandardServices, TrajectoryAction
+from gdfe_ros.node.worlds import Worlds
+from gdfe_ros.recording.step import Begin
 from gdfe_ros.scene.loader import load_scene
+from gdfe_ros.scene.override import read_overrides
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.simulation import Simulation
 
@@ -46,22 +45,12 @@ def prepare(parameters: NodeParameters, given: Mapping[str, object]) -> Simulati
     Raises:
         GdfeError: the scene or the overrides have defects; the text lists all of them.
     """
-    overrides = _overrides(parameters.entries("scene_overrides"))
+    overrides = read_overrides(parameters.entries("scene_overrides"), "parameter scene_overrides")
     scene = load_scene(parameters["scene"], overrides=overrides)
     moduli = given_moduli(given, scene)
     if moduli:
         scene = load_scene(parameters["scene"], overrides={**overrides, **moduli})
     return build_simulation(scene)
-
-
-def _overrides(entries: list[str]) -> Mapping[str, str]:
-    pairs = [entry.partition("=") for entry in entries]
-    wrong = [entry for entry, (_, equals, _) in zip(entries, pairs, strict=True) if not equals]
-    if wrong:
-        raise GdfeError(
-            f"parameter scene_overrides holds {wrong}; each entry must be key=value, e.g. solver.tolerance=1e-6"
-        )
-    return {key.strip(): value.strip() for key, _, value in pairs}
 
 
 _DIAGNOSTICS_PERIOD = 1.0
@@ -73,7 +62,7 @@ _RECONNECTION = 1.0
 """Longest wait for the endpoints of others after the topics were opened anew [s]; later ones join as late ones do."""
 
 
-class SimNode(ManagedNode):
+class SimNode(SessionNode):
     """Lifecycle node with a soft-robot simulation, commanded and published on topics.
 
     It can be added to any executor of rclpy; a multi-threaded one runs its callbacks one at a time.
@@ -83,7 +72,6 @@ class SimNode(ManagedNode):
         options: options of ``rclpy.node.Node``: ``namespace``, ``context``, ``parameter_overrides``, ...
 
     Attributes:
-        session: the parts of the configured node; None before it is configured.
         refusals: counts refused commands by reason.
 
     Raises:
@@ -92,7 +80,6 @@ class SimNode(ManagedNode):
 
     def __init__(self, interrupted: threading.Event | None = None, **options: Any) -> None:
         super().__init__(NODE_NAME, **options)
-        self.session: SimulationSession | None = None
         self.status = 0
         self._problem = ""
         self._settings = NodeParameters(self)
@@ -101,16 +88,13 @@ class SimNode(ManagedNode):
         self.refusals = RefusalLog(logger.warning, self._tell_refusal)
         self._diagnostics = Diagnostics(self, self.refusals)
         self._interrupted = interrupted or threading.Event()
-        self._answers = Services(self, self._settings, lambda: self.session)
-        exchange = SceneExchange(self, lambda: self.session, self._replace)
-        self._entities = Entities(self, lambda: self.session, exchange)
+        Services(self, self._settings)
+        self._entities = Entities(self, SceneExchange(self, self._replace))
         EntityQueries(self, self._entities)
-        offer_spawnables(self)
         self._starts_paused = False
-        self._worlds = Worlds(self, lambda: self.session, load=self._load, unload=self._unload)
-        loading = {"loading": lambda: self._worlds.loading}
-        self._standard = StandardServices(self, lambda: self.session, self._entities, interrupted, **loading)
-        self._trajectories = TrajectoryAction(self, lambda: self.session)
+        worlds = Worlds(self, load=self._load, unload=self._unload)
+        self._standard = StandardServices(self, self._entities, worlds, interrupted)
+        self._trajectories = TrajectoryAction(self)
         # A steady clock, because with use_sim_time the ROS clock may stand still.
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(_DIAGNOSTICS_PERIOD, self._report, clock=self._steady)

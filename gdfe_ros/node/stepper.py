@@ -22,8 +22,7 @@ from gdfe_ros.node.interface.topics import BODY_SET
 from gdfe_ros.node.orders import Inbox, Order
 from gdfe_ros.node.pace import Pace, WallPace
 from gdfe_ros.node.refusals import Reason, Refusal
-from gdfe_ros.recording.step import Demand, Step, make_record, observe, to_nanoseconds
-from gdfe_ros.recording.step_record import Begin
+from gdfe_ros.recording.step import Begin, Step, make_record, observe, to_nanoseconds
 from gdfe_ros.simulation import Command, Simulation
 from gdfe_ros.solver.result import StepResult
 from gdfe_ros.threads import STEPPER, show_name
@@ -52,7 +51,6 @@ class SteppingThread:
 
     Args:
         run: owner of the simulation.
-        demand: function that returns the outputs of the next step that are needed.
         deliver: function that receives each step; it may block to slow the stepping.
         store: function that publishes the last step without subscribers; called once during a step that takes long.
             None: steps are not published without subscribers.
@@ -62,6 +60,7 @@ class SteppingThread:
         count: number of steps made.
         begin: kind of the state from which the next step starts.
         stepping: whether a step is being made.
+        paused: whether only ``advance`` makes steps; set by `pause`.
         work: description of the present task, and its start on a monotonic clock [s]; None without a task.
         rounds: number of rounds of iterations of the solve in progress.
         drive: makes the command of each step from the orders.
@@ -71,15 +70,8 @@ class SteppingThread:
         failures: number of failed steps.
     """
 
-    def __init__(
-        self,
-        run: Host,
-        demand: Callable[[], Demand],
-        *,
-        deliver: Callable[[Step], None],
-        store: Callable[[], None] | None = None,
-    ) -> None:
-        self._run, self._demand, self._deliver, self._store = run, demand, deliver, store
+    def __init__(self, run: Host, *, deliver: Callable[[Step], None], store: Callable[[], None] | None = None) -> None:
+        self._run, self._deliver, self._store = run, deliver, store
         self.drive = CommandAssembler(run)
         self.changed = threading.Condition()
         self.count = 0
@@ -94,7 +86,7 @@ class SteppingThread:
         self._readings: deque[Callable[[], None]] = deque()
         self._retries, self._stored = 0, True
         self._rated = any(math.isfinite(actuator.rate) for actuator in run.scene.actuators)
-        self.stepping = self._stopping = self._draining = self._paused = False
+        self.stepping = self._stopping = self._draining = self.paused = False
         self._thread: threading.Thread | None = None
 
     @property
@@ -106,18 +98,13 @@ class SteppingThread:
         """Whether the thread runs."""
         return self._thread is not None
 
-    @property
-    def paused(self) -> bool:
-        """Whether only ``advance`` makes steps."""
-        return self._paused
-
     def start(self, pace: Pace, inbox: Inbox, *, paused: bool = False) -> None:
         """Start the thread: it delivers the present state at once, then makes a step whenever ``pace`` requires it.
 
         ``paused``: only ``advance`` makes steps.
         """
         self._pace, self._inbox = pace, inbox
-        self._stopping, self._paused = False, paused
+        self._stopping, self.paused = False, paused
         self.failure = ""
         self._thread = threading.Thread(target=self._work, name=STEPPER, daemon=True)
         self._thread.start()
@@ -195,7 +182,7 @@ class SteppingThread:
     def pause(self, paused: bool) -> None:
         """Pause or resume the stepping."""
         with self.changed:
-            self._paused = paused
+            self.paused = paused
             if not paused:
                 self.failure = ""
                 self._pace.restart()
@@ -276,7 +263,7 @@ class SteppingThread:
                     job = self._jobs.popleft()
                     return lambda: _carry_out(*job)
                 delay = None
-                if not self._paused:
+                if not self.paused:
                     pending = self._inbox.ready()
                     # An order makes a step due, whether the state is settled or not.
                     delay = self._pace.delay(pending=pending, settled=not pending and self._settled())
@@ -301,7 +288,7 @@ class SteppingThread:
         self.failures += 1
         self.failure = f"{what} failed: {str(error) if isinstance(error, GdfeError) else repr(error)}"
         with self.changed:
-            self._paused = True
+            self.paused = True
         self.drive.clear()
         remedy = "~/pause false goes on, ~/reset goes back to rest"
         dropped = "the commands of this step, velocities and trajectories are dropped"
@@ -341,7 +328,6 @@ class SteppingThread:
         """Make one step, and return its data."""
         started = time.perf_counter()
         run, simulation = self._run, self._simulation
-        demand = Demand() if first else self._demand()
         orders = tuple(orders)
         command = Command() if first else self._command(orders, dt)
         stamp, place = run.stamp(simulation.time + dt, early), run.parameters["cut_after"]
@@ -355,10 +341,9 @@ class SteppingThread:
         record = make_record(result, command, step=self.count, begin=self.begin, dt=dt, stamp=stamp)
         self._retries = 0 if orders or result.converged or record.cut else self._retries + 1
         log_time = self._origin + to_nanoseconds(result.time)
-        if stored := self._store is not None and result.wall_time > _LONG:
-            demand = Demand()
+        stored = self._store is not None and result.wall_time > _LONG
         told = {"log_time": log_time, "first": first, "stored": stored}
-        run.last = Step(record=record, result=result, **told, **observe(simulation, demand))
+        run.last = Step(record=record, result=result, **told, **observe(simulation))
         run.log_time = log_time
         self.count, self.begin = self.count + 1, Begin.LAST
         self.solving += result.wall_time

@@ -12,14 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.errors import ArmError, SceneError
 from gdfe_ros.mesh.mesh import MeshPart
 from gdfe_ros.node.command_messages import require_pose
-from gdfe_ros.node.frames import Frames
-from gdfe_ros.node.refusals import Refusal
-from gdfe_ros.node.standard_answers import Refused, ResultCode
-from gdfe_ros.node.transforms import Placement
+from gdfe_ros.node.frames import Frames, Placement
+from gdfe_ros.node.refusals import Refused, ResultCode
 from gdfe_ros.node.worlds import SPAWNED, path_of
 from gdfe_ros.regular_file import read_text
 from gdfe_ros.scene.entity import LARGEST, Entity, read_entity
@@ -80,7 +79,7 @@ class Thing:
     def rest(self) -> Placement:
         """Initial placement of the body's own frame."""
         if self.rigid is not None:
-            return Placement(np.array(self.rigid.origin), Rotation.from_rotvec(self.rigid.turn))
+            return rest_place(self.rigid)
         return Placement(self.part.at, Rotation.from_matrix(self.part.rotation))
 
     def motion(self, simulation: Simulation) -> EntityMotion:
@@ -103,6 +102,11 @@ class Thing:
             points = origin + corners @ axes.T
         seen = frame.turn.inv().apply(points - frame.origin)
         return np.stack([seen.min(axis=0), seen.max(axis=0)])
+
+
+def rest_place(body: Obstacle) -> Placement:
+    """Return the initial placement of the frame of an obstacle or rigid body."""
+    return Placement(np.array(body.origin), Rotation.from_rotvec(body.turn))
 
 
 def things_of(scene: Scene, spawned: dict[str, Placement]) -> list[Thing]:
@@ -210,13 +214,11 @@ def placement_of(stamped: Any, frames: Frames) -> Placement:
     """Return the placement in the node's frame of a message with a ``header`` and a ``pose``.
 
     Raises:
-        Refused: a number is not finite, the quaternion is not of unit length, or the frame is not known.
+        Refusal: a number is not finite, or the quaternion is not of unit length.
+        Refused: the frame is not known.
     """
     frame = stamped.header.frame_id
-    try:
-        place, inner = frames.place(frame), require_pose(stamped.pose)
-    except Refusal as refusal:
-        raise Refused(ResultCode.INVALID_POSE, str(refusal)) from refusal
+    place, inner = frames.place(frame), require_pose(stamped.pose)
     if place is None:
         text = f"header.frame_id is {frame!r}; allowed: empty, {frames.frame_id!r}, or a frame connected to it on /tf"
         raise Refused(ResultCode.INVALID_POSE, text)

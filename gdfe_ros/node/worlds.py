@@ -12,10 +12,10 @@ from urllib.parse import unquote, urlparse
 
 from gdfe_ros.errors import GdfeError, SceneError
 from gdfe_ros.node.interface import services
-from gdfe_ros.node.managed import ManagedNode
+from gdfe_ros.node.refusals import Refused, ResultCode
 from gdfe_ros.node.remodelling import build_simulation
+from gdfe_ros.node.services import SessionNode
 from gdfe_ros.node.session import SimulationSession
-from gdfe_ros.node.standard_answers import Refused, ResultCode
 from gdfe_ros.regular_file import read_text
 from gdfe_ros.scene.entity import LARGEST
 from gdfe_ros.scene.loader import load_scene, scene_from_text, scene_names
@@ -66,12 +66,8 @@ def _parts(uri: str) -> tuple[str, Path]:
     return parts.scheme, Path(unquote(parts.path))
 
 
-def offer_spawnables(node: ManagedNode) -> None:
-    """Offer the service that lists the bodies that can be spawned by URI."""
-    node.offer_standard({services.GET_SPAWNABLES: _list_spawnables})
-
-
 def _list_spawnables(request: Any, response: Any) -> None:
+    """List the bodies that can be spawned by URI."""
     import simulation_interfaces.msg
 
     own = sorted((share_dir() / "config" / "bodies").glob("*.yaml"))
@@ -95,7 +91,6 @@ class Worlds:
 
     Args:
         node: node that offers the services.
-        session: function that returns the running session, or None.
         load: function that starts a session of a simulation in place of the present one, in the executor's thread.
         unload: function that ends the present session.
 
@@ -103,23 +98,17 @@ class Worlds:
         loading: whether a scene is being loaded.
     """
 
-    def __init__(
-        self,
-        node: ManagedNode,
-        session: Callable[[], SimulationSession | None],
-        *,
-        load: Callable[[Simulation], None],
-        unload: Callable[[], None],
-    ) -> None:
-        self._node, self._session, self._start, self._end = node, session, load, unload
+    def __init__(self, node: SessionNode, *, load: Callable[[Simulation], None], unload: Callable[[], None]) -> None:
+        self._node, self._start, self._end = node, load, unload
         self.loading = False
         offered = {
             services.LOAD_WORLD: self._load,
             services.UNLOAD_WORLD: self._unload,
             services.GET_CURRENT_WORLD: self._get_current,
             services.GET_AVAILABLE_WORLDS: self._get_available,
+            services.GET_SPAWNABLES: _list_spawnables,
         }
-        node.offer_standard(offered)
+        node.offer(offered)
 
     def _load(self, request: Any, response: Any) -> Future[Any]:
         resource, state = getattr(request, "world_resource", request), self._node.lifecycle_state
@@ -149,7 +138,7 @@ class Worlds:
             raise Refused(ResultCode.WORLD_PARSE_ERROR, str(built)) from built
         if isinstance(built, Exception):
             raise built
-        session, state = self._session(), self._node.lifecycle_state
+        session, state = self._node.session, self._node.lifecycle_state
         if state not in ("unconfigured", "inactive", "active"):
             raise GdfeError(f"the node is {state} meanwhile; the world was not loaded")
         if session is not None:
@@ -164,11 +153,10 @@ class Worlds:
         _describe(response.world, self._require_world().scene)
 
     def _require_world(self) -> SimulationSession:
-        session = self._session()
-        if session is None:
+        if self._node.session is None:
             text = "no world is loaded; remedy: ~/load_world, or the transition `configure`"
             raise Refused(ResultCode.NO_WORLD, text)
-        return session
+        return self._node.session
 
     def _get_available(self, request: Any, response: Any) -> None:
         import simulation_interfaces.msg

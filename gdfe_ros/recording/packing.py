@@ -15,8 +15,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.recording.published import IMU, JOINTS, PLACE, POSE, WRENCH, Table
+from gdfe_ros.recording.published import IMU, JOINTS, PLACE, POSE, WRENCH, Table, tables_of
 from gdfe_ros.recording.step import Step
+from gdfe_ros.scene.scene import Scene
 
 STAMP_AT = 4
 """Offset of the stamp [B]: the stamp of the message's header follows the four bytes of the CDR head."""
@@ -119,7 +120,19 @@ def _put_cloud(message: Cdr, kind: np.dtype, count: int) -> int:
     return start
 
 
-def packing(table: Table, frame_id: str, joints: Sequence[str]) -> Callable[[Step], bytes]:
+def packers(scene: Scene, frame: Callable[[str], str]) -> dict[str, Callable[[Step], bytes]]:
+    """Return dict from topic, without the node's name, to the function that makes its message of a step.
+
+    Args:
+        scene: scene of the steps.
+        frame: function that returns the name of a table's frame in messages; an empty one is that of the rest shape.
+    """
+    joints = [*(each.name for each in scene.actuators), *(joint.name for arm in scene.arms for joint in arm.joints)]
+    tables = {topic: _packer(table, frame(table.frame), joints) for topic, table in tables_of(scene).items()}
+    return {"step_record": lambda step: pack_text(step.record.to_json()), **tables}
+
+
+def _packer(table: Table, frame_id: str, joints: Sequence[str]) -> Callable[[Step], bytes]:
     """Return the function that makes the message of a step on the topic of a table.
 
     Args:

@@ -51,7 +51,6 @@ class Table:
     """How the numbers of a topic follow from a step: by ``write`` if all its tables have one size, else by ``make``.
 
     Attributes:
-        part: attribute of `Step` that the table needs; the topic has no message for a step without it.
         frame: coordinate frame of the message, e.g. ``tip_rest``; empty: the frame of the rest shape.
         kind: columns of the table.
         count: number of rows.
@@ -59,7 +58,6 @@ class Table:
         make: function that returns the table of a step, a structured array.
     """
 
-    part: str = "result"
     frame: str = ""
     kind: np.dtype
     count: int = 1
@@ -84,7 +82,6 @@ def tables_of(scene: Scene) -> dict[str, Table]:
             kind=MESH, count=mesh.n_vertices, write=lambda step, rows: write_mesh(rows, step.result.positions, rest)
         ),
         "strain": Table(
-            part="fields",
             kind=STRAIN,
             count=mesh.n_cells,
             write=lambda step, rows: write_strain(rows, step.fields()),
@@ -101,12 +98,9 @@ def tables_of(scene: Scene) -> dict[str, Table]:
     if scene.dynamics:
         found["velocity"] = Table(kind=VELOCITY, count=mesh.n_vertices, write=_write_velocities)
         for name in scene.probes:
-            found[f"probe/{name}/imu"] = Table(
-                part="imus", frame=f"{name}_imu", kind=IMU, write=partial(_write_reading, name)
-            )
+            found[f"probe/{name}/imu"] = Table(frame=f"{name}_imu", kind=IMU, write=partial(_write_reading, name))
     if scene.actuators or scene.arms:
-        part = "actuators" if scene.actuators else "result"
-        found["joint_states"] = Table(part=part, kind=JOINTS, make=JointStates(scene).table)
+        found["joint_states"] = Table(kind=JOINTS, make=JointStates(scene).table)
     return found
 
 
@@ -115,17 +109,13 @@ def _tables_of_handle(handle: Handle) -> dict[str, Table]:
     # Pieces of links have no frames of their own: the frames of links are on TF.
     rest, centre = ("", "") if isinstance(handle, ArmLink) else (f"{name}_rest", f"{name}_centre")
     found = {
-        f"{topic}/pose": Table(
-            part="poses", frame=rest, kind=POSE, write=lambda step, rows: write_pose(rows, step.poses[name])
-        ),
+        f"{topic}/pose": Table(frame=rest, kind=POSE, write=lambda step, rows: write_pose(rows, step.poses[name])),
         f"{topic}/wrench": Table(
             frame=centre, kind=WRENCH, write=lambda step, rows: write_wrench(rows, step.result.reactions[name])
         ),
     }
     if handle.section == "handles":
-        found[f"{topic}/force_torque"] = Table(
-            part="poses", frame=name, kind=WRENCH, write=partial(_write_force_torque, name)
-        )
+        found[f"{topic}/force_torque"] = Table(frame=name, kind=WRENCH, write=partial(_write_force_torque, name))
     return found
 
 

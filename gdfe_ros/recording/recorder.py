@@ -36,13 +36,11 @@ class RecorderStatus:
 
     Args:
         written: number of messages passed to the bag.
-        waiting: number of messages in the queue.
         dropped: number of rejected or lost messages, by topic; they are not in the bag.
         error: why the recording stopped early, or None.
     """
 
     written: int
-    waiting: int
     dropped: dict[str, int]
     error: RecordingError | None
 
@@ -135,7 +133,6 @@ class Recorder:
         with self._state:
             return RecorderStatus(
                 written=self._written,
-                waiting=len(self._queue),
                 dropped=dict(self._dropped),
                 error=self._error,
             )

@@ -4,9 +4,10 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
+from gdfe_ros.errors import CommandError
 from gdfe_ros.scene.document import Document, parse_value
 from gdfe_ros.scene.report import Defects
 
@@ -46,6 +47,18 @@ def apply_override(document: Document, key: str, value: Any, report: Defects) ->
         else:
             current = current[part] if isinstance(current, list) else current.setdefault(part, {})
     document.overridden.add(tuple(parts))
+
+
+def read_overrides(entries: Sequence[str], where: str = "--set") -> dict[str, str]:
+    """Return dict from key to value of entries ``key=value``; values remain text, which the scene parses as YAML.
+
+    Raises:
+        CommandError: an entry has no ``=``; the error says ``where`` the entries are given.
+    """
+    if wrong := [entry for entry in entries if "=" not in entry]:
+        raise CommandError(f"{where} holds {wrong}; each entry must be key=value, e.g. solver.tolerance=1e-6")
+    pairs = (entry.partition("=") for entry in entries)
+    return {key.strip(): value.strip() for key, _, value in pairs}
 
 
 def override_words(overrides: Mapping[str, Any]) -> list[str]:

@@ -1,14 +1,50 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Steps towards wanted commands, with a smaller change if a step does not converge."""
+"""The initial equilibrium of an environment, and steps towards wanted commands, with a smaller change if one fails."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.actuators import Mode
+from gdfe_ros.errors import GdfeError
+from gdfe_ros.scene import Scene
+from gdfe_ros.scene.builder import find_unheld
 from gdfe_ros.simulation import Command, Simulation
 from gdfe_ros.solver.result import StepResult
+
+
+def settle(simulation: Simulation) -> None:
+    """Bring a simulation from its initial state to the equilibrium of its initial commands; the time stays 0.
+
+    With dynamics, the equilibrium is that of the scene without dynamics, and velocities are the initial ones. A scene
+    with rigid bodies, or with a piece that no handle holds, has no equilibrium without dynamics, and stays in its
+    initial state.
+
+    Raises:
+        GdfeError: the equilibrium was not found.
+    """
+    scene = simulation.scene
+    if scene.dynamics is None:
+        result = simulation.step(dt=0.0)
+    elif is_held(scene):
+        still = Simulation(replace(scene, dynamics=None))
+        result = still.step(dt=0.0)
+        simulation.set_positions(still.positions)
+    else:
+        return
+    if not result.converged:
+        text = f"scene {scene.name!r}: its equilibrium under the initial commands was not found: {result.message}"
+        raise GdfeError(f"{text}; remedy: smaller loads, or `gdfe solve` to see what happens")
+
+
+def is_held(scene: Scene) -> bool:
+    """Return whether handles hold each piece of a scene without rigid bodies: it has equilibria without dynamics."""
+    holding = [handle for handle in scene.handles if handle.section == "handles"]
+    return not scene.rigid_bodies and not any(find_unheld(scene.mesh, holding))
+
 
 _SHARES = (1.0, 0.125, 0.0)
 """Fractions of the allowed change, tried in this order until a step converges. Near a loss of stability the whole

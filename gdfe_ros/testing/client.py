@@ -15,7 +15,6 @@ from rclpy.client import Client as ServiceClient
 from rclpy.context import Context
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
@@ -24,7 +23,7 @@ from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.interface.topics import DIAGNOSTICS, PROCESS, STEP_RECORD
 from gdfe_ros.node.process import LoneNode
 from gdfe_ros.node.strays import namesakes
-from gdfe_ros.recording.step_record import StepRecord
+from gdfe_ros.recording.step import StepRecord
 from gdfe_ros.testing.process import NodeProcess
 
 _LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -81,6 +80,8 @@ class Client(LoneNode):
         process: process of the simulation.
         name: full name of the simulation's node.
         label: name of this node.
+        topics: dict from a topic, without the node's name, to its message type; `publish` uses these topics.
+        triggers: services without the node's name; `trigger` calls these services.
         patience: longest duration of each wait [s].
         context: ROS context of the node; None: a new context.
 
@@ -91,12 +92,22 @@ class Client(LoneNode):
     """
 
     def __init__(
-        self, process: NodeProcess, name: str, label: str, *, patience: float, context: Context | None = None
+        self,
+        process: NodeProcess,
+        name: str,
+        label: str,
+        *,
+        topics: Mapping[str, type] = {},
+        triggers: Iterable[str] = (),
+        patience: float,
+        context: Context | None = None,
     ) -> None:
         super().__init__(label, context=context, namespace=name.rpartition("/")[0])
         self._process, self._name, self._patience = process, name, patience
-        self._born = time.monotonic()
-        self._change = self.node.create_client(ChangeState, f"{name}/change_state")
+        self._born, node = time.monotonic(), self.node
+        self._publishers = {key: node.create_publisher(kind, f"{name}/{key}", 1000) for key, kind in topics.items()}
+        kinds = {"change_state": ChangeState, "set_parameters": SetParameters, **dict.fromkeys(triggers, Trigger)}
+        self._services = {key: node.create_client(kind, f"{name}/{key}") for key, kind in kinds.items()}
 
     def wait(self, done: Callable[[], Any], what: str) -> None:
         """Spin the node until ``done`` returns a true value; ``what`` is the awaited thing in the text of an error.
@@ -119,7 +130,7 @@ class Client(LoneNode):
 
     def meet(self, services: Sequence[ServiceClient] = ()) -> None:
         """Wait until the simulation offers its services and has discovered this node's subscriptions and clients."""
-        for service in (self._change, *services):
+        for service in (*self._services.values(), *services):
             self.wait(service.service_is_ready, f"the service {service.srv_name}")
         await_discovery(self.node, self._name, partial(self.wait, what="diagnostics"))
 
@@ -143,10 +154,21 @@ class Client(LoneNode):
                 f"remedy: end it, or use another domain, e.g. ROS_DOMAIN_ID={domain + 1}"
             )
 
-    def await_listeners(self, publishers: Iterable[Publisher]) -> None:
-        """Wait until the simulation subscribes to the topic of each publisher; earlier messages are lost."""
-        for publisher in publishers:
+    def await_listeners(self) -> None:
+        """Wait until the simulation subscribes to the topics that `publish` uses; earlier messages are lost."""
+        for publisher in self._publishers.values():
             self.wait(publisher.get_subscription_count, f"a subscription of {publisher.topic_name}")
+
+    def publish(self, messages: Mapping[str, Any]) -> None:
+        """Publish messages, given as a dict from topic name to message."""
+        for key, message in messages.items():
+            self._publishers[key].publish(message)
+
+    def trigger(self, service: str) -> None:
+        """Call one of the services of type Trigger; raise ``GdfeError`` if it fails."""
+        response = self.call(self._services[service], Trigger.Request())
+        if not response.success:
+            raise GdfeError(f"{service}: {response.message}")
 
     def call(self, service: ServiceClient, request: Any) -> Any:
         """Call a service and return its answer."""
@@ -162,7 +184,7 @@ class Client(LoneNode):
         """
         request = ChangeState.Request()
         request.transition.label = label
-        if not self.call(self._change, request).success:
+        if not self.call(self._services["change_state"], request).success:
             raise GdfeError(f"the node could not {label}:\n{self._process.log}")
 
     def __enter__(self) -> Self:
@@ -170,9 +192,6 @@ class Client(LoneNode):
 
     def __exit__(self, *error: object) -> None:
         self.close()
-
-
-_TRIGGERS = ("step", "reset", "load_state")
 
 
 class NodeConnection(Client):
@@ -189,29 +208,13 @@ class NodeConnection(Client):
     """
 
     def __init__(self, process: NodeProcess, name: str, topics: Mapping[str, type], *, patience: float) -> None:
-        super().__init__(process, name, "gdfe_link", patience=patience)
-        self.step, node = -1, self.node
-        self._publishers = {key: node.create_publisher(kind, f"{name}/{key}", 1000) for key, kind in topics.items()}
-        services = {"set_parameters": SetParameters, **dict.fromkeys(_TRIGGERS, Trigger)}
-        self._services = {key: node.create_client(kind, f"{name}/{key}") for key, kind in services.items()}
-        node.create_subscription(String, STEP_RECORD.name.replace("~", name), self._see, STATE_QOS)
-
-    def wait_for_services(self) -> None:
-        """Wait until the node offers its services and has discovered this client."""
-        self.meet(list(self._services.values()))
-
-    def wait_for_listener(self) -> None:
-        """Wait until the node subscribes to every topic of ``topics``."""
-        self.await_listeners(self._publishers.values())
+        triggers, self.step = ("step", "reset", "load_state"), -1
+        super().__init__(process, name, "gdfe_link", topics=topics, triggers=triggers, patience=patience)
+        self.node.create_subscription(String, STEP_RECORD.name.replace("~", name), self._see, STATE_QOS)
 
     def wait_for_step(self, number: int) -> None:
         """Wait until step ``number`` or a later one is published."""
         self.wait(lambda: self.step >= number, f"step {number}")
-
-    def publish(self, messages: Mapping[str, Any]) -> None:
-        """Publish messages, given as a dict from topic name to message."""
-        for key, message in messages.items():
-            self._publishers[key].publish(message)
 
     def set(self, **values: Any) -> None:
         """Set parameters of the node, given by name; raise ``GdfeError`` if the node rejects a value."""
@@ -220,12 +223,6 @@ class NodeConnection(Client):
         for result in self.call(self._services["set_parameters"], request).results:
             if not result.successful:
                 raise GdfeError(result.reason)
-
-    def trigger(self, service: str) -> None:
-        """Call the service ``step``, ``reset`` or ``load_state``; raise ``GdfeError`` if it fails."""
-        response = self.call(self._services[service], Trigger.Request())
-        if not response.success:
-            raise GdfeError(f"{service}: {response.message}")
 
     def _see(self, message: String) -> None:
         self.step = StepRecord.from_json(message.data).step

@@ -17,13 +17,13 @@ from gymnasium.spaces import Box, Space
 from gymnasium.vector import AsyncVectorEnv
 from numpy.typing import ArrayLike, NDArray
 
+from gdfe_ros.actuators import Actuator, Cable, Chamber, Grip, Mode
 from gdfe_ros.errors import CommandError, GdfeError
 from gdfe_ros.scene import Scene, load_scene
 from gdfe_ros.simulation import Simulation
 from gdfe_ros.solver.state import Snapshot
-from gdfe_ros.testing.approach import Approach
+from gdfe_ros.testing.approach import Approach, is_held, settle
 from gdfe_ros.testing.forking import preload
-from gdfe_ros.testing.observed_space import default_space, is_held, settle
 
 Observation = Callable[[Simulation], ArrayLike]
 Reward = Callable[[Simulation, NDArray[np.float64]], float]
@@ -320,3 +320,45 @@ def make_vector_env(scene: str | Path, count: int, *, context: str = "forkserver
     if context == "forkserver":
         preload()
     return AsyncVectorEnv([partial(make_env, scene, **options)] * count, context=context)
+
+
+NEAR, FAR = 2.0, 10.0
+"""Largest distance of a probe from the undeformed body's bounding box over the body's extent: held, and not held."""
+FASTEST = 1e3
+"""Largest acceleration [m/s^2] of a rigid body that a grip holds, with its weight."""
+PRESSURE = 10.0
+"""Largest pressure in a chamber with a commanded volume, divided by the stiffest material's initial modulus."""
+
+
+def default_space(scene: Scene, *, goal: bool) -> Box:
+    """Return the space of probe positions [m], commands, efforts [N] or [Pa] and, if there is one, the goal [m].
+
+    Positions lie within `NEAR` or `FAR` extents of the undeformed body; a command within the actuator's range. The
+    effort of an actuator whose effort is commanded lies within this range. Else the tension of a cable is below the
+    stiffest material's initial modulus times the squared extent of the body, and a pressure below `PRESSURE` times the
+    modulus.
+    """
+    mesh = scene.mesh
+    reach = (NEAR if is_held(scene) else FAR) * mesh.extent
+    low, high = mesh.bounds[0] - reach, mesh.bounds[1] + reach
+    efforts = [_efforts(scene, actuator) for actuator in scene.actuators]
+    places = len(scene.probes)
+    lows = [*[low] * places, [item.low for item in scene.actuators], [least for least, _ in efforts]]
+    highs = [*[high] * places, [item.high for item in scene.actuators], [most for _, most in efforts]]
+    if goal:
+        lows, highs = [*lows, low], [*highs, high]
+    return Box(np.concatenate(lows), np.concatenate(highs), dtype=np.float64)
+
+
+def _efforts(scene: Scene, actuator: Actuator) -> tuple[float, float]:
+    """Return the least and the largest effort of an actuator in an observation."""
+    if actuator.mode in (Mode.TENSION, Mode.PRESSURE):
+        return min(actuator.low, 0.0), max(actuator.high, 0.0)
+    stiffest = max(material.young0 for material in scene.materials.values())
+    if isinstance(actuator, Cable):
+        return 0.0, stiffest * scene.mesh.extent**2
+    if isinstance(actuator, Grip):
+        carried = sum(body.mass for body in scene.rigid_bodies)
+        return 0.0, stiffest * scene.mesh.extent**2 + FASTEST * carried
+    most = PRESSURE * stiffest if isinstance(actuator, Chamber) else 1.0
+    return -most, most

@@ -1,29 +1,102 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Replay of a recorded run by a node, commanded over topics, and comparison of the two bags."""
+"""A program or a recorded run, played to a node over topics; the run is then compared with the recorded one."""
 
 from __future__ import annotations
 
 import os
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+import numpy as np
 from geometry_msgs.msg import PoseStamped
 from sensor_msgs.msg import JointState
+from std_msgs.msg import Header
 
 from gdfe_ros.analysis.bag_run import BagRun, BagSteps
 from gdfe_ros.analysis.difference import Differences
 from gdfe_ros.analysis.replay import Replay, ReplayReport
-from gdfe_ros.errors import RecordingError
+from gdfe_ros.errors import GdfeError, RecordingError
 from gdfe_ros.node.interface import NODE_NAME
+from gdfe_ros.node.interface.topics import target_key
+from gdfe_ros.node.messages import actuation, pose_stamped
 from gdfe_ros.recording.provenance import STATE_FILE
-from gdfe_ros.recording.step_record import Begin, StepRecord
+from gdfe_ros.recording.step import Begin, StepRecord
 from gdfe_ros.scene.override import override_words
+from gdfe_ros.scene.scene import Scene
 from gdfe_ros.testing.client import PATIENCE, NodeConnection
 from gdfe_ros.testing.consumed import ACTUATION, Consumed
 from gdfe_ros.testing.process import NodeProcess
+
+
+def play_program(
+    scene: Scene,
+    source: str,
+    *,
+    bag: Path,
+    dt: float,
+    steps: int | None = None,
+    parameters: Mapping[str, Any] | None = None,
+    tell: Callable[[float], None] = lambda _: None,
+) -> float:
+    """Start a node, command it step by step with a program, and stop it; return the duration of its start [s].
+
+    The duration is the wall time until the node is ready for the first command.
+
+    Args:
+        scene: scene with a program.
+        source: scene that the node loads: name, or path of its file.
+        bag: directory of the recorded bag.
+        dt: simulation time of a step [s].
+        steps: number of steps of the program; None: the program's duration divided by dt.
+        parameters: parameters of the node; they take precedence over the values for lockstep and recording.
+        tell: function that is called after each step with the step's time in the program [s].
+
+    Raises:
+        GdfeError: the node ended, did not respond, ended with an error, or another node has its name; the message
+            contains the node's log if it has one.
+    """
+    topics, duration = {key: type(each) for key, each in _messages(scene, 0.0).items()}, scene.program.duration
+    settings = {
+        "scene": source,
+        "clock": "lockstep",
+        "dt": dt,
+        "record": True,
+        "bag_path": str(bag),
+        "command_set": list(topics),
+        **(parameters or {}),
+    }
+    started = time.perf_counter()
+    with NodeProcess(settings) as node, NodeConnection(node, f"/{NODE_NAME}", topics, patience=PATIENCE) as link:
+        # Wait for step 0, the undeformed body: if it arrived later, it would be taken for that of the first command.
+        link.wait_for_step(0)
+        link.await_listeners()
+        link.require_alone()
+        first = time.perf_counter() - started
+        tell(0.0)
+        for moment in np.linspace(0.0, duration, (steps or round(duration / dt)) + 1)[1:]:
+            last = link.step
+            link.publish(_messages(scene, moment))
+            link.wait_for_step(last + 1)
+            tell(moment)
+            link.look_for_doubles()
+        if node.stop() != 0:
+            raise GdfeError(f"the node ended with status {node.status}:\n{node.log}")
+        return first
+
+
+def _messages(scene: Scene, moment: float) -> dict[str, Any]:
+    """Return a dict from command topic, relative to the node's name, to message, at the time ``moment`` [s]."""
+    program, handles = scene.program, {handle.name: handle for handle in scene.handles}
+    poses = program.handle_poses(moment).items()
+    messages = {target_key(handles[name]): pose_stamped(Header(), pose) for name, pose in poses}
+    values = program.actuator_values(moment) | program.load_factors(moment) | program.joint_positions(moment)
+    if values:
+        messages[ACTUATION] = actuation({actuator.name: actuator for actuator in scene.actuators}, values)
+    return messages
+
 
 _SLOWER = 20.0
 """The longest wait is `PATIENCE` plus this factor times the longest wall time of a recorded step."""
@@ -85,9 +158,9 @@ class NodeReplay:
             NodeProcess(self._parameters(folder), namespace=self._name.rpartition("/")[0]) as process,
             NodeConnection(process, self._name, topics, patience=self._patience) as link,
         ):
-            link.wait_for_services()
+            link.meet()
             link.transition("configure")
-            link.wait_for_listener()
+            link.await_listeners()
             self._play(link)
             if process.stop() != 0:
                 raise RecordingError(f"the replaying node ended with status {process.status}:\n{process.log}")

@@ -18,21 +18,18 @@ from numpy.typing import NDArray
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, Header, String
-from std_srvs.srv import Trigger
 
 from gdfe_ros.actuators import Mode
-from gdfe_ros.arms.carriers import Carriers
 from gdfe_ros.command import Orders
 from gdfe_ros.constraints import Pose
 from gdfe_ros.errors import CommandError, GdfeError, OverlapError
 from gdfe_ros.node.interface import NODE_NAME
-from gdfe_ros.node.interface.scene_topics import is_commanded, put_key, state_topics, target_key
 from gdfe_ros.node.interface.services import COMPUTE_JACOBIAN, RESET_COMMANDS, STEP
-from gdfe_ros.node.interface.topics import JACOBIAN, REFUSED
+from gdfe_ros.node.interface.topics import JACOBIAN, REFUSED, is_commanded, put_key, state_topics, target_key
 from gdfe_ros.node.messages import actuation, pose_stamped
 from gdfe_ros.node.refusals import Reason
-from gdfe_ros.node.ros_types import interface_class, qos_profile
-from gdfe_ros.recording.step_record import Begin
+from gdfe_ros.node.ros_types import interface_class, subscribe
+from gdfe_ros.recording.step import Begin
 from gdfe_ros.scene.arms import joint_starts
 from gdfe_ros.scene.loader import load_scene
 from gdfe_ros.scene.override import override_words
@@ -83,7 +80,7 @@ class Simulator:
         self._movable = {each.name: target_key(each) for each in self.scene.handles if is_commanded(each)}
         self._puts = {body.name: put_key(body) for body in self.scene.rigid_bodies}
         self._actuators = {actuator.name: actuator for actuator in self.scene.actuators}
-        self._orders, self._carriers = Orders(self.scene, self.scene.solver), Carriers(self.scene.arms)
+        self._orders = Orders(self.scene, self.scene.solver)
         self._patience = patience
         namespace = f"/gdfe_test_{os.getpid()}_{next(_numbers)}"
         self.name = f"{namespace}/{NODE_NAME}"
@@ -125,7 +122,7 @@ class Simulator:
             raise GdfeError("cannot step: `inputs` were given; use `spin`")
         # First the errors that a direct call would raise.
         poses, values = self._orders.targets(command, self._poses), self._orders.values(command, self._values)
-        values |= self._carriers.checked(command)
+        values |= self._orders.positions(command)
         self._orders.places(command)
         given = {**command.actuators, **command.loads, **command.joints}
         named = ((command.handles, self._movable), (given, self._values), (command.bodies, self._puts))
@@ -136,7 +133,7 @@ class Simulator:
         try:
             state = self._order(command, poses, values)
         except CommandError:
-            self._client.call(self._forget, Trigger.Request())  # accepted commands would wait for the next step
+            self._client.trigger(RESET_COMMANDS.key)  # accepted commands would wait for the next step
             raise
         self._poses, self._values = poses, values
         if unplaced := sorted(set(command.bodies) - set(state.record.bodies)):
@@ -150,14 +147,13 @@ class Simulator:
         self._refusals.clear()
         self._overlaps.clear()
         # Before all others: the message that completes the command set starts the step.
-        for name, pose in command.bodies.items():
-            self._publishers[self._puts[name]].publish(pose_stamped(Header(), pose))
-        for name, key in self._movable.items():
-            self._publishers[key].publish(pose_stamped(Header(), poses[name]))
-        if ACTUATION in self._publishers:
-            self._publishers[ACTUATION].publish(actuation(self._actuators, values))
-        if not self._inputs() and not command.bodies:
-            self._client.call(self._walk, Trigger.Request())
+        messages = {self._puts[name]: pose_stamped(Header(), pose) for name, pose in command.bodies.items()}
+        messages |= {key: pose_stamped(Header(), poses[name]) for name, key in self._movable.items()}
+        if ACTUATION in self._inputs():
+            messages[ACTUATION] = actuation(self._actuators, values)
+        self._client.publish(messages)
+        if not messages:
+            self._client.trigger(STEP.key)
         self._wait(lambda: self._made.record.step >= count or self._refusals, "the step")
         if self._refusals:
             raise CommandError(self._refusals[-1])
@@ -174,9 +170,7 @@ class Simulator:
             GdfeError: the scene has no probes or no actuators.
         """
         self._jacobians.clear()
-        response = self._client.call(self._differentiate, Trigger.Request())
-        if not response.success:
-            raise GdfeError(response.message)
+        self._client.trigger(COMPUTE_JACOBIAN.key)
         self._wait(lambda: self._jacobians, "the Jacobian")
         message = self._jacobians[-1]
         return np.array(message.data).reshape([dimension.size for dimension in message.layout.dim])
@@ -236,7 +230,12 @@ class Simulator:
             self._client.close()
 
     def _connect(self) -> None:
-        self._client = Client(self._process, self.name, "simulator", patience=self._patience, context=self.context)
+        keys = [*self._puts.values(), *self._inputs()] if self._own else []
+        commands = {key: JointState if key == ACTUATION else PoseStamped for key in keys}
+        triggers = [spec.key for spec in (COMPUTE_JACOBIAN, STEP, RESET_COMMANDS)]
+        given = {"topics": commands, "triggers": triggers, "patience": self._patience, "context": self.context}
+        self._client = Client(self._process, self.name, "simulator", **given)
+        self._sources = [f"{self.name}/{key}" for key in keys]
         self._node, self._wait = self._client.node, self._client.wait
         self.state: PublishedState | None = None
         self._made: PublishedState | None = None
@@ -246,16 +245,10 @@ class Simulator:
         for topic, spec in topics.items():
             callback = partial(self._receive, topic)
             self._node.create_subscription(interface_class(spec.type), f"{self.name}/{topic}", callback, STATE_QOS)
-        self._publishers = {
-            key: self._node.create_publisher(
-                JointState if key == ACTUATION else PoseStamped, f"{self.name}/{key}", 1000
-            )
-            for key in ([*self._puts.values(), *self._inputs()] if self._own else [])
-        }
         self._meet()
         for label in ("configure", "activate"):
             self._client.transition(label)
-        self._client.await_listeners(self._publishers.values())
+        self._client.await_listeners()
         self._wait(lambda: self.state is not None, "the first state")
         self._poses = dict.fromkeys(self._movable, Pose())
         self._values = {
@@ -266,19 +259,14 @@ class Simulator:
         self._values |= joint_starts(self.scene.arms)
 
     def _meet(self) -> None:
-        """Make the service clients, and wait until the node has discovered the clients and the subscriptions."""
+        """Subscribe to what the node says beside its steps, and wait until it has discovered this object's topics."""
         self._jacobians: list[Float64MultiArray] = []
         topic = JACOBIAN.name.replace("~", self.name)
         self._node.create_subscription(Float64MultiArray, topic, self._jacobians.append, 10)
-        self._differentiate, self._walk, self._forget = (
-            self._node.create_client(Trigger, spec.name.replace("~", self.name))
-            for spec in (COMPUTE_JACOBIAN, STEP, RESET_COMMANDS)
-        )
         self._refusals: list[str] = []
         self._overlaps: list[str] = []
-        profile = qos_profile(REFUSED.delivery)
-        self._node.create_subscription(String, REFUSED.name.replace("~", self.name), self._hear, profile)
-        self._client.meet([self._differentiate, self._walk, self._forget])
+        subscribe(self._node, REFUSED, self._hear, REFUSED.name.replace("~", self.name))
+        self._client.meet()
 
     def _hear(self, message: String) -> None:
         """Store a refusal by the node: of a teleport into an overlap, or of a message from one of this object's topics.
@@ -287,10 +275,9 @@ class Simulator:
         """
         entries = json.loads(message.data)
         text = f"command on {entries['source']} refused: {entries['message']}"
-        own = [publisher.topic_name for publisher in self._publishers.values()]
         if entries["reason"] == Reason.OVERLAP.value:
             self._overlaps.append(text)
-        elif self._spinning or entries["source"] in own:
+        elif self._spinning or entries["source"] in self._sources:
             self._refusals.append(text)
 
     def _inputs(self) -> list[str]:

@@ -5,10 +5,11 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
-from geometry_msgs.msg import PoseStamped
+from geometry_msgs.msg import PoseStamped, WrenchStamped
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import Imu, PointCloud2
@@ -16,9 +17,10 @@ from sensor_msgs.msg import Imu, PointCloud2
 from gdfe_ros.constraints import Pose
 from gdfe_ros.contacts import POINT
 from gdfe_ros.node.interface import topics
-from gdfe_ros.node.interface.scene_topics import pose_and_wrench
+from gdfe_ros.node.interface.topics import pose_and_wrench
 from gdfe_ros.node.messages import to_time
-from gdfe_ros.recording.step_record import StepRecord
+from gdfe_ros.recording.published import IMU, POSE, WRENCH
+from gdfe_ros.recording.step import StepRecord
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.solver.motion.imu import ImuReading
 
@@ -130,24 +132,25 @@ def _vertices(message: PointCloud2) -> NDArray[np.float32]:
     return np.frombuffer(message.data, "<f4").reshape(-1, 6)
 
 
+def _numbers(message: Any, kind: np.dtype) -> NDArray[np.float64]:
+    """Return the numbers of a message in the columns of its table, see `gdfe_ros.recording.published`."""
+    return np.array(attrgetter(*kind.names)(message))
+
+
 def _pose(message: PoseStamped) -> Pose:
-    position, turn = message.pose.position, message.pose.orientation
-    rotation = Rotation.from_quat([turn.x, turn.y, turn.z, turn.w]).as_rotvec()
-    return Pose((position.x, position.y, position.z), tuple(rotation))
+    numbers = _numbers(message, POSE)
+    return Pose(tuple(numbers[:3].tolist()), tuple(Rotation.from_quat(numbers[3:]).as_rotvec()))
 
 
 def _imu(message: Imu) -> ImuReading:
-    turn, rate, push = message.orientation, message.angular_velocity, message.linear_acceleration
+    numbers = _numbers(message, IMU)
     return ImuReading(
-        orientation=Rotation.from_quat([turn.x, turn.y, turn.z, turn.w]),
-        angular_velocity=np.array([rate.x, rate.y, rate.z]),
-        linear_acceleration=np.array([push.x, push.y, push.z]),
+        orientation=Rotation.from_quat(numbers[:4]), angular_velocity=numbers[4:7], linear_acceleration=numbers[7:]
     )
 
 
-def _wrench(message: Any) -> NDArray[np.float64]:
-    force, torque = message.wrench.force, message.wrench.torque
-    return np.array([force.x, force.y, force.z, torque.x, torque.y, torque.z])
+def _wrench(message: WrenchStamped) -> NDArray[np.float64]:
+    return _numbers(message, WRENCH)
 
 
 @dataclass(frozen=True)

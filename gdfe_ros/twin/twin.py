@@ -20,10 +20,10 @@ from gdfe_ros.node.orders import ActuatorOrder, require_near
 from gdfe_ros.node.plain_log import Throttle
 from gdfe_ros.node.refusals import Reason, Refusal, require_finite
 from gdfe_ros.node.remodelling import moduli_of
+from gdfe_ros.scene.scene import Scene
 from gdfe_ros.simulation import Simulation
 from gdfe_ros.spelling import did_you_mean
-from gdfe_ros.twin.comparison import LATEST, Deviation, ProbeComparison, Sample
-from gdfe_ros.twin.estimator import ModulusEstimator
+from gdfe_ros.twin.estimator import LATEST, Deviation, ModulusEstimator, ProbeComparison, Sample
 
 if TYPE_CHECKING:
     from gdfe_ros.twin.bag import TwinBag
@@ -91,7 +91,7 @@ class Twin:
         self._estimator, self._comparison = ModulusEstimator(len(self._names)), ProbeComparison(dt, window)
         self._lock, self._changed, self._change = threading.Lock(), 0.0, None
         self._file = None if table is None else table.open("x", newline="", encoding="utf-8")
-        self._bag = None if bag is None else _begin(bag, simulation)
+        self._bag = None if bag is None else _begin(bag, simulation.scene)
         self._table = None if self._file is None else csv.writer(self._file)
         if self._table is not None:
             self._table.writerow((*_HEAD, *(f"{name} [Pa]" for name in self._names)))
@@ -170,7 +170,7 @@ class Twin:
             self._comparison.add(sample)
             self._idle = simulation.settled
         if self._bag is not None:
-            self._bag.write(view, simulation, sample.stamp)
+            self._bag.write_at(sample.stamp, self.session.last)
         self._told(view)
 
     def _derivatives(self, simulation: Simulation) -> dict[str, NDArray[np.float64]] | None:
@@ -223,10 +223,10 @@ class Twin:
             self._table.writerow((f"{each.stamp:.6f}", each.probe, *(f"{number:.9g}" for number in numbers), *moduli))
 
 
-def _begin(path: Path, simulation: Simulation) -> TwinBag:
+def _begin(path: Path, scene: Scene) -> TwinBag:
     from gdfe_ros.twin.bag import TwinBag  # imported here, because it needs an extra, and only for recordings
 
-    return TwinBag(path, simulation)
+    return TwinBag(path, scene)
 
 
 def _require(simulation: Simulation, moduli: Sequence[str]) -> None:

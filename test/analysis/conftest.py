@@ -20,8 +20,7 @@ from gdfe_ros.recording.bag_info import TopicInfo
 from gdfe_ros.recording.packing import Packer
 from gdfe_ros.recording.provenance import RunInfo
 from gdfe_ros.recording.published import MESH, STRAIN, WRENCH, write_mesh, write_strain, write_wrench
-from gdfe_ros.recording.step import to_nanoseconds
-from gdfe_ros.recording.step_record import Begin, StepRecord
+from gdfe_ros.recording.step import Begin, StepRecord, to_nanoseconds
 from gdfe_ros.recording.writer import BagWriter
 from gdfe_ros.scene import Scene, load_scene
 from gdfe_ros.simulation import Command, Simulation

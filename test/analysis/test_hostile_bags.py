@@ -17,7 +17,7 @@ from std_msgs.msg import String
 from gdfe_ros.cli import BAD_INPUT, main
 from gdfe_ros.recording.provenance import RunInfo
 from gdfe_ros.recording.reader import BagReader
-from gdfe_ros.recording.step_record import ENERGIES
+from gdfe_ros.recording.step import ENERGIES
 from gdfe_ros.recording.writer import BagWriter
 
 PATIENCE = 20.0

@@ -15,7 +15,7 @@ from gdfe_ros.analysis.picture import CABLE, FORCE, draw_body
 from gdfe_ros.analysis.report.animation import Surroundings
 from gdfe_ros.analysis.scenery import ARROW, Scenery
 from gdfe_ros.contacts import contact_points
-from gdfe_ros.recording.step_record import Begin, StepRecord
+from gdfe_ros.recording.step import Begin, StepRecord
 from gdfe_ros.scene import scene_from_text
 
 

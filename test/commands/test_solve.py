@@ -12,7 +12,7 @@ import pytest
 
 from gdfe_ros import Command, Simulation, load_scene
 from gdfe_ros.cli import main
-from gdfe_ros.commands.options import read_overrides
+from gdfe_ros.scene.override import read_overrides
 from test.written import advance
 
 BAR = """

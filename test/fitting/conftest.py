@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from gdfe_ros.live.bag import LiveBag
-from gdfe_ros.recording.step import Step
-from gdfe_ros.recording.step_record import Begin, StepRecord
+from gdfe_ros.recording.step import Begin, Step, StepRecord, observe
 from gdfe_ros.scene import scene_from_text
 from gdfe_ros.simulation import Command, Simulation
 
@@ -81,7 +80,7 @@ def record_bag(tmp_path: Path) -> Callable[..., Path]:
     def record(text: str = PULLED, name: str = "bag", *, count: int = 30, noise: float = 0.01, seed: int = 2) -> Path:
         scene = scene_from_text(text, overrides={"solver.tolerance": 1e-8})
         simulation, rng = Simulation(scene), np.random.default_rng(seed)
-        bag = LiveBag(tmp_path / name, simulation, state=None, dt=0.01)
+        bag = LiveBag(tmp_path / name, scene, state=None, dt=0.01)
         span = 0.02
         pack = bag._packs["probe/tip"]
 
@@ -100,7 +99,7 @@ def record_bag(tmp_path: Path) -> Callable[..., Path]:
             record = StepRecord(
                 step=number, begin=begin, time=result.time, dt=0.01, stamp=stamp, loads=dict(command.loads)
             )
-            bag.write(Step(result=result, record=record, log_time=stamp))
+            bag.write(Step(result=result, record=record, log_time=stamp, **observe(simulation)))
         bag.close()
         return bag.path
 

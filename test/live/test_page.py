@@ -27,7 +27,7 @@ from gdfe_ros.live.page import Page
 from gdfe_ros.live.session import LiveSession
 from gdfe_ros.live.stage import first_view, round_length, scale_of
 from gdfe_ros.live.surface import DrawnSurface
-from gdfe_ros.node.interface.scene_topics import state_topics
+from gdfe_ros.node.interface.topics import state_topics
 from gdfe_ros.node.orders import ActuatorOrder
 from gdfe_ros.recording.reader import BagReader
 from gdfe_ros.scene import load_scene, scene_from_text

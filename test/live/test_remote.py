@@ -24,7 +24,7 @@ from gdfe_ros.live.remote.commander import Player
 from gdfe_ros.live.remote.node_session import NodeSession
 from gdfe_ros.node.orders import ActuatorOrder
 from gdfe_ros.recording.reader import BagReader
-from gdfe_ros.recording.step_record import Begin, StepRecord
+from gdfe_ros.recording.step import Begin, StepRecord
 from gdfe_ros.scene import scene_from_text
 from gdfe_ros.testing import NodeProcess
 from gdfe_ros.testing.client import NodeConnection
@@ -319,7 +319,7 @@ def test_a_node_that_is_not_configured_is_told() -> None:
         NodeProcess({**OTHER, "autostart": False}) as process,
         NodeConnection(process, "/gdfe_sim", {}, patience=120.0) as link,
     ):
-        link.wait_for_services()
+        link.meet()
         with pytest.raises(GdfeError, match=there):
             NodeSession("gdfe_sim", patience=5.0, say=said.append)
     assert "the node /gdfe_sim is unconfigured; it publishes its scene after: gdfe lifecycle" in said[0]
@@ -331,7 +331,7 @@ def test_a_node_that_is_not_active_is_shown_at_rest() -> None:
         NodeProcess({**OTHER, "autostart": False}) as process,
         NodeConnection(process, "/gdfe_sim", {}, patience=120.0) as link,
     ):
-        link.wait_for_services()
+        link.meet()
         link.transition("configure")
         with NodeSession("gdfe_sim", patience=60.0) as session:
             page = Page(host="127.0.0.1", port=8650, frames=30.0)

@@ -29,7 +29,7 @@ from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Int32MultiArray, String
 
-from gdfe_ros.recording.step_record import StepRecord
+from gdfe_ros.recording.step import StepRecord
 from gdfe_ros.testing import NodeProcess
 from gdfe_ros.testing.client import await_discovery
 

@@ -13,7 +13,7 @@ from std_msgs.msg import String
 from benchmarks.node.client import Client, height
 from gdfe_ros.analysis.bag_run import BagRun
 from gdfe_ros.node.interface.topics import STEP_RECORD
-from gdfe_ros.recording.step_record import StepRecord
+from gdfe_ros.recording.step import StepRecord
 from gdfe_ros.testing.process import NodeProcess
 
 _AHEAD = 500

@@ -19,7 +19,7 @@ from gdfe_ros.analysis.difference import Difference
 from gdfe_ros.analysis.replay import Replay
 from gdfe_ros.cli import main
 from gdfe_ros.constraints import Pose
-from gdfe_ros.recording.step_record import Begin
+from gdfe_ros.recording.step import Begin
 from gdfe_ros.scene import load_scene
 from gdfe_ros.simulation import Simulation
 

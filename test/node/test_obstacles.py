@@ -130,7 +130,9 @@ def test_wrong_commands_to_obstacles_are_refused(client: Any, start: Callable, c
 
 def test_wrong_leaders_of_obstacles_are_refused(cube: str) -> None:
     """A fixed obstacle and a rigid body cannot follow, and the error has a remedy."""
-    with pytest.raises(GdfeError, match="obstacle 'wall' is fixed: put obstacles"):
+    with pytest.raises(
+        GdfeError, match="obstacle 'wall' is fixed in the scene and takes no commands; remedy: put obstacles"
+    ):
         leaders_of(["wall=topic:/x"], load_scene(cube), listening=False)
 
 
@@ -302,7 +304,9 @@ def test_a_scene_has_obstacles_and_bodies_but_no_handles(tmp_path: Path, slab: P
     run = BagRun(bag)
     for replay in (Replay(run), NodeReplay(run)):
         assert replay.run().verdict() is Difference.IDENTICAL
-    with pytest.raises(GdfeError, match="body 'part' moves freely and follows nothing: make it an obstacle"):
+    with pytest.raises(
+        GdfeError, match=r"body 'part' moves freely and follows no target; remedy: .*make it an obstacle"
+    ):
         leaders_of(["part=topic:/x"], load_scene(slab), listening=False)
 
 

@@ -14,7 +14,7 @@ from std_srvs.srv import SetBool, Trigger
 from gdfe_ros.checkpoint import load_state
 from gdfe_ros.recording.provenance import STATE_FILE
 from gdfe_ros.recording.reader import BagReader
-from gdfe_ros.recording.step_record import Begin, StepRecord
+from gdfe_ros.recording.step import Begin, StepRecord
 from gdfe_ros.scene.loader import scene_from_text
 from gdfe_ros.simulation import Command, Simulation
 

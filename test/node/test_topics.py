@@ -16,7 +16,7 @@ from rosbags.highlevel import AnyReader
 
 from gdfe_ros.constraints import Pose
 from gdfe_ros.recording.reader import BagReader
-from gdfe_ros.recording.step_record import StepRecord
+from gdfe_ros.recording.step import StepRecord
 from gdfe_ros.scene.loader import scene_from_text
 from gdfe_ros.simulation import Command, Simulation
 

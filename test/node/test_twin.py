@@ -23,8 +23,7 @@ from sensor_msgs.msg import JointState
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.scene import scene_from_text
 from gdfe_ros.simulation import Simulation
-from gdfe_ros.twin.comparison import ProbeComparison, Sample
-from gdfe_ros.twin.estimator import ModulusEstimator
+from gdfe_ros.twin.estimator import ModulusEstimator, ProbeComparison, Sample
 from gdfe_ros.twin.remote.robot import Robot
 from gdfe_ros.twin.twin import Twin
 

@@ -13,7 +13,7 @@ from std_msgs.msg import String
 from std_srvs.srv import SetBool
 
 from gdfe_ros.recording.reader import BagReader
-from gdfe_ros.recording.step_record import StepRecord
+from gdfe_ros.recording.step import StepRecord
 from gdfe_ros.testing import NodeProcess
 from gdfe_ros.testing.client import PATIENCE, STATE_QOS, Client
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from gdfe_ros.constraints import Pose
 from gdfe_ros.errors import RecordingError
-from gdfe_ros.recording.step_record import ENERGIES, Begin, StepRecord
+from gdfe_ros.recording.step import ENERGIES, Begin, StepRecord
 
 _NUMBER = st.floats(allow_nan=False, allow_infinity=False)
 _TRIPLE = st.tuples(_NUMBER, _NUMBER, _NUMBER)

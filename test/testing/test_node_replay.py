@@ -19,7 +19,7 @@ from gdfe_ros.cli import main
 from gdfe_ros.constraints import Pose
 from gdfe_ros.errors import RecordingError
 from gdfe_ros.node.messages import pose_stamped
-from gdfe_ros.recording.step_record import Begin
+from gdfe_ros.recording.step import Begin
 from gdfe_ros.simulation import Command
 from gdfe_ros.testing import NodeProcess, Simulator
 from gdfe_ros.testing.client import PATIENCE, NodeConnection
@@ -65,9 +65,9 @@ def test_a_bag_begun_in_the_middle_replays(tmp_path: Path) -> None:
         NodeProcess({**parameters, "velocity_timeout": 0.02}, namespace="/begun") as process,
         NodeConnection(process, name, topics, patience=PATIENCE) as link,
     ):
-        link.wait_for_services()
+        link.meet()
         link.transition("configure")
-        link.wait_for_listener()
+        link.await_listeners()
         _activate(link)
         _command(link, "handles/tip/target", _turned(0.03))
         link.transition("deactivate")
@@ -101,9 +101,9 @@ def test_actuators_commanded_one_at_a_time_replay(tmp_path: Path) -> None:
         NodeProcess({**parameters, "bag_path": str(bag)}, namespace="/pulled") as process,
         NodeConnection(process, name, {"actuation": JointState}, patience=PATIENCE) as link,
     ):
-        link.wait_for_services()
+        link.meet()
         link.transition("configure")
-        link.wait_for_listener()
+        link.await_listeners()
         _activate(link)
         for cable, tension in (("flexor", 0.3), ("extensor", 0.2), ("flexor", 0.0)):
             _command(link, "actuation", JointState(name=[cable], position=[float("nan")], effort=[tension]))

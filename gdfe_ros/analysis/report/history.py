@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from gdfe_ros.analysis.bag_run import CONTACTS, RECORD, BagStep
 from gdfe_ros.analysis.message_values import Values
-from gdfe_ros.recording.step_record import Begin
+from gdfe_ros.recording.step import Begin
 
 HAS = "kinetic + elastic + potential"
 EXPECTED = "start + work - dissipated"

@@ -17,15 +17,14 @@ from gdfe_ros.constraints import Pose
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.live.interface import Ability, ShownRun, View
 from gdfe_ros.live.remote.commander import Commander, Player
-from gdfe_ros.live.remote.search import NodeReport, Waiting, absence, full_name
-from gdfe_ros.live.remote.steps import Steps, view_of
+from gdfe_ros.live.remote.steps import NodeReport, Steps, Waiting, absence, full_name, view_of
 from gdfe_ros.node.command_messages import EFFORTS
 from gdfe_ros.node.interface import topics
-from gdfe_ros.node.orders import ActuatorOrder, Order
+from gdfe_ros.node.orders import Order
 from gdfe_ros.node.process import LoneNode
 from gdfe_ros.node.remodelling import moduli_of, source_with
-from gdfe_ros.node.ros_types import qos_profile
-from gdfe_ros.recording.step_record import Begin, StepRecord
+from gdfe_ros.node.ros_types import subscribe
+from gdfe_ros.recording.step import Begin, StepRecord
 from gdfe_ros.scene.arms import joint_starts
 from gdfe_ros.scene.loader import scene_from_text
 from gdfe_ros.scene.scene import Scene
@@ -132,8 +131,7 @@ class NodeSession(ShownRun):
         """
         self._told, self._warn, self._heard = told, warn, time.monotonic()
         node, name = self._node, self.name
-        profile = qos_profile(topics.DIAGNOSTICS.delivery)
-        node.create_subscription(DiagnosticArray, topics.DIAGNOSTICS.name, self._hear_report, profile)
+        subscribe(node, topics.DIAGNOSTICS, self._hear_report)
         self._steps = Steps(node, name, self._scene, consumed=self._keep, told=self._take, failed=self._fail)
         self._thread = threading.Thread(target=self._spin, name="gdfe-ros", daemon=True)
         self._thread.start()
@@ -177,7 +175,7 @@ class NodeSession(ShownRun):
             GdfeError: a number is not finite, or a target is too far from rest.
         """
         self._commander.require(name, order)
-        self._player.leave(order.values if isinstance(order, ActuatorOrder) else (name,))
+        self._player.leave(order.names)
         self._commander.send(name, order)
 
     def ask(self, ability: Ability) -> Future[str] | None:
@@ -213,8 +211,7 @@ class NodeSession(ShownRun):
 
     def _find(self, patience: float, say: Callable[[str], None]) -> Scene:
         """Wait for the node's scene and return it; meanwhile report the node's lifecycle state."""
-        profile = qos_profile(topics.SCENE.delivery)
-        self._node.create_subscription(String, f"{self.name}/{topics.SCENE.key()}", self._hear_scene, profile)
+        subscribe(self._node, topics.SCENE, self._hear_scene, f"{self.name}/{topics.SCENE.key()}")
         end, waiting = time.monotonic() + patience, Waiting(self._node, self.name, say)
         while self._text is None:
             if time.monotonic() > end:

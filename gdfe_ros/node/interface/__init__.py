@@ -10,6 +10,8 @@ from dataclasses import dataclass
 from enum import Enum
 
 NODE_NAME = "gdfe_sim"
+FRAME = "base_link"
+"""Frame of the rest shape, unless a parameter names another one (REP-105)."""
 
 
 class Changeable(Enum):
@@ -103,3 +105,8 @@ class ServiceSpec:
     name: str
     type: str
     meaning: str
+
+    @property
+    def key(self) -> str:
+        """Name relative to the node's name."""
+        return self.name.removeprefix("~/")

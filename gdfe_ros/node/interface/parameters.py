@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from gdfe_ros.node.interface import Changeable, ParameterSpec
+from gdfe_ros.node.interface import FRAME, Changeable, ParameterSpec
 
 _UP_TO_AN_HOUR = {"unit": "s", "least": 0.0, "most": 3600.0}
 
@@ -79,7 +79,7 @@ PARAMETERS = (
     ),
     ParameterSpec(
         name="frame_id",
-        default="base_link",
+        default=FRAME,
         meaning="frame of the rest shape (REP-105); the header of every output has it, except poses and wrenches of "
         "handles and obstacles",
         change=Changeable.UNCONFIGURED,

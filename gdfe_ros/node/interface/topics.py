@@ -4,93 +4,96 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from gdfe_ros.node.interface import Delivery, TopicSpec
 
-TARGET = TopicSpec(
-    name="~/handles/{handle}/target",
-    type="geometry_msgs/msg/PoseStamped",
-    meaning="target pose of the handle relative to its rest pose [m]; the rotation is about the handle's centre, and "
+if TYPE_CHECKING:
+    from gdfe_ros.constraints import Handle
+    from gdfe_ros.scene.scene import Scene
+
+
+def _command(name: str, kind: str, meaning: str) -> TopicSpec:
+    return TopicSpec(name=name, type=kind, meaning=meaning, delivery=Delivery.COMMAND)
+
+
+def _cloud(name: str, meaning: str) -> TopicSpec:
+    return TopicSpec(name=name, type="sensor_msgs/msg/PointCloud2", meaning=meaning, delivery=Delivery.CLOUD)
+
+
+TARGET = _command(
+    "~/handles/{handle}/target",
+    "geometry_msgs/msg/PoseStamped",
+    "target pose of the handle relative to its rest pose [m]; the rotation is about the handle's centre, and "
     "of equivalent rotations the one nearest to the present target is taken. `frame_id` is empty, the node's, or "
     "`<handle>_rest`; a target in any other frame is transformed by TF, and refused if TF does not know the frame",
-    delivery=Delivery.COMMAND,
 )
-VELOCITY = TopicSpec(
-    name="~/handles/{handle}/velocity",
-    type="geometry_msgs/msg/TwistStamped",
-    meaning="velocity of the handle's target [m/s], [rad/s], in the axes of the node's frame; it acts for "
+VELOCITY = _command(
+    "~/handles/{handle}/velocity",
+    "geometry_msgs/msg/TwistStamped",
+    "velocity of the handle's target [m/s], [rad/s], in the axes of the node's frame; it acts for "
     "`velocity_timeout`. Turns add up beyond 180 degrees. `frame_id` as for the target",
-    delivery=Delivery.COMMAND,
 )
-OBSTACLE_TARGET = TopicSpec(
-    name="~/obstacles/{obstacle}/target",
-    type="geometry_msgs/msg/PoseStamped",
-    meaning="target pose of the obstacle relative to its rest pose [m], in the axes of the node's frame, as in a "
+OBSTACLE_TARGET = _command(
+    "~/obstacles/{obstacle}/target",
+    "geometry_msgs/msg/PoseStamped",
+    "target pose of the obstacle relative to its rest pose [m], in the axes of the node's frame, as in a "
     "program; the rotation is about the obstacle's origin, and of equivalent rotations the one nearest to the present "
     "target is taken. `frame_id` is empty, the node's, or `<obstacle>_rest`; in any other frame, which TF must know, "
     "the target is the place of the frame `<obstacle>`",
-    delivery=Delivery.COMMAND,
 )
-OBSTACLE_VELOCITY = TopicSpec(
-    name="~/obstacles/{obstacle}/velocity",
-    type="geometry_msgs/msg/TwistStamped",
-    meaning="velocity of the obstacle's target [m/s], [rad/s]; as for handles",
-    delivery=Delivery.COMMAND,
+OBSTACLE_VELOCITY = _command(
+    "~/obstacles/{obstacle}/velocity",
+    "geometry_msgs/msg/TwistStamped",
+    "velocity of the obstacle's target [m/s], [rad/s]; as for handles",
 )
-BODY_SET = TopicSpec(
-    name="~/bodies/{body}/set",
-    type="geometry_msgs/msg/PoseStamped",
-    meaning="puts the rigid body, before the next step, at a pose relative to its rest pose [m], without velocity; "
+BODY_SET = _command(
+    "~/bodies/{body}/set",
+    "geometry_msgs/msg/PoseStamped",
+    "puts the rigid body, before the next step, at a pose relative to its rest pose [m], without velocity; "
     "from there it moves freely again. Refused if the place is occupied. `frame_id` is empty, the node's, or "
     "`<body>_rest`; in any other frame, which TF must know, the pose is the place of the frame `<body>`",
-    delivery=Delivery.COMMAND,
 )
-ACTUATION = TopicSpec(
-    name="~/actuation",
-    type="sensor_msgs/msg/JointState",
-    meaning="commands of actuators and loads by name. Actuators: `effort` is a tension [N] or pressure [Pa], "
+ACTUATION = _command(
+    "~/actuation",
+    "sensor_msgs/msg/JointState",
+    "commands of actuators and loads by name. Actuators: `effort` is a tension [N] or pressure [Pa], "
     "`position` a length or shortening [m], a volume [m^3], a growth or a grip [1]. Loads: `position` is the factor "
     "[1] on the load. Joints of arms: `position` [rad], [m]",
-    delivery=Delivery.COMMAND,
 )
-ACTUATOR_COMMANDS = TopicSpec(
-    name="~/commands",
-    type="std_msgs/msg/Float64MultiArray",
-    meaning="one command for each actuator, in the order of the scene and the unit of its mode (for the forward "
+ACTUATOR_COMMANDS = _command(
+    "~/commands",
+    "std_msgs/msg/Float64MultiArray",
+    "one command for each actuator, in the order of the scene and the unit of its mode (for the forward "
     "controllers of ros2_control)",
-    delivery=Delivery.COMMAND,
 )
-TRAJECTORY = TopicSpec(
-    name="~/trajectory",
-    type="trajectory_msgs/msg/JointTrajectory",
-    meaning="commands of actuators and of joints of arms over simulation time: `positions` in the unit of each "
+TRAJECTORY = _command(
+    "~/trajectory",
+    "trajectory_msgs/msg/JointTrajectory",
+    "commands of actuators and of joints of arms over simulation time: `positions` in the unit of each "
     "actuator's mode, or in rad or m. They are interpolated as by joint_trajectory_controller: linear; cubic with "
     "`velocities` at all points; quintic with `accelerations`, too. A stamp of 0 starts the trajectory at once; any "
     "other stamp is a time on the node's clock, at most 60 s ahead. A trajectory without points ends the running ones",
-    delivery=Delivery.COMMAND,
 )
-JOINT_COMMAND = TopicSpec(
-    name="~/joint_command",
-    type="sensor_msgs/msg/JointState",
-    meaning="commanded `position` of joints of arms by name [rad], [m]; joints that are not named stay at their "
+JOINT_COMMAND = _command(
+    "~/joint_command",
+    "sensor_msgs/msg/JointState",
+    "commanded `position` of joints of arms by name [rad], [m]; joints that are not named stay at their "
     "commands. The joints approach their commands within the limits of velocity and acceleration; a position beyond a "
     "joint's limits is refused. Actuators and loads can be commanded as on ~/actuation. Only in scenes with `arm` or "
     "`arms`",
-    delivery=Delivery.COMMAND,
 )
-ATTACH = TopicSpec(
-    name="~/attach",
-    type="std_msgs/msg/String",
-    meaning="name of a grip, which takes hold with the next step; refused if it holds already. If nothing is within "
+ATTACH = _command(
+    "~/attach",
+    "std_msgs/msg/String",
+    "name of a grip, which takes hold with the next step; refused if it holds already. If nothing is within "
     "its `reach`, the step refuses it. The same as command 1 on ~/actuation. Only in scenes with grips",
-    delivery=Delivery.COMMAND,
 )
-RELEASE = TopicSpec(
-    name="~/release",
-    type="std_msgs/msg/String",
-    meaning="name of a grip, which lets go with the next step; refused if it holds nothing. The same as command 0 on "
+RELEASE = _command(
+    "~/release",
+    "std_msgs/msg/String",
+    "name of a grip, which lets go with the next step; refused if it holds nothing. The same as command 0 on "
     "~/actuation. Only in scenes with grips",
-    delivery=Delivery.COMMAND,
 )
 FOLLOWED = TopicSpec(
     name="",  # named by the parameter
@@ -99,25 +102,18 @@ FOLLOWED = TopicSpec(
     "frame; an empty `frame_id` is the node's frame",
     delivery=Delivery.FOLLOWED,
 )
-MESH = TopicSpec(
-    name="~/mesh",
-    type="sensor_msgs/msg/PointCloud2",
-    meaning="position x, y, z and displacement ux, uy, uz of each vertex [m], float32",
-    delivery=Delivery.CLOUD,
+MESH = _cloud(
+    "~/mesh",
+    "position x, y, z and displacement ux, uy, uz of each vertex [m], float32",
 )
-STRAIN = TopicSpec(
-    name="~/strain",
-    type="sensor_msgs/msg/PointCloud2",
-    meaning="of each cell: centroid x, y, z [m], equivalent strain eps_eq, volume ratio J, shape factor omega, tangent "
+STRAIN = _cloud(
+    "~/strain",
+    "of each cell: centroid x, y, z [m], equivalent strain eps_eq, volume ratio J, shape factor omega, tangent "
     "modulus tangent [Pa], energy_density [J/m^3], float32",
-    delivery=Delivery.CLOUD,
 )
-VERTEX_VELOCITY = TopicSpec(
-    name="~/velocity",
-    type="sensor_msgs/msg/PointCloud2",
-    meaning="position x, y, z [m] and velocity vx, vy, vz [m/s] of each vertex, float32; only in scenes with "
-    "`dynamics`",
-    delivery=Delivery.CLOUD,
+VERTEX_VELOCITY = _cloud(
+    "~/velocity",
+    "position x, y, z [m] and velocity vx, vy, vz [m/s] of each vertex, float32; only in scenes with `dynamics`",
 )
 HANDLE_POSE = TopicSpec(
     name="~/handles/{handle}/pose",
@@ -174,15 +170,13 @@ LINK_WRENCH = TopicSpec(
     meaning="force [N] and moment [N m] that a piece of an arm's link exerts on the body, about the present origin of "
     "its shape, in the axes of the node's frame",
 )
-CONTACTS = TopicSpec(
-    name="~/contacts",
-    type="sensor_msgs/msg/PointCloud2",
-    meaning="each point in contact. float32: position x, y, z [m]; normal nx, ny, nz out of the touched surface; "
+CONTACTS = _cloud(
+    "~/contacts",
+    "each point in contact. float32: position x, y, z [m]; normal nx, ny, nz out of the touched surface; "
     "gap [m]; normal force fx, fy, fz and friction force tx, ty, tz [N] on the point. int32: slips (1: slips, 0: "
     "sticks), vertex (id of the point; -1: corner of a rigid body), contact (index in `~/contact_names`), other (id "
     "of the touched vertex; -1: the touched surface is not the elastic body's). Only in scenes with `obstacles`, "
     "`bodies` or `self_contact`",
-    delivery=Delivery.CLOUD,
 )
 CONTACT_NAMES = TopicSpec(
     name="~/contact_names",
@@ -229,7 +223,7 @@ STEP_RECORD = TopicSpec(
     name="~/step_record",
     type="std_msgs/msg/String",
     meaning="JSON: the commands that the step used and its outcome; everything that a replay needs "
-    "(gdfe_ros.recording.step_record)",
+    "(gdfe_ros.recording.step)",
 )
 MARKERS = TopicSpec(
     name="~/markers",
@@ -341,3 +335,43 @@ MOVED = {
     "links": MovableTopics(LINK_POSE, LINK_WRENCH),
 }
 """Dict from a section of the scene to the topics of each of its items."""
+
+
+def is_commanded(handle: Handle) -> bool:
+    """Return whether a handle or obstacle accepts commands."""
+    return not (handle.fixed or handle.carrier) and MOVED[handle.section].target is not None
+
+
+def target_key(handle: Handle) -> str:
+    """Return the name of the target topic of a handle or obstacle, relative to the node's name."""
+    return MOVED[handle.section].target.key(**{handle.noun: handle.name})
+
+
+def put_key(handle: Handle) -> str:
+    """Return the name of the topic that teleports a rigid body, relative to the node's name."""
+    return MOVED[handle.section].put.key(**{handle.noun: handle.name})
+
+
+def pose_and_wrench(handle: Handle) -> dict[str, TopicSpec]:
+    """Return a dict from key to topic, first the pose, then the wrench, of a handle, obstacle or rigid body."""
+    moved, brace = MOVED[handle.section], {handle.noun: handle.name}
+    return {spec.key(**brace): spec for spec in (moved.pose, moved.wrench)}
+
+
+def state_topics(scene: Scene) -> dict[str, TopicSpec]:
+    """Return a dict from key to topic of all topics with the state after a step, first the step record."""
+    from gdfe_ros.contacts import contact_names  # the terminal's commands for other nodes need no scene
+
+    found = {spec.key(): spec for spec in (STEP_RECORD, MESH, STRAIN)}
+    for handle in scene.handles:
+        found |= pose_and_wrench(handle)
+    found |= {PROBE.key(probe=name): PROBE for name in scene.probes}
+    if contact_names(scene.handles, scene.self_contact):
+        found[CONTACTS.key()] = CONTACTS
+    found |= {SENSOR_WRENCH.key(sensor=name): SENSOR_WRENCH for name in scene.sensors}
+    if scene.dynamics is not None:
+        found[VERTEX_VELOCITY.key()] = VERTEX_VELOCITY
+        found |= {IMU.key(probe=name): IMU for name in scene.probes}
+    if scene.actuators or scene.arms:
+        found[JOINT_STATES.key()] = JOINT_STATES
+    return found

@@ -17,10 +17,10 @@ from sensor_msgs.msg import JointState
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.command_messages import ActuatorOrders
 from gdfe_ros.node.inputs import read_message
+from gdfe_ros.node.interface import FRAME
 from gdfe_ros.node.plain_log import shorten
 from gdfe_ros.node.process import LoneNode
 from gdfe_ros.node.refusals import Refusal, RefusalLog
-from gdfe_ros.twin.comparison import FRAME
 from gdfe_ros.twin.twin import Twin
 
 _TYPES = {"geometry_msgs/msg/PoseStamped": PoseStamped, "geometry_msgs/msg/PointStamped": PointStamped}
@@ -52,8 +52,7 @@ class Robot:
         self._twin, scene = twin, twin.session.scene
         self._warn, self._refusals = warn, RefusalLog(warn, noun="message")
         self._framed: set[str] = set()
-        joints = [joint for arm in scene.arms for joint in arm.joints]
-        self._orders = ActuatorOrders(scene.actuators, [load.name for load in scene.loads], joints)
+        self._orders = ActuatorOrders(scene)
         self._ros = LoneNode("gdfe_twin")
         self._node = self._ros.node
         try:
