@@ -125,10 +125,8 @@ def fill_surface(
         where: name of the surface in an error.
 
     Raises:
-        MeshError: ``cell`` is not positive, the number of cubes is too large, or the grid is too coarse.
+        MeshError: the number of cubes is too large, or the grid is too coarse.
     """
-    if not (np.isfinite(cell) and cell > 0):
-        raise MeshError(where, [f"cell = {cell!r}; allowed: edge of the cubes [m] > 0"])
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     count = np.maximum(np.ceil((high - low) / cell - 1e-6), 1)
     if count.prod() > MOST_CUBES:
