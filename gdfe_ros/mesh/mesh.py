@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.errors import MeshError
-from gdfe_ros.mesh.faces import Faces, boundary_faces
+from gdfe_ros.mesh.faces import HEX_EDGES, Faces, boundary_faces
 from gdfe_ros.mesh.filling import Filling
 from gdfe_ros.mesh.outside import Outside
 from gdfe_ros.mesh.touching import Touching
@@ -48,6 +48,8 @@ class Mesh:
     """Name of the cells in messages, plural."""
     vtk: ClassVar[str]
     """meshio's name of the cell type."""
+    edges: ClassVar[NDArray[np.int32]]
+    """Local corners (12 or 6, 2) at the ends of the edges of a cell."""
 
     vertices: NDArray[np.float64]
     cells: NDArray[np.int32]
@@ -117,6 +119,12 @@ class Mesh:
         """Diagonal of the bounding box of all vertices [m]; for an assembly it is usually larger than `size`."""
         return float(np.linalg.norm(self.bounds[1] - self.bounds[0]))
 
+    @property
+    def edge_lengths(self) -> NDArray[np.float64]:
+        """Distances (m, 12 or 6) [m] of the corners at the ends of the edges of each cell."""
+        corners = self.vertices[self.cells]
+        return np.linalg.norm(corners[:, self.edges[:, 1]] - corners[:, self.edges[:, 0]], axis=2)
+
     @cached_property
     def boundary(self) -> Faces:
         """Faces that belong to one cell only, oriented out of the material."""
@@ -171,6 +179,7 @@ class HexMesh(Mesh):
     nodes: ClassVar[int] = 8
     noun: ClassVar[str] = "hexahedra"
     vtk: ClassVar[str] = "hexahedron"
+    edges: ClassVar[NDArray[np.int32]] = HEX_EDGES
 
     @cached_property
     def centroids(self) -> NDArray[np.float64]:

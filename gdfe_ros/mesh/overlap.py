@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from gdfe_ros.mesh.box_tree import BoxTree
-from gdfe_ros.mesh.faces import HEX_FACES
-from gdfe_ros.mesh.hex_shape import EDGES
+from gdfe_ros.mesh.faces import HEX_EDGES, HEX_FACES
 from gdfe_ros.mesh.mesh import Mesh
 from gdfe_ros.mesh.tet_faces import flat_quads
 from gdfe_ros.mesh.tetrahedra import EDGES as TET_EDGES
@@ -28,8 +27,6 @@ RAYS = np.array([[0.36, 0.48, 0.8], [-0.8, 0.36, 0.48], [0.48, -0.8, -0.36]])
 """Directions of three rays from a point. The point is inside a surface if two rays meet the surface from inside. A
 single ray may pass exactly through an edge.
 """
-FLAT = 1e-12
-"""A triangle counts as flat if its height, divided by the surface's size, is at most this."""
 _BLOCK = 512
 """Number of pairs of cells that are tested together."""
 
@@ -56,7 +53,7 @@ def find_overlap(first: Mesh, second: Mesh) -> Overlap | None:
         return None
     if first.touching is not None or second.touching is not None:
         depth, point = _deepest_point(first, second)
-        shortest = min(float(_edges(corners).min()) for corners in (ours, theirs))
+        shortest = min(float(mesh.edge_lengths.min()) for mesh in (first, second))
         return Overlap(depth, point) if depth > TOUCHING * shortest else None
     ours, theirs = _within(ours, low, high), _within(theirs, low, high)
     for i, j in _blocks(ours, theirs):
@@ -131,7 +128,7 @@ def _edges(corners: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def _directions(corners: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the edge vectors (k, 12 or 6, 3) [m] of cells with corners (k, 8 or 4, 3) [m]."""
-    ends = EDGES if corners.shape[1] == 8 else TET_EDGES
+    ends = HEX_EDGES if corners.shape[1] == 8 else TET_EDGES
     return corners[:, ends[:, 1]] - corners[:, ends[:, 0]]
 
 
@@ -140,18 +137,17 @@ def _deepest_point(first: Mesh, second: Mesh) -> tuple[float, NDArray[np.float64
 
     The points are contact points of skins and vertices of faces. Two surfaces may cross between them.
     """
-    from gdfe_ros.mesh.triangle_kernels import least_distances  # loads numba
+    from gdfe_ros.mesh.triangle_kernels import nearest_distances  # loads numba
 
     depths, places = [np.zeros(1)], [np.zeros((1, 3))]
     for own, other in ((first, second), (second, first)):
         points, (vertices, quads) = _points_of(own), _surface_of(other)
         within = ((points >= vertices.min(axis=0)) & (points <= vertices.max(axis=0))).all(axis=1)
         triangles = quads[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3)
-        triangles = triangles[triangles[:, 1] != triangles[:, 2]]
-        tree = BoxTree.of(vertices, triangles, flat=FLAT * float(np.ptp(vertices, axis=0).max()))
+        tree = BoxTree.of(vertices, triangles)
         inner = points[within][_inside(points[within], tree)]
         away = np.empty(len(inner))
-        least_distances(inner, tree.corners[tree.normals.any(axis=1)], away)
+        nearest_distances(inner, tree.corners, tree.boxes, away)
         depths.append(away)
         places.append(inner)
     depth, place = np.concatenate(depths), np.concatenate(places)

@@ -36,6 +36,7 @@ class TetMesh(Mesh):
     nodes: ClassVar[int] = 10
     noun: ClassVar[str] = "tetrahedra"
     vtk: ClassVar[str] = "tetra10"
+    edges: ClassVar[NDArray[np.int32]] = EDGES
 
     @cached_property
     def centroids(self) -> NDArray[np.float64]:
@@ -118,17 +119,6 @@ def scaled_jacobians(mesh: TetMesh) -> NDArray[np.float64]:
     lengths[:, np.arange(4), np.arange(4)] = 1.0
     scale = lengths.prod(axis=2)
     return np.divide(2.0**0.5 * volume, scale, out=np.zeros_like(volume), where=scale > 0.0).min(axis=1)
-
-
-def aspect_ratios(mesh: TetMesh) -> NDArray[np.float64]:
-    """Return the ratio of the largest to the smallest distance of two corners of each cell, shape (m,).
-
-    It is inf if two corners coincide.
-    """
-    corners = mesh.vertices[mesh.cells[:, :4]]
-    lengths = np.linalg.norm(corners[:, EDGES[:, 1]] - corners[:, EDGES[:, 0]], axis=2)
-    shortest, longest = lengths.min(axis=1), lengths.max(axis=1)
-    return np.divide(longest, shortest, out=np.full_like(longest, np.inf), where=shortest > 0)
 
 
 def cell_volumes(mesh: TetMesh) -> NDArray[np.float64]:

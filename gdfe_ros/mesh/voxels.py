@@ -23,7 +23,7 @@ from gdfe_ros.mesh.generators import grid
 from gdfe_ros.mesh.mesh import HexMesh
 from gdfe_ros.mesh.mesh_input import require_file, unit_defects
 from gdfe_ros.mesh.shells import Shells, points_inside, shells
-from gdfe_ros.mesh.surface_edges import open_edges_of
+from gdfe_ros.mesh.surface_edges import odd_edges
 
 #: Suffixes of surface files.
 SUFFIXES = (".stl", ".obj", ".ply", ".off")
@@ -210,7 +210,7 @@ def _not_finite(vertices: NDArray[np.float64], triangles: NDArray[np.int64]) -> 
 
 
 def _open_edges(vertices: NDArray[np.float64], triangles: NDArray[np.int64]) -> list[str]:
-    odd = open_edges_of(triangles)
+    odd = odd_edges(triangles)
     if len(odd) == 0:
         return []
     x, y, z = vertices[odd[0]].mean(axis=0)

@@ -88,7 +88,7 @@ def thickness_at(
     doubled = np.linalg.norm(across, axis=1)
     solid = doubled > tolerance**2
     starts, outward, areas = starts[solid], across[solid] / doubled[solid, None], 0.5 * doubled[solid]
-    tree = BoxTree.of(vertices, triangles, flat=0.0)
+    tree = BoxTree.of(vertices, triangles)
     lengths, hits = np.empty(len(starts)), np.empty(len(starts), dtype=np.int64)
     places = starts.mean(axis=1)
     first_hits(places, np.ascontiguousarray(-outward), tree.corners, tree.boxes, tolerance, lengths, hits)
