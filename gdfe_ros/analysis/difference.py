@@ -203,9 +203,7 @@ class Differences:
         """Return the verdict; with ``factor`` > 0, differences up to ``factor`` solver tolerances are allowed."""
         if not self.differing and not self.unmatched:
             return Difference.IDENTICAL
-        if factor <= 0.0 or self.unmatched:
-            return Difference.DIFFERENT
-        within = all(self._is_within(entry, factor) for entry in self.differing)
+        within = factor > 0.0 and self.factor_needed() <= factor
         return Difference.WITHIN if within else Difference.DIFFERENT
 
     def factor_needed(self) -> float:
@@ -224,11 +222,6 @@ class Differences:
             if gap > rounding:
                 needed = max(needed, (gap - rounding) / share if share > 0.0 else np.inf)
         return needed
-
-    def _is_within(self, entry: FieldDifference, factor: float) -> bool:
-        if entry.resized:
-            return self.allowed(entry, factor) == np.inf
-        return all(gap <= self.allowed(entry, factor, tolerance) for tolerance, gap in entry.gaps.items())
 
     def _scale(self, entry: FieldDifference) -> float:
         if entry.field in LENGTHS or ".position." in entry.field:
