@@ -83,31 +83,22 @@ def add_column(moments, heights, place, column, size, width):
     """Add one column to ``moments`` (8, cubes): the material is between each pair of successive sorted ``heights``."""
     columns, layers = size[0] * size[1], size[2]
     xi, eta = 2.0 * place[0] - 1.0, 2.0 * place[1] - 1.0
-    part, current = np.zeros(7), -1
     for k in range(0, len(heights), 2):
         low, high = heights[k], heights[k + 1]
         first = min(int(low), layers - 1)
         moments[7, first * columns + column] += 1.0
         moments[7, min(int(high), layers - 1) * columns + column] += 1.0
         for layer in range(first, math.ceil(high)):
-            if layer != current:
-                if current >= 0:
-                    for row in range(7):
-                        moments[row, current * columns + column] += part[row]
-                part[:] = 0.0
-                current = layer
+            cube = layer * columns + column
             start, end = max(low, float(layer)) - layer, min(high, float(layer + 1)) - layer
             length, zeta = max(end - start, 0.0), start + end - 1.0
-            part[0] += length
-            part[1] += length * xi
-            part[2] += length * eta
-            part[3] += length * zeta
-            part[4] += length * (xi * xi + width)
-            part[5] += length * (eta * eta + width)
-            part[6] += length * (zeta * zeta + length * length / 3.0)
-    if current >= 0:
-        for row in range(7):
-            moments[row, current * columns + column] += part[row]
+            moments[0, cube] += length
+            moments[1, cube] += length * xi
+            moments[2, cube] += length * eta
+            moments[3, cube] += length * zeta
+            moments[4, cube] += length * (xi * xi + width)
+            moments[5, cube] += length * (eta * eta + width)
+            moments[6, cube] += length * (zeta * zeta + length * length / 3.0)
 
 
 @kernel
