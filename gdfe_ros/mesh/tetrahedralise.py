@@ -244,8 +244,11 @@ def _refined(
     """Return the entries of a mesher's request for small cells at thin walls.
 
     Raises:
-        MeshError: ``least_size`` gives too many cells.
+        MeshError: ``least_size`` is larger than ``size``, or gives too many cells.
     """
+    if least_size > size:
+        text = f"least_size = {least_size:g} m; allowed: up to size = {size:g} m"
+        raise MeshError(heading, [f"{text}; remedy: a smaller least_size"])
     field = wall_sizes(walls, size=size, least_size=least_size, bounds=bounds)
     if field.too_many:
         raise MeshError(heading, field.too_many)

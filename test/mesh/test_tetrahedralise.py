@@ -163,8 +163,10 @@ def test_a_turned_triangle_is_told(tmp_path: Path, capsys: pytest.CaptureFixture
     assert "3 edges are wound in opposite directions" in capsys.readouterr().err
 
 
-def test_a_least_size_that_does_not_fit_is_refused(tmp_path: Path) -> None:
-    """Least sizes of too many cells, and of open surfaces are refused with a remedy."""
+def test_a_least_size_that_does_not_fit_is_refused(tmp_path: Path, walled: Path) -> None:
+    """Least sizes above the size, of too many cells, and of open surfaces are refused with a remedy."""
+    with pytest.raises(MeshError, match=r"least_size = 0\.01 m; allowed: up to size = 0\.005 m"):
+        from_step(walled, size=0.005, least_size=0.01)
     with pytest.raises(MeshError, match=r"allowed: up to 2e\+06; remedy: a larger least_size"):
         from_surface(_plate(tmp_path, 5e-5), size=0.005, least_size=1e-5)
     half = BOX.copy()
