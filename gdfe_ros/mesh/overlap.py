@@ -47,7 +47,7 @@ def find_overlap(first: Mesh, second: Mesh) -> Overlap | None:
         first: a sound mesh.
         second: another sound mesh, in the same frame.
     """
-    ours, theirs = (mesh.vertices[mesh.cells[:, : 8 if mesh.nodes == 8 else 4]] for mesh in (first, second))
+    ours, theirs = (mesh.vertices[mesh.cells[:, : mesh.corners]] for mesh in (first, second))
     low, high = np.maximum(first.bounds[0], second.bounds[0]), np.minimum(first.bounds[1], second.bounds[1])
     if (low > high).any():
         return None

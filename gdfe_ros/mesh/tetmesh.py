@@ -5,18 +5,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.mesh.faces import HEX_FACES, Faces
+from gdfe_ros.mesh.faces import HEX_FACES
 from gdfe_ros.mesh.mesh import HexMesh, Mesh
 from gdfe_ros.mesh.surface_edges import number_edges
-from gdfe_ros.mesh.tet_faces import tet_boundary
 from gdfe_ros.mesh.tet_operators import corner_jacobians
-from gdfe_ros.mesh.tetrahedra import EDGES, quadratic_slopes, simplex_rule
+from gdfe_ros.mesh.tetrahedra import EDGES, FACES, quadratic_slopes, simplex_rule
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -36,17 +34,9 @@ class TetMesh(Mesh):
     nodes: ClassVar[int] = 10
     noun: ClassVar[str] = "tetrahedra"
     vtk: ClassVar[str] = "tetra10"
+    corners: ClassVar[int] = 4
     edges: ClassVar[NDArray[np.int32]] = EDGES
-
-    @cached_property
-    def centroids(self) -> NDArray[np.float64]:
-        """Mean of the four corners of each cell [m], shape (m, 3)."""
-        return self.vertices[self.cells[:, :4]].mean(axis=1)
-
-    @cached_property
-    def boundary(self) -> Faces:
-        """Faces of six nodes that belong to one cell only, oriented out of the material."""
-        return tet_boundary(self.cells)
+    faces: ClassVar[NDArray[np.int32]] = FACES
 
 
 def raised(
