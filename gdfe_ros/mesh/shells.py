@@ -108,7 +108,7 @@ def _shells_around(
     """Return whether each shell (s,) winds around each point (k, 3), (k, s): its solid angle there is not zero."""
     shell = shell_numbers(len(vertices), triangles)
     angles = [np.bincount(shell, solid_angles(vertices[triangles] - point)) for point in points]
-    return np.abs(angles).reshape(len(points), int(shell.max()) + 1) > 2.0 * np.pi
+    return np.abs(angles).reshape(len(points), int(shell.max(initial=-1)) + 1) > 2.0 * np.pi
 
 
 def solid_angles(corners: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -171,3 +171,10 @@ def test_collapsed_triangles_are_left_out(tmp_path: Path) -> None:
     trimesh.creation.box((0.04, 0.04, 1e-11)).export(tmp_path / "foil.stl")
     vertices, triangles, defects = examine_surface(tmp_path / "foil.stl")
     assert defects + winding_defects(vertices, triangles) == []
+
+
+def test_no_triangles_are_no_shells() -> None:
+    """Without triangles, as for a skin of which no shell is closed, there are no shells, and no point is inside."""
+    none = np.zeros((0, 3), dtype=np.int64)
+    assert shells(BOX.vertices, none).depths == ()
+    assert inside(np.zeros((0, 3)), BOX.vertices, BOX.faces).shape == (0,)
