@@ -126,8 +126,11 @@ class Mesh:
     @property
     def edge_lengths(self) -> NDArray[np.float64]:
         """Distances (m, 12 or 6) [m] of the corners at the ends of the edges of each cell."""
-        corners = self.vertices[self.cells]
-        return np.linalg.norm(corners[:, self.edges[:, 1]] - corners[:, self.edges[:, 0]], axis=2)
+        return np.linalg.norm(self.along_edges(self.vertices[self.cells]), axis=2)
+
+    def along_edges(self, corners: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the vectors (k, 12 or 6, 3) along the edges of cells of this type with ``corners`` (k, c, 3) [m]."""
+        return corners[:, self.edges[:, 1]] - corners[:, self.edges[:, 0]]
 
     @cached_property
     def boundary(self) -> Faces:
