@@ -62,9 +62,12 @@ def reference_coordinates(
     for _ in range(NEWTON_STEPS):
         last, nodes = reference[sought], corners[sought]
         gap = points[sought] - np.einsum("ka,kai->ki", trilinear_weights(last), nodes)
-        jacobian = nodes.transpose(0, 2, 1) @ trilinear_slopes(last)
-        moved = last + np.clip(np.linalg.solve(jacobian, gap[..., None])[..., 0], -1.0, 1.0)
-        reference[sought] = np.clip(moved, -FARTHEST, FARTHEST)
+        a, b, c = np.moveaxis(nodes.transpose(0, 2, 1) @ trilinear_slopes(last), 2, 0)
+        adjugate = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=1)
+        with np.errstate(divide="ignore", invalid="ignore"):  # the map may be singular far outside of a tapered cell
+            step = np.einsum("kij,kj->ki", adjugate, gap) / np.einsum("ki,ki->k", a, adjugate[:, 0])[:, None]
+        moved = np.clip(last + np.clip(step, -1.0, 1.0), -FARTHEST, FARTHEST)
+        reference[sought] = np.where(np.isnan(moved), FARTHEST, moved)
         sought = sought[np.abs(reference[sought] - last).max(axis=1) > within]
         if len(sought) == 0:
             break
