@@ -50,8 +50,8 @@ def squared_away(point, box):
 def nearest_distances(points, corners, boxes, out):
     """Write the distance [m] of each point from the nearest triangle of a `BoxTree`.
 
-    A search begins with the triangle that was the nearest to the previous point, so that points in an order of short
-    ways, such as those of a grid, are found soon.
+    A search begins with the triangle that was the nearest to the previous point. It is therefore quick for points of
+    which each is near the previous one, such as those of a grid.
 
     Args:
         points: (k, 3) [m].
