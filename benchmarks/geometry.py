@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from gdfe_ros.mesh.box_tree import BoxTree
 from gdfe_ros.mesh.shells import inertia_of, inside, points_inside
 from gdfe_ros.mesh.surface_edges import refine
-from gdfe_ros.mesh.triangle_kernels import first_hits, grid_distances
+from gdfe_ros.mesh.triangle_kernels import first_hits, nearest_distances
 
 CELLS = 32
 """Number of grid cells along the surface's diameter."""
@@ -43,8 +43,13 @@ def rows(vertices: NDArray[np.float64], triangles: NDArray[np.int64]) -> Iterato
     start = vertices.min(axis=0) - 4 * cell
     shape = tuple(np.ceil(np.ptp(vertices, axis=0) / cell).astype(int) + 9)
     points = start + cell * np.stack(np.meshgrid(*map(np.arange, shape), indexing="ij"), axis=-1).reshape(-1, 3)
-    corners, distances = np.ascontiguousarray(vertices[triangles]), np.empty(shape)
-    ours, _ = measure(lambda: grid_distances(start, cell, corners, distances))
+    distances = np.empty(shape)
+
+    def find_distances() -> None:
+        tree = BoxTree.of(vertices, triangles)
+        nearest_distances(points, tree.corners, tree.boxes, distances.reshape(-1))
+
+    ours, _ = measure(find_distances)
     theirs, found = measure(lambda: igl.point_mesh_squared_distance(points, vertices, triangles))
     yield "distances of a grid", ours, "libigl", theirs, np.abs(np.sqrt(found[0]) - distances.ravel()).max()
     ours, grid = measure(lambda: points_inside((vertices - start) / cell, triangles, shape))
@@ -73,7 +78,7 @@ def ray_row(vertices: NDArray[np.float64], triangles: NDArray[np.int64]) -> tupl
     lengths, hits = np.empty(len(starts)), np.empty(len(starts), np.int64)
 
     def shoot() -> None:
-        tree = BoxTree.of(vertices, triangles, flat=0.0)
+        tree = BoxTree.of(vertices, triangles)
         first_hits(starts, inward, tree.corners, tree.boxes, least, lengths, hits)
 
     def shoot_embree() -> NDArray[np.float64]:

@@ -31,6 +31,16 @@ class Mode(str, Enum):
         """SI unit of the command; empty if it has no unit."""
         return {"tension": "N", "length": "m", "shortening": "m", "pressure": "Pa", "volume": "m^3"}.get(self.value, "")
 
+    @property
+    def extent_unit(self) -> str:
+        """SI unit of the actuator's length or volume; empty for a growth or a grip."""
+        return {"N": "m", "Pa": "m^3"}.get(self.unit, self.unit)
+
+    @property
+    def effort_unit(self) -> str:
+        """SI unit of the actuator's tension or pressure; empty for a growth or a grip."""
+        return {"m": "N", "m^3": "Pa"}.get(self.unit, self.unit)
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Actuator:

@@ -15,9 +15,6 @@ from numpy.typing import NDArray
 
 from gdfe_ros.analysis.bag_run import CONTACTS, RECORD, BagRun, BagStep, BagSteps, StepKey, step_keys
 from gdfe_ros.analysis.message_values import Values
-from gdfe_ros.mesh import Mesh
-from gdfe_ros.mesh.hex_shape import EDGES
-from gdfe_ros.mesh.tetrahedra import EDGES as TET_EDGES
 from gdfe_ros.scene import Scene
 from gdfe_ros.scene.document import parse_document
 
@@ -130,7 +127,7 @@ class Differences:
     def __init__(self, scene: Scene) -> None:
         self._size, self._tolerance = scene.mesh.size, scene.solver.tolerance
         self._open = self._tolerance
-        self._gain = scene.mesh.size / _shortest_edge(scene.mesh)
+        self._gain = scene.mesh.size / float(scene.mesh.edge_lengths.min())
         low, high = scene.mesh.bounds
         self._young = max(material.young0 for material in scene.materials.values())
         self._axial = self._young * float(np.prod(high - low)) / scene.mesh.size
@@ -206,9 +203,7 @@ class Differences:
         """Return the verdict; with ``factor`` > 0, differences up to ``factor`` solver tolerances are allowed."""
         if not self.differing and not self.unmatched:
             return Difference.IDENTICAL
-        if factor <= 0.0 or self.unmatched:
-            return Difference.DIFFERENT
-        within = all(self._is_within(entry, factor) for entry in self.differing)
+        within = factor > 0.0 and self.factor_needed() <= factor
         return Difference.WITHIN if within else Difference.DIFFERENT
 
     def factor_needed(self) -> float:
@@ -227,11 +222,6 @@ class Differences:
             if gap > rounding:
                 needed = max(needed, (gap - rounding) / share if share > 0.0 else np.inf)
         return needed
-
-    def _is_within(self, entry: FieldDifference, factor: float) -> bool:
-        if entry.resized:
-            return self.allowed(entry, factor) == np.inf
-        return all(gap <= self.allowed(entry, factor, tolerance) for tolerance, gap in entry.gaps.items())
 
     def _scale(self, entry: FieldDifference) -> float:
         if entry.field in LENGTHS or ".position." in entry.field:
@@ -253,12 +243,6 @@ class Differences:
             kin = other is entry or other.field in vector or (stem and other.field.startswith(f"{stem}."))
             if other.topic == entry.topic and kin:
                 yield other
-
-
-def _shortest_edge(mesh: Mesh) -> float:
-    edges = EDGES if mesh.nodes == 8 else TET_EDGES
-    corners = mesh.vertices[mesh.cells]
-    return min(float(np.linalg.norm(corners[:, a] - corners[:, b], axis=1).min()) for a, b in edges)
 
 
 def _bits(values: NDArray[Any]) -> NDArray[np.unsignedinteger]:

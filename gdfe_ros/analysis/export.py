@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     import meshio
 
 JOINTS = "joint_states"
-_CABLE = (Mode.TENSION, Mode.LENGTH, Mode.SHORTENING)
-_CHAMBER = (Mode.PRESSURE, Mode.VOLUME)
 _TIMES = {"time": "s", "dt": "s", "wall_time": "s", "solve_time": "s", "stamp": "ns"}
 _COMPONENTS = ("x", "y", "z", "w")
 _RATES = {"m": "m/s", "m^3": "m^3/s", "": "1/s"}
@@ -80,11 +78,11 @@ class Columns:
         text = " ".join(part for part in parts if part)
         return f"{column} [{text}]" if text else column
 
-    def _joint_unit(self, mode: Mode, field: str) -> str:
-        extent = "m" if mode in _CABLE else "m^3" if mode in _CHAMBER else ""
+    @staticmethod
+    def _joint_unit(mode: Mode, field: str) -> str:
         if field == "effort":
-            return "N" if mode in _CABLE else "Pa" if mode in _CHAMBER else ""
-        return _RATES[extent] if field == "velocity" else extent
+            return mode.effort_unit
+        return _RATES[mode.extent_unit] if field == "velocity" else mode.extent_unit
 
 
 Row = dict[str, Any]

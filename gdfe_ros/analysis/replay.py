@@ -61,33 +61,6 @@ class ReplayReport:
         return Difference.INCOMPLETE if incomplete and verdict is not Difference.DIFFERENT else verdict
 
 
-class Publication:
-    """Makes the arrays of each step's messages, in their published types.
-
-    Args:
-        simulation: the stepped simulation.
-    """
-
-    def __init__(self, simulation: Simulation) -> None:
-        self._simulation, self._tables = simulation, tables_of(simulation.scene)
-
-    def values(self, result: StepResult, record: StepRecord, topics: Collection[str]) -> dict[str, Values]:
-        """Return the arrays of the last step's messages, by topic and field.
-
-        Args:
-            result: result of the last step.
-            record: record of the recorded step that was repeated.
-            topics: names without the node's name; topics for which the simulation has no arrays are left out.
-        """
-        step = Step(record=record, result=result, log_time=0, **observe(self._simulation))
-        found = {topic: self._tables[topic].columns(step) for topic in topics if topic in self._tables}
-        if RECORD in topics:
-            outcomes = {name: getattr(result, name) for name in OUTCOME}
-            begun = {"step": record.step, "begin": record.begin, "dt": record.dt}
-            found[RECORD] = record_values(StepRecord(**begun, time=result.time, **outcomes))
-        return found
-
-
 class Replay:
     """Repeats the steps of a bag in a ``Simulation`` of its scene, with the commands that they consumed.
 
@@ -117,7 +90,7 @@ class Replay:
         self._run, self._changed = run, bool(overrides)
         origin = f"of bag {run.reader.path}"
         self.scene = scene_from_text(run.reader.run.scene, origin=origin, overrides=overrides)
-        self.simulation = Simulation(self.scene)
+        self.simulation, self._tables = Simulation(self.scene), tables_of(self.scene)
         self.begin()
 
     def begin(self) -> None:
@@ -139,9 +112,9 @@ class Replay:
         started = time.perf_counter()
         differences = Differences(self._run.scene)
         steps = BagSteps(self._run)
-        publication, unknown, failed = Publication(self.simulation), set(steps.foreign), 0
+        unknown, failed = set(steps.foreign), 0
         for step, result in self.steps(steps):
-            made = publication.values(result, step.record, step.samples)
+            made = self._published(result, step.record, step.samples)
             unknown |= step.samples.keys() - made.keys()
             known = {topic: values for topic, values in step.samples.items() if topic in made}
             differences.add(step.key, known, made)
@@ -168,6 +141,22 @@ class Replay:
             yield step, self._repeat(step.record)
             if self.end and number == self.count:
                 return
+
+    def _published(self, result: StepResult, record: StepRecord, topics: Collection[str]) -> dict[str, Values]:
+        """Return the arrays of the last step's messages, by topic and field, in their published types.
+
+        Args:
+            result: result of the last step.
+            record: record of the recorded step that was repeated.
+            topics: names without the node's name; topics for which the simulation has no arrays are left out.
+        """
+        step = Step(record=record, result=result, log_time=0, **observe(self.simulation))
+        found = {topic: self._tables[topic].columns(step) for topic in topics if topic in self._tables}
+        if RECORD in topics:
+            outcomes = {name: getattr(result, name) for name in OUTCOME}
+            begun = {"step": record.step, "begin": record.begin, "dt": record.dt}
+            found[RECORD] = record_values(StepRecord(**begun, time=result.time, **outcomes))
+        return found
 
     def _repeat(self, record: StepRecord) -> StepResult:
         # A solve that a deadline ended can be ended at the same iteration only if the scene is the same.

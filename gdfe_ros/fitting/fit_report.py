@@ -8,19 +8,17 @@ import json
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
-from html import escape
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
-from plotly.offline import get_plotlyjs
 
 from gdfe_ros.analysis.report.charts import numbers_of
-from gdfe_ros.analysis.report.template import fill, read_file, tabulate, to_json
+from gdfe_ros.analysis.report.template import build_page, tabulate
 from gdfe_ros.bounded_text import quoted
-from gdfe_ros.fitting.comparison import predicted
+from gdfe_ros.fitting.comparison import predicted, split
 from gdfe_ros.fitting.fit import Fit
 from gdfe_ros.fitting.problem import FitPoint, FitProblem
 from gdfe_ros.fitting.recording import ROW
@@ -28,52 +26,21 @@ from gdfe_ros.fitting.statistics import percent
 from gdfe_ros.scene.report import unit_of
 
 RESIDUAL = "residual: simulated - measured"
-_PAGE = """<!DOCTYPE html>
-<html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">
-<title>@@title@@</title><link rel="icon" href="data:,"><style>@@style@@</style></head>
-<body><header><h1>@@title@@</h1><p>@@description@@</p></header>
-<main><div class="tables">@@tables@@</div><div id="charts"></div></main>
-<script type="application/json" id="chart-data">@@charts@@</script>
-<script>@@plotly@@</script>
-<script>
-"use strict";
-const charts = JSON.parse(document.getElementById("chart-data").textContent);
-const places = charts.map((chart) => {
-  const section = document.createElement("section");
-  const head = section.appendChild(document.createElement("h2"));
-  head.textContent = chart.title;
-  const place = section.appendChild(document.createElement("div"));
-  place.className = "chart";
-  document.getElementById("charts").appendChild(section);
-  return place;
-});
-// Drawn once all sections are there, because each further one may make the others narrower.
-const drawn = charts.map((chart, k) =>
-  Plotly.newPlot(places[k], chart.data, chart.layout, {displayModeBar: false, responsive: true}));
-Promise.all(drawn).then(() => { document.body.dataset.ready = "yes"; });
-</script></body></html>
-"""
 
 
 def fit_page(fit: Fit, shown: Sequence[ComparedColumn]) -> str:
     """Return the HTML text of a fit's page; ``shown`` are the columns that have charts."""
-    tables = [
-        tabulate("Parameters", parameter_rows(fit), ("key", "value", "95 % interval", "correlations")),
-        f"<section><p>{escape(NOT_INCLUDED)}</p></section>",
-        tabulate("Recordings", match_rows(fit), ("recording", "series", "", "values", "misfit", "of the motion")),
-    ]
-    if fit.warnings:
-        notes = "".join(f"<li>{escape(text)}</li>" for text in fit.warnings)
-        tables.append(f"<section><h2>Warnings</h2><ul>{notes}</ul></section>")
-    parts = {
-        "title": escape(f"{fit.scene.name}, fitted"),
-        "description": escape(fit.scene.description),
-        "style": read_file("page.css"),
-        "tables": "\n".join(tables),
-        "charts": to_json([_chart(curve) for curve in shown]),
-        "plotly": get_plotlyjs(),
-    }
-    return fill(_PAGE, parts)
+    return build_page(
+        title=f"{fit.scene.name}, fitted",
+        description=fit.scene.description,
+        tables=[
+            tabulate("Parameters", parameter_rows(fit), ("key", "value", "95 % interval", "correlations")),
+            tabulate("Recordings", match_rows(fit), ("recording", "series", "", "values", "misfit", "of the motion")),
+            *([tabulate("Warnings", [("", text) for text in fit.warnings])] if fit.warnings else []),
+        ],
+        charts=[_chart(curve) for curve in shown],
+        remarks=[NOT_INCLUDED],
+    )
 
 
 def _chart(curve: ComparedColumn) -> dict[str, Any]:
@@ -139,20 +106,18 @@ def own_rows(fit: Fit) -> list[tuple[str, str]]:
     rows = []
     for problem, point in _parts(fit):
         for recording, own in zip(problem.recordings, point.own, strict=True):
-            rest = list(own)
-            words = []
-            if recording.shift_between is not None:
-                words.append(f"time shift {1e3 * rest.pop(0):.3g} ms")
+            shift, pose = split(recording, own)
+            words = [f"time shift {1e3 * shift:.3g} ms"] if recording.shift_between is not None else []
             if recording.frame == 6:
-                words.append(f"rotation vector {_three(rest[:3])} rad")
-            if recording.frame:
-                words.append(f"translation {_three(rest[-3:])} m")
+                words.append(f"rotation vector {_three(pose[0].as_rotvec())} rad")
+            if pose is not None:
+                words.append(f"translation {_three(pose[1])} m")
             if words:
                 rows.append((recording.name, ", ".join(words)))
     return rows
 
 
-def _three(values: list[float]) -> str:
+def _three(values: NDArray[np.float64]) -> str:
     return "(" + ", ".join(f"{value:.4g}" for value in values) + ")"
 
 

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Discriminator, Field, Tag, ValidationError, model_validator
 
-from gdfe_ros.actuators import Cable, Chamber
 from gdfe_ros.bounded_text import LARGEST_TEXT
 from gdfe_ros.errors import DefectsError, GdfeError, MeshError
 from gdfe_ros.fitting.recording import CLOUDS, POSITIONS, Observable, QuantityKind, require_known
@@ -164,11 +163,10 @@ def matched_observable(model: CompareModel, scene: Scene, where: str) -> Observa
 
 def _actuator_unit(kind: QuantityKind, name: str, scene: Scene) -> str:
     """Return the SI unit of an actuator's effort or extent; empty for other quantities and for growth."""
-    units = {Cable: ("N", "m"), Chamber: ("Pa", "m^3")}
-    actuator = next((each for each in scene.actuators if each.name == name), None)
     if kind not in (QuantityKind.EFFORT, QuantityKind.EXTENT):
         return ""
-    return units.get(type(actuator), ("", ""))[kind is QuantityKind.EXTENT]
+    mode = next(each.mode for each in scene.actuators if each.name == name)
+    return mode.effort_unit if kind is QuantityKind.EFFORT else mode.extent_unit
 
 
 def along_of(

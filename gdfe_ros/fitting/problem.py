@@ -262,14 +262,12 @@ class Solved:
         jacobian: d(residual)/d(unknown) at these unknowns, (values, unknowns), weighted by the loss.
         cost: half the sum of squares of the residuals, or of their loss.
         point: simulations at these unknowns.
-        message: reason why the search ended.
     """
 
     unknowns: NDArray[np.float64]
     jacobian: NDArray[np.float64]
     cost: float
     point: FitPoint
-    message: str
 
 
 def solve(
@@ -313,8 +311,7 @@ def solve(
         unknowns = result.x
         if told is not None:
             told(_line(problem, unknowns, share, result.nfev))
-    point = problem.point(unknowns)
-    return Solved(unknowns, result.jac, float(result.cost), point, result.message)
+    return Solved(unknowns, result.jac, float(result.cost), problem.point(unknowns))
 
 
 def _line(problem: FitProblem, unknowns: NDArray[np.float64], share: float, trials: int) -> str:

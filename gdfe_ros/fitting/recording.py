@@ -88,17 +88,16 @@ def require_known(kind: QuantityKind, name: str, scene: Scene, where: str) -> No
     Raises:
         GdfeError: the scene does not have it.
     """
-    known = {
-        QuantityKind.PROBE: list(scene.probes),
-        QuantityKind.HANDLE: [handle.name for handle in scene.handles],
-        QuantityKind.FORCE: [handle.name for handle in scene.handles],
-        QuantityKind.EFFORT: [actuator.name for actuator in scene.actuators],
-        QuantityKind.EXTENT: [actuator.name for actuator in scene.actuators],
-    }.get(kind)
-    if known is not None and name not in known:
-        noun = {QuantityKind.PROBE: "probe", QuantityKind.EFFORT: "actuator", QuantityKind.EXTENT: "actuator"}.get(
-            kind, "handle"
-        )
+    handles = "handle", [handle.name for handle in scene.handles]
+    actuators = "actuator", [actuator.name for actuator in scene.actuators]
+    noun, known = {
+        QuantityKind.PROBE: ("probe", list(scene.probes)),
+        QuantityKind.HANDLE: handles,
+        QuantityKind.FORCE: handles,
+        QuantityKind.EFFORT: actuators,
+        QuantityKind.EXTENT: actuators,
+    }.get(kind, ("", [name]))
+    if name not in known:
         raise GdfeError(f"{where}: no {noun} {name!r} in scene {scene.name!r}; it has {', '.join(known) or 'none'}")
 
 

@@ -216,7 +216,6 @@ class Match:
             other values minus their mean. For points on a surface it is their largest extent.
         largest: largest absolute difference, in SI units.
         autocorrelation: largest correlation of successive residuals among the columns; NaN if there are too few.
-        residual: simulated minus measured values, in SI units, (m, c); distances (m, p) for points on a surface.
     """
 
     recording: str
@@ -228,7 +227,6 @@ class Match:
     relative: float
     largest: float
     autocorrelation: float
-    residual: NDArray[np.float64]
 
 
 def matches(problem: FitProblem, point: FitPoint, *, held_out: bool = False) -> list[Match]:
@@ -243,9 +241,7 @@ def matches(problem: FitProblem, point: FitPoint, *, held_out: bool = False) -> 
             rms = float(np.sqrt(np.mean(sound**2))) if sound.size else np.nan
             size = _size(series.values, displacement=series.observable.displacement)
             given = (series.observable.unit, rms, rms / size if size else np.nan, float(np.abs(sound).max(initial=0.0)))
-            found.append(
-                Match(recording.name, series.name, held_out, sound.size, *given, autocorrelation(residual), residual)
-            )
+            found.append(Match(recording.name, series.name, held_out, sound.size, *given, autocorrelation(residual)))
     return found
 
 

@@ -29,34 +29,32 @@ _MAKERS = {"NGEN", "NFILL", "NCOPY", "NMAP", "ELGEN", "ELCOPY", "SYSTEM", "MODEL
 class _Part:
     """Nodes, elements and sets of a part or of an instance, by Abaqus' numbers.
 
+    A node at X is at x = R (X + shift - centre) + centre.
+
     Attributes:
-        nodes: dict from the number of a node to its position.
+        nodes: dict from the number of a node to its position X.
         elements: dict from the number of an element to its type and its nodes.
         sets: dicts from name to numbers, of nodes under NSET and of elements under ELSET.
+        shift: translation (3,) of an instance.
+        turn: rotation R of an instance.
+        centre: point (3,) on the axis of the rotation.
     """
 
     nodes: dict[int, tuple[float, ...]] = field(default_factory=dict)
     elements: dict[int, tuple[str, list[int]]] = field(default_factory=dict)
     sets: dict[str, dict[str, list[int]]] = field(default_factory=lambda: {"NSET": {}, "ELSET": {}})
+    shift: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
+    turn: Rotation = field(default_factory=Rotation.identity)
+    centre: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
 
     def copy(self) -> _Part:
         """Return a part with the same content, to which an instance adds its own."""
         sets = {key: {name: list(ids) for name, ids in each.items()} for key, each in self.sets.items()}
         return _Part(dict(self.nodes), dict(self.elements), sets)
 
-
-@dataclass(eq=False)
-class _Instance:
-    """A copy of a part at its place: x = R (X + shift - centre) + centre."""
-
-    part: _Part
-    shift: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
-    turn: Rotation = field(default_factory=Rotation.identity)
-    centre: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
-
     def points(self) -> NDArray[np.float64]:
         """Return the positions (n, 3) of the nodes, in the order of the file."""
-        raw = np.array(list(self.part.nodes.values()), dtype=np.float64).reshape(-1, 3) + self.shift
+        raw = np.array(list(self.nodes.values()), dtype=np.float64).reshape(-1, 3) + self.shift
         return raw if self.turn.magnitude() == 0.0 else self.turn.apply(raw - self.centre) + self.centre
 
 
@@ -82,7 +80,7 @@ class _Reader:
         self._heading = heading
         self._flat, self._assembly = _Part(), _Part()
         self._parts: dict[str, _Part] = {}
-        self._instances: dict[str, _Instance] = {}
+        self._instances: dict[str, _Part] = {}
         self._used: set[str] = set()
         self._current: list[_Part] = [self._flat]
         self._remarks: list[str] = []
@@ -126,7 +124,7 @@ class _Reader:
             raise self._defect(f"{text}; remedy: an input file with all of its parts")
         self._used.add(name)
         numbers = [[_real(value) for value in row if value] for row in block.rows]
-        placed = _Instance(self._parts[name].copy())
+        placed = self._parts[name].copy()
         if numbers:
             placed.shift = np.array((numbers[0] + [0.0, 0.0, 0.0])[:3])
         if len(numbers) > 1:
@@ -139,7 +137,7 @@ class _Reader:
             placed.turn = Rotation.from_rotvec(np.radians(angle) * axis / np.linalg.norm(axis))
             placed.centre = first
         self._instances[block.name("NAME")] = placed
-        self._current.append(placed.part)
+        self._current.append(placed)
 
     def _add_nodes(self, block: Block, part: _Part) -> None:
         if block.name("SYSTEM").upper() not in ("", "R"):
@@ -170,7 +168,7 @@ class _Reader:
     def _add_set(self, block: Block, key: str, part: _Part) -> None:
         owner = block.name("INSTANCE")
         if owner:
-            part = self._instance(owner, block).part
+            part = self._instance(owner, block)
         sets = part.sets[key]
         ids = sets.setdefault(block.name(key), [])
         if key == "NSET" and (source := block.name("ELSET")):
@@ -194,15 +192,15 @@ class _Reader:
         A set without the name of an instance is looked for in all of them if ``everywhere``.
         """
         owner, _, item = name.rpartition(".")
-        places = [self._instance(owner, block).part.sets[key]] if owner else [sets]
+        places = [self._instance(owner, block).sets[key]] if owner else [sets]
         if everywhere and not owner and not item.isdigit():
-            parts = [self._assembly, *(instance.part for instance in self._instances.values())]
+            parts = [self._assembly, *self._instances.values()]
             places = [part.sets[key] for part in parts if _named(part.sets[key], item)] or [sets]
         for there in places:
             found = [int(item)] if item.isdigit() else self._members(there, item, block)
             there.setdefault(block.name(key), []).extend(found)
 
-    def _instance(self, owner: str, block: Block) -> _Instance:
+    def _instance(self, owner: str, block: Block) -> _Part:
         known = {name.upper(): item for name, item in self._instances.items()}
         if owner.upper() not in known:
             text = f"line {block.line}: a set of the instance {owner!r}, which is not there"
@@ -224,21 +222,61 @@ class _Reader:
                 raise self._defect(
                     f"the parts {names} have no instance; remedy: an *Assembly with an *Instance of each"
                 )
-            placed = [("", _Instance(each)) for each in (*self._parts.values(), self._flat) if each.elements]
+            placed = [("", each) for each in (*self._parts.values(), self._flat) if each.elements]
         else:
             idle = [name for name in self._parts if name not in self._used]
             self._remarks += [f"part {name} has no instance and is left out" for name in idle]
             if self._flat.elements:
-                placed.append(("", _Instance(self._flat)))
+                placed.append(("", self._flat))
         if self._assembly.elements:
             self._remarks.append(f"{len(self._assembly.elements)} elements of the assembly itself are left out")
-        builder = _MeshBuilder()
-        for name, item in placed:
-            try:
-                builder.add(item, name if len(placed) > 1 else "")
-            except ValueError as error:
-                raise self._defect(str(error)) from error
-        return builder.mesh(self._remarks)
+        return self._joined(placed)
+
+    def _joined(self, placed: list[tuple[str, _Part]]) -> RawMesh:
+        """Return the mesh of several named parts, of which each is also a set of cells, or of one."""
+        points, cells, cell_sets, point_sets = [np.zeros((0, 3))], {}, {}, {}
+        left_out: dict[str, int] = {}
+        for name, part in placed:
+            start = sum(map(len, points))
+            row = {number: start + k for k, number in enumerate(part.nodes)}
+            points.append(part.points())
+            places = self._add_cells(part, row, cells, left_out)
+            own = {name: list(part.elements)} if name and len(placed) > 1 else {}
+            for key, numbers in (*part.sets["ELSET"].items(), *own.items()):
+                for kind, place in (places[number] for number in numbers if number in places):
+                    cell_sets.setdefault(key, {}).setdefault(kind, []).append(place)
+            for key, numbers in part.sets["NSET"].items():
+                point_sets.setdefault(key, []).extend(row[number] for number in numbers if number in row)
+        given = [f"{count} elements of type {kind} are" for kind, count in left_out.items()]
+        return RawMesh(
+            points=np.concatenate(points),
+            cells=[CellBlock(kind, np.array(block, dtype=np.int64)) for kind, block in cells.items()],
+            cell_sets={
+                key: [np.array(per.get(kind, []), dtype=np.int64) for kind in cells] for key, per in cell_sets.items()
+            },
+            point_sets={key: np.array(ids, dtype=np.int64) for key, ids in point_sets.items()},
+            remarks=[*self._remarks, *(f"{text} left out, because they are no solids" for text in given)],
+        )
+
+    def _add_cells(
+        self, part: _Part, row: dict[int, int], cells: dict[str, list[list[int]]], left_out: dict[str, int]
+    ) -> dict[int, tuple[str, int]]:
+        """Add a part's solids to the blocks of ``cells`` and count the others; return block and place of each solid.
+
+        ``row`` is the dict from node to row of the mesh.
+        """
+        places: dict[int, tuple[str, int]] = {}
+        for number, (kind, nodes) in part.elements.items():
+            if _SOLID.fullmatch(kind) is None:
+                left_out[kind] = left_out.get(kind, 0) + 1
+                continue
+            if missing := [node for node in nodes if node not in row]:
+                text = f"element {number} has the node {missing[0]}, which is not there"
+                raise self._defect(f"{text}; remedy: export it again")
+            block = cells.setdefault(_SOLIDS[len(nodes)], [])
+            places[number] = _SOLIDS[len(nodes)], len(block)
+            block.append([row[node] for node in nodes])
+        return places
 
 
 def _named(sets: dict[str, list[int]], name: str) -> list[int] | None:
@@ -261,67 +299,3 @@ def _rows_of(numbers: list[list[int]], size: int) -> Iterable[list[int]]:
             kept = []
     if kept:
         yield kept
-
-
-def _add_elements(
-    part: _Part, row: dict[int, int], cells: dict[str, list[list[int]]], left_out: dict[str, int]
-) -> dict[int, tuple[str, int]]:
-    """Add a part's solids to the blocks of ``cells`` and count the others; return the block and place of each solid.
-
-    Raises:
-        ValueError: an element has a node that is not in ``row``, the dict from node to row of the mesh.
-    """
-    places: dict[int, tuple[str, int]] = {}
-    for number, (kind, nodes) in part.elements.items():
-        if _SOLID.fullmatch(kind) is None:
-            left_out[kind] = left_out.get(kind, 0) + 1
-            continue
-        if missing := [node for node in nodes if node not in row]:
-            text = f"element {number} has the node {missing[0]}, which is not there"
-            raise ValueError(f"{text}; remedy: export it again")
-        block = cells.setdefault(_SOLIDS[len(nodes)], [])
-        places[number] = _SOLIDS[len(nodes)], len(block)
-        block.append([row[node] for node in nodes])
-    return places
-
-
-class _MeshBuilder:
-    """Puts instances together as one mesh, with one block of cells for each kind."""
-
-    def __init__(self) -> None:
-        self._points = [np.zeros((0, 3))]
-        self._cells: dict[str, list[list[int]]] = {}
-        self._cell_sets: dict[str, dict[str, list[int]]] = {}
-        self._point_sets: dict[str, list[int]] = {}
-        self._left_out: dict[str, int] = {}
-
-    def add(self, item: _Instance, name: str = "") -> None:
-        """Add an instance; with a name, its solids are also a set of cells.
-
-        Raises:
-            ValueError: an element has a node that is not in the part.
-        """
-        part, start = item.part, sum(len(points) for points in self._points)
-        row = {number: start + k for k, number in enumerate(part.nodes)}
-        self._points.append(item.points())
-        places = _add_elements(part, row, self._cells, self._left_out)
-        own = {name: list(part.elements)} if name else {}
-        for key, numbers in (*part.sets["ELSET"].items(), *own.items()):
-            for kind, place in (places[number] for number in numbers if number in places):
-                self._cell_sets.setdefault(key, {}).setdefault(kind, []).append(place)
-        for key, numbers in part.sets["NSET"].items():
-            self._point_sets.setdefault(key, []).extend(row[number] for number in numbers if number in row)
-
-    def mesh(self, remarks: list[str]) -> RawMesh:
-        """Return the mesh, with ``remarks`` and one about each type of elements that was left out."""
-        left_out = [f"{count} elements of type {kind} are" for kind, count in self._left_out.items()]
-        return RawMesh(
-            points=np.concatenate(self._points),
-            cells=[CellBlock(kind, np.array(block, dtype=np.int64)) for kind, block in self._cells.items()],
-            cell_sets={
-                key: [np.array(per.get(kind, []), dtype=np.int64) for kind in self._cells]
-                for key, per in self._cell_sets.items()
-            },
-            point_sets={key: np.array(ids, dtype=np.int64) for key, ids in self._point_sets.items()},
-            remarks=[*remarks, *(f"{text} left out, because they are no solids" for text in left_out)],
-        )

@@ -5,10 +5,8 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
-from gdfe_ros.mesh.faces import HEX_FACES, group_quads
+from gdfe_ros.mesh.faces import HEX_FACES, group_faces, vertex_pieces
 
 
 def cells_across(
@@ -28,13 +26,11 @@ def cells_across(
         row that closes into a ring it is the number of cells in the ring.
     """
     count = len(cells)
-    group, sharing = group_quads(cells[:, HEX_FACES].reshape(-1, 4))
+    group, sharing = group_faces(cells[:, HEX_FACES].reshape(-1, 4))
     inner = np.flatnonzero(sharing[group] == 2)
     # Each row has both faces of a pair; face 6 e + f lies across axis f // 2 of cell e.
     pairs = inner[np.argsort(group[inner], kind="stable")].reshape(-1, 2)
     pairs = pairs[material[pairs[:, 0] // 6] == material[pairs[:, 1] // 6]]
-    first, second = (3 * (side // 6) + side % 6 // 2 for side in pairs.T)
-    links = coo_array((np.ones(len(pairs), np.int8), (first, second)), shape=(3 * count, 3 * count))
-    _, row = connected_components(links, directed=False)
+    row = vertex_pieces(3 * (pairs // 6) + pairs % 6 // 2, 3 * count)
     bent = np.bincount(row, weights=np.repeat(~straight, 3)) > 0.0
     return np.where(bent, 1, np.bincount(row))[row].reshape(count, 3).astype(np.int32)

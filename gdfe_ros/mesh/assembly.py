@@ -9,9 +9,8 @@ from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
+from gdfe_ros.mesh.faces import vertex_pieces
 from gdfe_ros.mesh.filling import Filling
 from gdfe_ros.mesh.mesh import HexMesh, Mesh, MeshPart
 from gdfe_ros.mesh.outside import Outside
@@ -73,18 +72,14 @@ def keep_cells(mesh: Mesh, keep: NDArray[np.bool_]) -> Mesh:
     )
 
 
-def merge_vertices(mesh: Mesh, tolerance: float | None = None) -> Mesh:
-    """Return the mesh with coincident vertices merged; the first vertex of each group gives the position.
+def merge_vertices(mesh: Mesh) -> Mesh:
+    """Return the mesh with vertices merged that are within 1e-7 of its size; the first of a group gives the position.
 
     Args:
         mesh: a mesh with finite vertices.
-        tolerance: distance [m] up to which vertices coincide; 1e-7 of the mesh size by default.
     """
-    limit = COINCIDENT * mesh.size if tolerance is None else tolerance
-    first, second = coincident_pairs(mesh.vertices, limit).T
-    n = mesh.n_vertices
-    graph = coo_array((np.ones(len(first), dtype=np.int8), (first, second)), shape=(n, n))
-    _, group = connected_components(graph, directed=False)
+    pairs = coincident_pairs(mesh.vertices, COINCIDENT * mesh.size)
+    group = vertex_pieces(pairs, mesh.n_vertices)
     _, leaders, number = np.unique(group, return_index=True, return_inverse=True)
     order = np.argsort(leaders)
     rank = np.empty_like(order)

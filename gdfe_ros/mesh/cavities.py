@@ -8,14 +8,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
-from gdfe_ros.mesh.faces import enclosed_volume, turned
+from gdfe_ros.mesh.faces import corners_of, enclosed_volume, turned, vertex_pieces
 from gdfe_ros.mesh.mesh import Mesh
 from gdfe_ros.mesh.self_cuts import find_self_cuts
 from gdfe_ros.mesh.shells import inside, shell_numbers, shells
-from gdfe_ros.mesh.surface_edges import number_edges
+from gdfe_ros.mesh.surface_edges import is_closed
 from gdfe_ros.mesh.tet_faces import flat_quads, six_node_volume
 
 NO_CAVITY = (
@@ -62,11 +60,6 @@ def find_cavities(mesh: Mesh) -> list[Cavity]:
     return sorted(found, key=lambda cavity: (-cavity.volume, tuple(cavity.center)))
 
 
-def corners_of(faces: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Return the corners of faces: all four of quads, the first three of six-node faces."""
-    return faces if faces.shape[1] == 4 else faces[:, :3]
-
-
 def inside_volume(points: NDArray[np.float64], faces: NDArray[np.int32]) -> float:
     """Return the volume [m^3] inside a closed surface of faces (q, 4) or (q, 6), positive for outward normals."""
     return enclosed_volume(points, faces) if faces.shape[1] == 4 else six_node_volume(points, faces)
@@ -79,7 +72,7 @@ def skin_cavities(mesh: Mesh) -> list[Cavity]:
     """
     points, triangles = mesh.skin.at(mesh.vertices), mesh.skin.faces.astype(np.int64)
     number = shell_numbers(len(points), triangles)
-    closed = [len(open_edges(triangles[number == shell])) == 0 for shell in range(number.max(initial=-1) + 1)]
+    closed = [is_closed(triangles[number == shell]) for shell in range(number.max(initial=-1) + 1)]
     kept = np.array(closed, dtype=bool)[number]
     owners, triangles, number = mesh.skin.cells[kept], triangles[kept], number[kept]
     found = []
@@ -94,22 +87,6 @@ def skin_cavities(mesh: Mesh) -> list[Cavity]:
                 Cavity(np.ascontiguousarray(quads), owners[own], volume, points[np.unique(quads)].mean(axis=0))
             )
     return sorted(found, key=lambda cavity: (-cavity.volume, tuple(cavity.center)))
-
-
-def open_edges(quads: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Return the edges at which a surface is not closed, shape (k, 2), int32.
-
-    In a closed surface with consistent normals each edge occurs equally often in both directions, and the result is
-    empty.
-
-    Args:
-        quads: vertex ids, shape (q, 3 or 4), oriented.
-    """
-    start, end = quads.astype(np.int64), np.roll(quads, -1, axis=1).astype(np.int64)
-    low, high = np.minimum(start, end).ravel(), np.maximum(start, end).ravel()
-    edges, index = number_edges(np.stack([low, high], axis=1))
-    balance = np.bincount(index, np.where((start < end).ravel(), 1, -1), minlength=len(edges))
-    return edges[balance != 0].astype(np.int32)
 
 
 def surface_pieces(vertices: NDArray[np.float64], quads: NDArray[np.int32]) -> NDArray[np.int32]:
@@ -132,8 +109,7 @@ def surface_pieces(vertices: NDArray[np.float64], quads: NDArray[np.int32]) -> N
     for first, size in zip(bounds[:-1][sizes > 2], sizes[sizes > 2], strict=True):
         pairs.append(_across_gaps(vertices, quads, order[first : first + size]))
     joined = np.concatenate(pairs) // quads.shape[1]
-    graph = coo_array((np.ones(len(joined), dtype=np.int8), joined.T), shape=(len(quads), len(quads)))
-    return connected_components(graph, directed=False)[1].astype(np.int32)
+    return vertex_pieces(joined, len(quads))
 
 
 def _across_gaps(

@@ -12,12 +12,11 @@ from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
 from gdfe_ros.errors import MeshError
-from gdfe_ros.mesh.cavities import open_edges
 from gdfe_ros.mesh.hex_shape import cell_volumes
 from gdfe_ros.mesh.mesh import HexMesh
 from gdfe_ros.mesh.outside import hang
-from gdfe_ros.mesh.shells import inside, shell_numbers, shells
-from gdfe_ros.mesh.surface_edges import edge_counts, number_edges, refine
+from gdfe_ros.mesh.shells import cone_volumes, inside, shell_numbers, shells
+from gdfe_ros.mesh.surface_edges import edge_counts, number_edges, open_edges, refine
 from gdfe_ros.mesh.touching import Touching
 from gdfe_ros.mesh.trilinear import trilinear_weights
 
@@ -271,11 +270,6 @@ def touch_by_skin(mesh: HexMesh, points: NDArray[np.float64], triangles: NDArray
     return replace(mesh, touching=Touching(corners, weights, contact_faces(lined, some), everything, mesh.skin))
 
 
-def is_closed(triangles: NDArray[np.int64]) -> bool:
-    """Return whether a surface is closed: each edge occurs equally often in both directions."""
-    return len(open_edges(triangles)) == 0
-
-
 def _require_closed(points: NDArray[np.float64], triangles: NDArray[np.int64]) -> None:
     leaks = open_edges(triangles)
     if len(leaks):
@@ -290,9 +284,8 @@ def _require_closed(points: NDArray[np.float64], triangles: NDArray[np.int64]) -
 
 def out_of_material(points: NDArray[np.float64], triangles: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return the triangles (t, 3) of nested shells, oriented so that normals point out of the material."""
-    a, b, c = (points[triangles[:, i]] - points.mean(axis=0) for i in range(3))
     number = shell_numbers(len(points), triangles)
-    volumes = np.bincount(number, np.einsum("ti,ti->t", a, np.cross(b, c)))
+    volumes = np.bincount(number, cone_volumes(points, triangles))
     inwards = (volumes < 0.0) != (np.array(shells(points, triangles).depths) % 2 == 1)
     return np.where(inwards[number, None], triangles[:, ::-1], triangles)
 

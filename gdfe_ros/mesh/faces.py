@@ -14,6 +14,10 @@ from scipy.sparse.csgraph import connected_components
 HEX_FACES = np.array(
     [[0, 4, 7, 3], [1, 2, 6, 5], [0, 1, 5, 4], [3, 7, 6, 2], [0, 3, 2, 1], [4, 5, 6, 7]], dtype=np.int32
 )
+#: Local vertices of the twelve edges of a VTK hexahedron.
+HEX_EDGES = np.array(
+    [[0, 1], [1, 2], [3, 2], [0, 3], [4, 5], [5, 6], [7, 6], [4, 7], [0, 4], [1, 5], [2, 6], [3, 7]], dtype=np.int32
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,26 +40,32 @@ class Faces:
     folded: NDArray[np.int32] = field(default_factory=lambda: np.zeros(0, np.int32))
 
 
-def boundary_faces(cells: NDArray[np.int32]) -> Faces:
+def boundary_faces(cells: NDArray[np.int32], table: NDArray[np.int32] = HEX_FACES) -> Faces:
     """Return the faces that belong to exactly one cell.
 
     Args:
-        cells: vertex ids, shape (m, 8), VTK hexahedron order.
+        cells: vertex ids, shape (m, c), in VTK's order.
+        table: local vertices of the faces of a cell, one row a face, as in `Faces`.
 
     Returns:
         The boundary in the order of the cells (deterministic).
     """
-    quads = cells[:, HEX_FACES].reshape(-1, 4)
-    owners = np.repeat(np.arange(len(cells), dtype=np.int32), 6)
-    group, count = group_quads(quads)
+    faces = cells[:, table].reshape(-1, table.shape[1])
+    owners = np.repeat(np.arange(len(cells), dtype=np.int32), len(table))
+    group, count = group_faces(corners_of(faces))
     sharing = count[group]
     single = sharing == 1
     return Faces(
-        quads=np.ascontiguousarray(quads[single]),
+        quads=np.ascontiguousarray(faces[single]),
         cells=owners[single],
         crowded=np.unique(owners[sharing > 2]),
-        folded=folded_cells(quads, group, owners),
+        folded=folded_cells(corners_of(faces), group, owners),
     )
+
+
+def corners_of(faces: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Return the corners of faces: all four of quads, the first three of six-node faces."""
+    return faces if faces.shape[1] == 4 else faces[:, :3]
 
 
 def folded_cells(
@@ -83,24 +93,22 @@ def folded_cells(
     return np.unique(np.concatenate([owners[one[wrong]], owners[other[wrong]]]))
 
 
-def group_quads(quads: NDArray[np.int32]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Group the quads that have the same vertices in any order.
+def group_faces(corners: NDArray[np.int32]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Group the faces that have the same corners in any order.
 
     Args:
-        quads: vertex ids, shape (q, 4).
+        corners: vertex ids, shape (q, 3) or (q, 4).
 
     Returns:
-        Group number of each quad, shape (q,), and number of quads in each group, shape (groups,).
+        Group number of each face, shape (q,), and number of faces in each group, shape (groups,).
     """
-    if len(quads) == 0:
-        return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
-    low, mid, high, top = np.sort(quads, axis=1).astype(np.int64).T
-    span = int(top.max()) + 1
-    first, second = low * span + mid, high * span + top
+    rows = np.sort(corners, axis=1).astype(np.int64)
+    span = int(rows.max(initial=0)) + 1
+    first, second = rows[:, 0] * span + rows[:, 1], rows[:, 2] * span + rows[:, -1]
     order = np.lexsort((second, first))
-    new = np.ones(len(quads), dtype=bool)
+    new = np.ones(len(rows), dtype=bool)
     new[1:] = (np.diff(first[order]) != 0) | (np.diff(second[order]) != 0)
-    group = np.empty(len(quads), dtype=np.int64)
+    group = np.empty(len(rows), dtype=np.int64)
     group[order] = np.cumsum(new) - 1
     return group, np.bincount(group)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Measures of the shape of hexahedra: volume, scaled Jacobian, aspect ratio."""
+"""Measures of the shape of hexahedra: volume, scaled Jacobian."""
 
 from __future__ import annotations
 
@@ -8,15 +8,11 @@ from numpy.typing import NDArray
 
 from gdfe_ros.mesh.mesh import HexMesh
 from gdfe_ros.mesh.trilinear import CORNERS as REFERENCE_CORNERS
+from gdfe_ros.mesh.trilinear import trilinear_slopes
 
 #: The three neighbours of each local vertex, right-handed seen from that vertex.
 CORNERS = np.array(
     [[1, 3, 4], [2, 0, 5], [3, 1, 6], [0, 2, 7], [7, 5, 0], [4, 6, 1], [5, 7, 2], [6, 4, 3]], dtype=np.int32
-)
-#: Local vertices of the twelve edges.
-EDGES = np.array(
-    [[0, 1], [1, 2], [3, 2], [0, 3], [4, 5], [5, 6], [7, 6], [4, 7], [0, 4], [1, 5], [2, 6], [3, 7]],
-    dtype=np.int32,
 )
 
 
@@ -33,14 +29,6 @@ def scaled_jacobians(mesh: HexMesh) -> NDArray[np.float64]:
     return _ratio(_triple(edges[:, :, 0], edges[:, :, 1], edges[:, :, 2]), scale).min(axis=1)
 
 
-def aspect_ratios(mesh: HexMesh) -> NDArray[np.float64]:
-    """Return the ratio of the longest to the shortest edge of each cell, shape (m,); inf if an edge has no length."""
-    corners = mesh.vertices[mesh.cells]
-    lengths = np.linalg.norm(corners[:, EDGES[:, 1]] - corners[:, EDGES[:, 0]], axis=2)
-    shortest, longest = lengths.min(axis=1), lengths.max(axis=1)
-    return np.divide(longest, shortest, out=np.full_like(longest, np.inf), where=shortest > 0)
-
-
 def cell_volumes(mesh: HexMesh) -> NDArray[np.float64]:
     """Return the exact volume of each trilinear cell [m^3], shape (m,), negative for an inverted cell.
 
@@ -50,9 +38,7 @@ def cell_volumes(mesh: HexMesh) -> NDArray[np.float64]:
     corners = mesh.vertices[mesh.cells]
     volume = np.zeros(mesh.n_cells)
     for point in REFERENCE_CORNERS / np.sqrt(3.0):
-        factors = 1 + REFERENCE_CORNERS * point
-        gradient = REFERENCE_CORNERS * factors[:, [1, 0, 0]] * factors[:, [2, 2, 1]] / 8
-        jacobian = np.tensordot(corners, gradient, axes=(1, 0))
+        jacobian = np.tensordot(corners, trilinear_slopes(point), axes=(1, 0))
         volume += _triple(jacobian[:, :, 0], jacobian[:, :, 1], jacobian[:, :, 2])
     return volume
 

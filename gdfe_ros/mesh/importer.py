@@ -6,17 +6,15 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh.assembly import keep_cells, merge_vertices
 from gdfe_ros.mesh.mesh import HexMesh, Mesh
 from gdfe_ros.mesh.mesh_file import read_file
 from gdfe_ros.mesh.mesh_input import unit_defects
-from gdfe_ros.mesh.quality import check_mesh, list_ids, require_sound
+from gdfe_ros.mesh.quality import check_mesh, list_ids
 from gdfe_ros.mesh.raw_mesh import CellBlock, RawMesh, named_sets
 from gdfe_ros.mesh.tetmesh import TetMesh, raised
 
@@ -72,7 +70,7 @@ def examine_mesh(
     defects = _unsuited(raw, first_order)
     if defects:
         raise MeshError(heading, defects)
-    mesh = _tetrahedra(raw, heading) if _counts(raw, _TETRAHEDRA) else _hexahedra(raw, heading)
+    mesh = _solid_mesh(raw, heading)
     if not np.isfinite(mesh.vertices).all():
         return mesh, check_mesh(mesh).defects
     mesh = keep_cells(mesh, np.ones(mesh.n_cells, dtype=bool))
@@ -121,8 +119,9 @@ def _nothing_solid(raw: RawMesh) -> Iterator[str]:
 
 def _damaged(raw: RawMesh) -> Iterator[str]:
     """Yield a line if cells have too few vertices, and a line if the points do not have three coordinates."""
-    least = {i: 8 for i, _ in _hex_blocks(raw)} | {i: int(block.type[5:] or 4) for i, block in _tet_blocks(raw)}
-    if any(np.ndim(raw.cells[i].data) != 2 or np.shape(raw.cells[i].data)[1] < count for i, count in least.items()):
+    least = [(8, block.data) for block in _blocks(raw, "hexahedron").values()]
+    least += [(int(block.type[5:] or 4), block.data) for block in _blocks(raw, "tetra").values()]
+    if any(np.ndim(data) != 2 or np.shape(data)[1] < count for count, data in least):
         yield "a cell has fewer vertices than its kind needs: the file seems cut off; remedy: export it again"
     if raw.points.ndim != 2 or raw.points.shape[1] != 3:
         yield f"the points have {raw.points.shape[-1]} coordinates; allowed: 3"
@@ -132,44 +131,22 @@ def _remedy(kind: str) -> str | None:
     return next((remedy for start, remedy in _REMEDIES.items() if kind.startswith(start)), None)
 
 
-def _hexahedra(raw: RawMesh, heading: str) -> HexMesh:
-    stacked, starts = _stacked(_hex_blocks(raw), slice(8))
-    if stacked.min() < 0 or stacked.max() >= len(raw.points):
-        require_sound(HexMesh(raw.points, stacked), heading)
-    cell_sets, vertex_sets = named_sets(raw, starts)
-    return HexMesh(raw.points, stacked, cell_sets, vertex_sets)
+def _blocks(raw: RawMesh, kind: str) -> dict[int, CellBlock]:
+    """Return a dict from the number of each block of cells whose kind begins with ``kind`` to the block."""
+    return {i: block for i, block in enumerate(raw.cells) if block.type.startswith(kind) and len(block.data)}
 
 
-def _stacked(blocks: Iterator[tuple[int, CellBlock]], columns: slice) -> tuple[NDArray[Any], dict[int, int]]:
-    """Return the cells of numbered blocks, and a dict from the number of each block to the index of its first cell."""
-    cells, starts, count = [], {}, 0
-    for number, block in blocks:
-        starts[number] = count
-        cells.append(np.asarray(block.data)[:, columns])
-        count += len(block.data)
-    return np.concatenate(cells), starts
-
-
-def _hex_blocks(raw: RawMesh) -> Iterator[tuple[int, CellBlock]]:
-    for i, block in enumerate(raw.cells):
-        if block.type.startswith("hexahedron"):
-            yield i, block
-
-
-def _tetrahedra(raw: RawMesh, heading: str) -> TetMesh:
-    """Return the mesh of second-order tetrahedra; first-order tetrahedra are raised to second order."""
-    cells, starts = _stacked(_tet_blocks(raw), slice(None))
-    if cells.min() < 0 or cells.max() >= len(raw.points):
-        wrong = np.flatnonzero(((cells < 0) | (cells >= len(raw.points))).any(axis=1))
+def _solid_mesh(raw: RawMesh, heading: str) -> Mesh:
+    """Return the mesh of hexahedra or second-order tetrahedra; first-order tetrahedra are raised to second order."""
+    tets = _blocks(raw, "tetra")
+    blocks = tets or _blocks(raw, "hexahedron")
+    cells = np.concatenate([np.asarray(block.data)[:, : None if tets else 8] for block in blocks.values()])
+    wrong = np.flatnonzero(((cells < 0) | (cells >= len(raw.points))).any(axis=1))
+    if len(wrong):
         text = f"{len(wrong)} cells name vertices outside 0 to {len(raw.points) - 1}: {list_ids(wrong)}"
         raise MeshError(heading, [f"{text}; remedy: repair the file"])
-    cell_sets, vertex_sets = named_sets(raw, starts)
+    starts = np.cumsum([0, *(len(block.data) for block in blocks.values())]).tolist()
+    sets = named_sets(raw, dict(zip(blocks, starts, strict=False)))
     if cells.shape[1] == 4:
-        return raised(raw.points, cells, cell_sets, vertex_sets, linear=True)
-    return TetMesh(raw.points, cells, cell_sets, vertex_sets)
-
-
-def _tet_blocks(raw: RawMesh) -> Iterator[tuple[int, CellBlock]]:
-    for i, block in enumerate(raw.cells):
-        if block.type in _TETRAHEDRA and len(block.data):
-            yield i, block
+        return raised(raw.points, cells, *sets, linear=True)
+    return (TetMesh if tets else HexMesh)(raw.points, cells, *sets)

@@ -99,7 +99,7 @@ def inspect_mesh(mesh: Mesh, *, path: Path | None = None, defects: list[str] | N
 
 def _hexahedra(mesh: TetMesh) -> list[str]:
     """Return a list with a remark if hexahedra would be much cheaper; empty if not."""
-    thinnest = float(wall_cells(mesh).walls.thickness.min(initial=math.inf))
+    thinnest = float(wall_cells(mesh)[0].thickness.min(initial=math.inf))
     faces = mesh.boundary.quads[:, :3]
     return cheaper_hexahedra(mesh.vertices, faces, tetrahedra=mesh.n_cells, thinnest=thinnest)
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.errors import MeshError
-from gdfe_ros.mesh.faces import Faces, boundary_faces
+from gdfe_ros.mesh.faces import HEX_EDGES, HEX_FACES, Faces, boundary_faces
 from gdfe_ros.mesh.filling import Filling
 from gdfe_ros.mesh.outside import Outside
 from gdfe_ros.mesh.touching import Touching
@@ -48,6 +48,12 @@ class Mesh:
     """Name of the cells in messages, plural."""
     vtk: ClassVar[str]
     """meshio's name of the cell type."""
+    corners: ClassVar[int]
+    """Number of corners of each cell; they are its first nodes."""
+    edges: ClassVar[NDArray[np.int32]]
+    """Local corners (12 or 6, 2) at the ends of the edges of a cell."""
+    faces: ClassVar[NDArray[np.int32]]
+    """Local nodes (6, 4) or (4, 6) of the faces of a cell, as in `Faces`."""
 
     vertices: NDArray[np.float64]
     cells: NDArray[np.int32]
@@ -98,7 +104,7 @@ class Mesh:
     @cached_property
     def centroids(self) -> NDArray[np.float64]:
         """Mean of the corners of each cell [m], shape (m, 3)."""
-        raise NotImplementedError
+        return self.vertices[self.cells[:, : self.corners]].mean(axis=1)
 
     @cached_property
     def bounds(self) -> NDArray[np.float64]:
@@ -117,10 +123,19 @@ class Mesh:
         """Diagonal of the bounding box of all vertices [m]; for an assembly it is usually larger than `size`."""
         return float(np.linalg.norm(self.bounds[1] - self.bounds[0]))
 
+    @property
+    def edge_lengths(self) -> NDArray[np.float64]:
+        """Distances (m, 12 or 6) [m] of the corners at the ends of the edges of each cell."""
+        return np.linalg.norm(self.along_edges(self.vertices[self.cells]), axis=2)
+
+    def along_edges(self, corners: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the vectors (k, 12 or 6, 3) along the edges of cells of this type with ``corners`` (k, c, 3) [m]."""
+        return corners[:, self.edges[:, 1]] - corners[:, self.edges[:, 0]]
+
     @cached_property
     def boundary(self) -> Faces:
         """Faces that belong to one cell only, oriented out of the material."""
-        raise NotImplementedError
+        return boundary_faces(self.cells, self.faces)
 
     @cached_property
     def outside(self) -> Outside:
@@ -171,13 +186,6 @@ class HexMesh(Mesh):
     nodes: ClassVar[int] = 8
     noun: ClassVar[str] = "hexahedra"
     vtk: ClassVar[str] = "hexahedron"
-
-    @cached_property
-    def centroids(self) -> NDArray[np.float64]:
-        """Mean of the eight vertices of each cell [m], shape (m, 3)."""
-        return self.vertices[self.cells].mean(axis=1)
-
-    @cached_property
-    def boundary(self) -> Faces:
-        """Faces that belong to one cell only, oriented out of the material."""
-        return boundary_faces(self.cells)
+    corners: ClassVar[int] = 8
+    edges: ClassVar[NDArray[np.int32]] = HEX_EDGES
+    faces: ClassVar[NDArray[np.int32]] = HEX_FACES

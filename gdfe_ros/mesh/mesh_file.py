@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Reading of mesh files: the first bytes tell the kind, and each kind has its readers.
 
-meshio reads most files at once. Where it gives up, or skips cells, gmsh or VTK read the file in a separate process.
+meshio reads most files at once. Where it gives up, or skips cells, gmsh or VTK convert the file in a separate process.
 """
 
 from __future__ import annotations
@@ -13,15 +13,14 @@ from importlib import import_module
 from importlib.util import find_spec
 from io import StringIO
 from pathlib import Path
-from typing import Any
+from tempfile import TemporaryDirectory
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh.abaqus_file import read_abaqus
 from gdfe_ros.mesh.mesh_input import limited_time, require_file
-from gdfe_ros.mesh.mesher import run_script
+from gdfe_ros.mesh.mesher import run_mesher
 from gdfe_ros.mesh.raw_mesh import CellBlock, RawMesh
 
 #: Suffixes that the tests cover; meshio reads more.
@@ -32,13 +31,10 @@ LEAST_RUN, SLOWEST = 9.0, 2e6
 """A reader's time [s] for a small file, and the bytes of a large file for which it gets another second."""
 _XML_COUNT = re.compile(rb'NumberOfCells="\s*(\d+)')
 _LEGACY_COUNT = re.compile(rb"\nCELL_TYPES\s+(\d+)")
-_SCRIPT = Path(__file__).with_name("reader_process.py")
 _GMSH, _LEGACY, _XML = ".msh of gmsh", ".vtk (legacy VTK)", ".vtu (VTK XML)"
 _ENDS = {_GMSH: [b"$EndElements", b"$ENDELM"], _XML: [b"</VTKFile>"]}
 """Dict from kind to texts of which a whole file has one."""
 _FORMATS = {_GMSH: "gmsh", _LEGACY: "vtk", _XML: "vtu"}
-_DIMENSIONS = {"vertex": 0, "line": 1, "line3": 1, "triangle": 2, "triangle6": 2, "quad": 2, "quad8": 2, "quad9": 2,
-               "polygon": 2}  # fmt: skip
 
 
 class Doubt(Enum):
@@ -140,42 +136,25 @@ def _doubt(raw: RawMesh, path: Path, kind: str) -> Doubt | None:
 
 
 def _by_library(path: Path, kind: str, heading: str) -> RawMesh:
-    """Read a file by gmsh or VTK in a separate process."""
+    """Return the content of a file that gmsh or VTK convert for meshio in a separate process."""
     content = path.read_bytes()
     if not any(mark in content for mark in _ENDS.get(kind, [b""])):
         text = f"cannot be read as {kind}: the file is cut off before {_ENDS[kind][0].decode()}"
         raise MeshError(heading, [f"{text}; remedy: export it again"])
     longest = LEAST_RUN + len(content) / SLOWEST
     which = "gmsh" if kind == _GMSH else "vtk"
-    try:
-        found = run_script(_SCRIPT, which, {"path": str(path.resolve())}, heading, longest=longest, noun="reader")
-    except MeshError as error:
-        raise MeshError(
-            heading, [f"cannot be read as {kind}: {text}" for text in map(_remedied, error.defects)]
-        ) from error
-    return _raw_mesh({key.replace("\\", "/"): array for key, array in found.items()})
+    with TemporaryDirectory() as folder:
+        target = Path(folder, "mesh.msh")
+        request = {"path": str(path.resolve()), "target": str(target)}
+        try:
+            run_mesher(which, request, heading, longest=longest, noun="reader")
+            if (raw := _by_meshio(target, _GMSH if kind == _GMSH else _XML, heading)) is None:
+                raise MeshError(heading, ["its content does not fit its kind"])
+        except MeshError as error:
+            defects = [f"cannot be read as {kind}: {text}" for text in map(_remedied, error.defects)]
+            raise MeshError(heading, defects) from error
+    return raw
 
 
 def _remedied(text: str) -> str:
     return text if "remedy" in text else f"{text}; remedy: export it again"
-
-
-def _raw_mesh(found: dict[str, NDArray[Any]]) -> RawMesh:
-    """Return the mesh of the arrays that the script has written."""
-    kinds = [key.removeprefix("cells:") for key in found if key.startswith("cells:")]
-    raw = RawMesh(
-        points=found["points"],
-        cells=[CellBlock(kind, found[f"cells:{kind}"], _DIMENSIONS.get(kind, 3)) for kind in kinds],
-    )
-    none = np.zeros(0, dtype=np.int64)
-    for key, array in found.items():
-        part, _, rest = key.partition(":")
-        if part == "group":
-            name, _, kind = rest.partition(":")[2].rpartition(":")
-            raw.cell_sets.setdefault(name, [none] * len(kinds))[kinds.index(kind)] = array
-        elif part == "cell_data":
-            name = rest.rpartition(":")[0]
-            raw.cell_data[name] = [found[f"cell_data:{name}:{kind}"] for kind in kinds]
-        elif part == "point_data":
-            raw.point_data[rest] = array
-    return raw

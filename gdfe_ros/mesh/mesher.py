@@ -20,30 +20,20 @@ _MESHERS = ("step", "surface")
 _SCRIPT = Path(__file__).with_name("mesher_process.py")
 
 
-def run_mesher(kind: str, request: dict, heading: str) -> dict[str, NDArray]:
-    """Run a mesher in a separate process; return the arrays of its result.
-
-    Raises:
-        MeshError: the mesher fails, takes longer than `LONGEST_RUN`, or is not installed.
-    """
-    return run_script(_SCRIPT, kind, request, heading)
-
-
-def run_script(
-    script: Path, kind: str, request: dict, heading: str, *, longest: float = LONGEST_RUN, noun: str = "mesher"
+def run_mesher(
+    kind: str, request: dict, heading: str, *, longest: float = LONGEST_RUN, noun: str = "mesher"
 ) -> dict[str, NDArray]:
-    """Run a ``script`` as ``python SCRIPT KIND REQUEST.npz RESULT.npz``; return the arrays of its result.
+    """Run a task of `mesher_process` in a separate process; return the arrays of its result.
 
     Args:
-        script: the script; its result has an array ``defect`` or ``missing`` if it fails.
-        kind: what it has to do.
+        kind: the task.
         request: arrays for it.
         heading: name of the file in an error.
         longest: time [s] after which it is stopped.
-        noun: name of the script in an error.
+        noun: name of the process in an error.
 
     Raises:
-        MeshError: the script fails, takes longer than ``longest``, or needs a package that is not installed.
+        MeshError: the task fails, takes longer than ``longest``, or needs a package that is not installed.
     """
     began = time.monotonic()
     if kind in _MESHERS:
@@ -51,7 +41,7 @@ def run_script(
     with tempfile.TemporaryDirectory() as folder:
         asked, answer = Path(folder) / "request.npz", Path(folder) / "result.npz"
         np.savez(asked, **request)
-        command = [sys.executable, str(script), kind, str(asked), str(answer)]
+        command = [sys.executable, str(_SCRIPT), kind, str(asked), str(answer)]
         try:
             # Meshers write files into their working directory.
             options = {"cwd": folder, "capture_output": True, "text": True, "errors": "replace", "timeout": longest}

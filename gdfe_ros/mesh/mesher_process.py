@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Script that runs a mesher in a separate process: ``python mesher_process.py KIND REQUEST.npz RESULT.npz``.
+"""Script for meshers and readers in a separate process: ``python mesher_process.py KIND REQUEST.npz RESULT.npz``.
 
-gmsh's licence (GPL) requires a separate process, and a mesher that crashes or hangs does not stop the simulator. This
-file imports no module of the package. The result has the arrays ``vertices`` (n, 3) [m], ``cells`` (m, 4) or (m, 10) in
-VTK's order, and ``cell:NAME`` and ``vertex:NAME`` for sets. If the mesher fails, the result has a text instead:
-``defect``, or ``missing`` with the name of a package that is not installed.
+gmsh's licence (GPL) requires a separate process, and a library that crashes or hangs on a broken file does not stop the
+simulator. This file imports no module of the package. The result of a mesher has the arrays ``vertices`` (n, 3) [m],
+``cells`` (m, 4) or (m, 10) in VTK's order, and ``cell:NAME`` and ``vertex:NAME`` for sets. A reader converts the file
+``path`` for meshio, into the file ``target``. If a task fails, the result has a text instead: ``defect``, or
+``missing`` with the name of a package that is not installed.
 """
 
 from __future__ import annotations
@@ -29,6 +30,10 @@ _GMSH_TRIANGLE, _GMSH_TET10, _VTK_ORDER = 2, 11, [0, 1, 2, 3, 4, 5, 6, 7, 9, 8]
 
 _SIX = [(0, 4, 6, 7), (0, 6, 2, 7), (0, 2, 3, 7), (0, 3, 1, 7), (0, 1, 5, 7), (0, 5, 4, 7)]
 """Corners of the six tetrahedra around the diagonal of a brick, whose corners are numbered as 4 x + 2 y + z."""
+
+_ARBITRARY = "VTK_LAGRANGE_"
+_FIRST = {"TETRAHEDRON4": "tetra", "HEXAHEDRON8": "hexahedron", "WEDGE6": "wedge", "PYRAMID5": "pyramid"}
+"""Dict from cells of any order, with their number of points, to the cells of first order that are the same."""
 
 
 def expected_cells(volume: float | np.ndarray, size: float | np.ndarray) -> float | np.ndarray:
@@ -218,16 +223,93 @@ def _background(request: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     }
 
 
+def convert_gmsh(request: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Write the mesh of a file of gmsh in version 4.1 of its format, with a name for each physical group."""
+    import gmsh
+
+    gmsh.initialize(interruptible=False)
+    gmsh.option.setNumber("General.Terminal", 0)
+    gmsh.logger.start()
+    gmsh.merge(str(request["path"]))
+    faults = [line for line in gmsh.logger.get() if line.startswith("Error")]
+    if faults:
+        return {"defect": np.array(f"gmsh says: {faults[0].partition(': ')[2]}")}
+    for dimension, tag in gmsh.model.getPhysicalGroups():
+        if not gmsh.model.getPhysicalName(dimension, tag):
+            gmsh.model.setPhysicalName(dimension, tag, f"physical_{tag}")
+    for dimension in range(4):  # meshio needs a group of each entity; it leaves out names that begin like this
+        bare = [tag for _, tag in gmsh.model.getEntities(dimension)
+                if not len(gmsh.model.getPhysicalGroupsForEntity(dimension, tag))]  # fmt: skip
+        if bare:
+            gmsh.model.addPhysicalGroup(dimension, bare, name=f"gmsh:bare{dimension}")
+    for name, value in {"MshFileVersion": 4.1, "Binary": 1, "SaveAll": 1, "SaveParametric": 0}.items():
+        gmsh.option.setNumber(f"Mesh.{name}", value)
+    gmsh.write(str(request["target"]))
+    return {}
+
+
+def convert_vtk(request: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Write the mesh of a VTK file, legacy or XML, by meshio; structured grids become cells, too."""
+    import meshio
+    import pyvista
+    from vtkmodules.vtkCommonCore import vtkOutputWindow, vtkStringOutputWindow
+    from vtkmodules.vtkCommonDataModel import vtkDataSet
+    from vtkmodules.vtkIOLegacy import vtkDataSetReader
+    from vtkmodules.vtkIOXML import vtkXMLGenericDataObjectReader
+
+    path, said = str(request["path"]), vtkStringOutputWindow()
+    vtkOutputWindow.SetInstance(said)
+    with open(path, "rb") as file:
+        legacy = file.read(64).lstrip().startswith(b"# vtk")
+    reader = vtkDataSetReader() if legacy else vtkXMLGenericDataObjectReader()
+    reader.SetFileName(path)
+    if legacy:
+        reader.ReadAllScalarsOn()
+        reader.ReadAllFieldsOn()
+    reader.Update()
+    data = reader.GetOutput()
+    complaint = _complaint(said.GetOutput())
+    if complaint:
+        return {"defect": np.array(f"VTK says: {complaint}")}
+    if not isinstance(data, vtkDataSet):
+        kind = "nothing that VTK can read" if data is None else data.GetClassName()
+        return {"defect": np.array(f"it contains {kind}; allowed: one grid (UnstructuredGrid)")}
+    mesh = pyvista.to_meshio(pyvista.wrap(data))
+    for number, block in enumerate(mesh.cells):
+        same = _FIRST.get(f"{block.type.removeprefix(_ARBITRARY)}{np.shape(block.data)[-1]}", block.type)
+        mesh.cells[number] = meshio.CellBlock(same, block.data)
+    mesh.write(str(request["target"]), file_format="vtu")
+    return {}
+
+
+def _complaint(text: str) -> str:
+    """Return the first error or warning of VTK, in one line without place and address; empty if there is none."""
+    lines = [line.strip() for line in text.splitlines() if line.strip() and not line.startswith(("ERROR", "Warning"))]
+    kept = [line.partition("): ")[2] or line for line in lines]
+    return kept[0][:200] if kept else ""
+
+
+_TASKS = {
+    "step": from_step,
+    "surface": from_surface,
+    "facts": facts,
+    "facets": facets,
+    "gmsh": convert_gmsh,
+    "vtk": convert_vtk,
+}
+
+
 def main(kind: str, request: str, result: str) -> None:
-    """Read the request, run the mesher, write the result."""
+    """Read the request, do the task, write the result."""
     with np.load(request, allow_pickle=False) as archive:
         given = dict(archive)
     try:
-        found = {"step": from_step, "surface": from_surface, "facts": facts, "facets": facets}[kind](given)
+        found = _TASKS[kind](given)
     except ImportError as error:
         found = {"missing": np.array(str(error.name))}
     except Exception as error:  # gmsh raises plain exceptions with its own text
-        found = {"defect": np.array(f"the mesher says: {error}")}
+        text = "the data do not fit the header: the file seems cut off or damaged" if kind == "vtk" else error
+        found = {"defect": np.array(f"{kind if kind in ('vtk', 'gmsh') else 'the mesher'} says: {text}")}
     np.savez(result, **found)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.mesh.filling import Filling
-from gdfe_ros.mesh.trilinear import CORNERS, MODES
+from gdfe_ros.mesh.trilinear import CORNERS, MODES, trilinear_slopes
 
 PARALLEL = 1e-9
 """An element counts as a parallelepiped if its hourglass amplitude divided by its shortest edge is at most this."""
@@ -81,13 +81,13 @@ def _operators(corners: NDArray[np.float64], cells: NDArray[np.int32]) -> ShapeO
     volume = np.zeros(len(cells))
     weighted = np.zeros((len(cells), 8, 3))
     for point in CORNERS / np.sqrt(3.0):
-        local = _local_gradients(point)
+        local = trilinear_slopes(point)
         jacobian = np.einsum("eai,aj->eij", corners, local)
         determinant = np.linalg.det(jacobian)
         volume += determinant
         weighted += np.einsum("aj,eji->eai", local, np.linalg.inv(jacobian)) * determinant[:, None, None]
     gradient = weighted / volume[:, None, None]
-    edges = np.einsum("eai,aj->eji", corners, _local_gradients(np.zeros(3)))
+    edges = np.einsum("eai,aj->eji", corners, trilinear_slopes(np.zeros(3)))
     lengths = np.linalg.norm(edges, axis=2)
     bends = np.abs(np.einsum("ka,eai->eki", MODES, corners)).max(axis=(1, 2))
     return ShapeOperators(
@@ -108,21 +108,7 @@ def _operators(corners: NDArray[np.float64], cells: NDArray[np.int32]) -> ShapeO
 
 def _corner_products(corners: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the triple product (m, 8) [m^3] of the edges at each of the corners (m, 8, 3) [m]: 8 det(dX/dxi)."""
-    local = np.stack([_local_gradients(point) for point in CORNERS])
-    return 8.0 * np.linalg.det(np.einsum("eai,caj->ecij", corners, local))
-
-
-def _local_gradients(point: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return dN_a/dxi_j (8, 3) of the trilinear shape functions at a reference point."""
-    factors = 1.0 + CORNERS * point
-    return 0.125 * np.stack(
-        [
-            CORNERS[:, 0] * factors[:, 1] * factors[:, 2],
-            CORNERS[:, 1] * factors[:, 0] * factors[:, 2],
-            CORNERS[:, 2] * factors[:, 0] * factors[:, 1],
-        ],
-        axis=1,
-    )
+    return 8.0 * np.linalg.det(np.einsum("eai,caj->ecij", corners, trilinear_slopes(CORNERS)))
 
 
 def _hourglass_vectors(corners: NDArray[np.float64], gradient: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -12,9 +12,10 @@ from scipy.spatial import cKDTree
 
 from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh.faces import Faces
+from gdfe_ros.mesh.shells import cone_volumes
 from gdfe_ros.mesh.surface_edges import refine
 from gdfe_ros.mesh.tet_faces import facets
-from gdfe_ros.mesh.trilinear import CORNERS, MODES, NEWTON_STEPS, SETTLED, trilinear_weights
+from gdfe_ros.mesh.trilinear import SETTLED, reference_coordinates, trilinear_weights
 
 NEAR = 12
 """Number of candidate cells for a skin point: the cells with the nearest centroids."""
@@ -26,8 +27,6 @@ REACH = 3.001
 """Largest magnitude of a carried point's reference coordinates. At this limit the point is an edge outside of its cell,
 like the far end of a sliver whose material the cell took (`gather_slivers`).
 """
-_TRILINEAR = np.concatenate([np.ones((1, 8)), CORNERS.T, MODES])
-"""Corner values (8, 8) of the eight basis fields of a trilinear map, one row a field, in `find_carriers`' order."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +115,7 @@ def carry_skin(
     edge = float(np.linalg.norm(corners[:, [1, 3, 4]] - corners[:, :1], axis=2).mean())
     points, triangles = refine(points, triangles, edge)
     best, weights = hang(vertices, cells, points)
-    if np.einsum("ti,ti->", points[triangles[:, 0]], np.cross(*(points[triangles[:, i]] for i in (1, 2)))) < 0.0:
+    if cone_volumes(points, triangles).sum() < 0.0:
         triangles = triangles[:, ::-1]
     carriers = np.ascontiguousarray(cells[best], dtype=np.int32)
     owners = best[triangles[:, 0]].astype(np.int32)
@@ -128,21 +127,30 @@ def hang(
 ) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
     """Return the cell (k,) that carries each of ``points`` (k, 3) [m], and the weights (k, 8) of its corners.
 
-    The carrying cell contains the point, or is the nearest cell to it. ``vertices`` and ``cells`` are as for
+    The carrying cell contains the point, or else is the nearest of some candidates: in which the largest magnitude of
+    the point's reference coordinates is least. Of cells that are equally near, as at a common face, it is the one with
+    the lowest index. ``vertices`` and ``cells`` are as for
     `carry_skin`; ``within`` is as for `reference_coordinates`.
 
     Raises:
         MeshError: points are too far outside of the cells.
     """
-    from gdfe_ros.mesh.cell_kernels import find_carriers  # scenes without skins load without numba
-
     corners = vertices[cells]
     _, near = cKDTree(corners.mean(axis=1)).query(points, k=min(NEAR, len(cells)))
-    near = np.ascontiguousarray(near.reshape(len(points), -1), dtype=np.int64)
-    maps = np.einsum("ka,mai->mki", 0.125 * _TRILINEAR, corners)
-    best, place = np.empty(len(points), np.int64), np.full((len(points), 3), np.inf)
-    beyond = np.empty(len(points))
-    find_carriers(np.ascontiguousarray(points), near, maps, (NEWTON_STEPS, within, WITHIN), best, place, beyond)
+    near = near.reshape(len(points), -1)
+    best, beyond, place = near[:, 0].copy(), np.full(len(points), np.inf), np.empty((len(points), 3))
+    sought = np.arange(len(points))
+    for candidates in near.T:
+        cell = candidates[sought]
+        found = reference_coordinates(points[sought], corners[cell], within=within)
+        away = np.abs(found).max(axis=1)
+        alike = np.abs(away - beyond[sought]) <= 1.0 - WITHIN  # equal up to rounding, as on a common face
+        nearer = np.where(alike, cell < best[sought], away < beyond[sought])
+        chosen = sought[nearer]
+        best[chosen], beyond[chosen], place[chosen] = cell[nearer], away[nearer], found[nearer]
+        sought = sought[~(beyond[sought] < WITHIN)]
+        if len(sought) == 0:
+            break
     far = ~(beyond <= REACH)
     if far.any():
         raise MeshError("skin", [_too_far(points, far, corners[best], vertices)])

@@ -11,12 +11,9 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from gdfe_ros.mesh.box_tree import BoxTree
-from gdfe_ros.mesh.faces import HEX_FACES
-from gdfe_ros.mesh.hex_shape import EDGES
+from gdfe_ros.mesh.faces import corners_of
 from gdfe_ros.mesh.mesh import Mesh
 from gdfe_ros.mesh.tet_faces import flat_quads
-from gdfe_ros.mesh.tetrahedra import EDGES as TET_EDGES
-from gdfe_ros.mesh.tetrahedra import FACES as TET_FACES
 from gdfe_ros.mesh.touching import outline
 
 TOUCHING = 0.1
@@ -28,8 +25,6 @@ RAYS = np.array([[0.36, 0.48, 0.8], [-0.8, 0.36, 0.48], [0.48, -0.8, -0.36]])
 """Directions of three rays from a point. The point is inside a surface if two rays meet the surface from inside. A
 single ray may pass exactly through an edge.
 """
-FLAT = 1e-12
-"""A triangle counts as flat if its height, divided by the surface's size, is at most this."""
 _BLOCK = 512
 """Number of pairs of cells that are tested together."""
 
@@ -50,19 +45,20 @@ def find_overlap(first: Mesh, second: Mesh) -> Overlap | None:
         first: a sound mesh.
         second: another sound mesh, in the same frame.
     """
-    ours, theirs = (mesh.vertices[mesh.cells[:, : 8 if mesh.nodes == 8 else 4]] for mesh in (first, second))
+    ours, theirs = (mesh.vertices[mesh.cells[:, : mesh.corners]] for mesh in (first, second))
     low, high = np.maximum(first.bounds[0], second.bounds[0]), np.minimum(first.bounds[1], second.bounds[1])
     if (low > high).any():
         return None
     if first.touching is not None or second.touching is not None:
         depth, point = _deepest_point(first, second)
-        shortest = min(float(_edges(corners).min()) for corners in (ours, theirs))
+        shortest = min(float(mesh.edge_lengths.min()) for mesh in (first, second))
         return Overlap(depth, point) if depth > TOUCHING * shortest else None
     ours, theirs = _within(ours, low, high), _within(theirs, low, high)
     for i, j in _blocks(ours, theirs):
         a, b = ours[i], theirs[j]
-        depths = _depths(a, b)
-        shortest = np.minimum(_edges(a).min(axis=1), _edges(b).min(axis=1))
+        edges = first.along_edges(a), second.along_edges(b)
+        depths = _depths(a, b, edges, (_normals(a, first), _normals(b, second)))
+        shortest = np.minimum(*(np.linalg.norm(each, axis=2).min(axis=1) for each in edges))
         deepest = int(np.argmax(depths / shortest))
         if depths[deepest] > TOUCHING * shortest[deepest]:
             inner = np.maximum(a[deepest].min(axis=0), b[deepest].min(axis=0))
@@ -99,14 +95,17 @@ def _blocks(
             yield i[part : part + _BLOCK], j[part : part + _BLOCK]
 
 
-def _depths(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+Both = tuple[NDArray[np.float64], NDArray[np.float64]]
+
+
+def _depths(a: NDArray[np.float64], b: NDArray[np.float64], edges: Both, normals: Both) -> NDArray[np.float64]:
     """Return the penetration depth (k,) [m] of pairs of cells with corners (k, 8 or 4, 3); it is negative for a gap.
 
-    The depth is the least overlap of the projections of both cells on all candidate axes (Gottschalk 1996).
+    The depth is the least overlap of the projections of both cells on all candidate axes (Gottschalk 1996). They
+    are the ``normals`` (k, f, 3) of the faces of either cell, and the products of their ``edges`` (k, e, 3).
     """
-    edges = [_directions(corners) for corners in (a, b)]
     across = np.cross(edges[0][:, :, None], edges[1][:, None]).reshape(len(a), -1, 3)
-    axes = np.concatenate([_normals(a), _normals(b), across], axis=1)
+    axes = np.concatenate([*normals, across], axis=1)
     length = np.linalg.norm(axes, axis=2)
     parallel = length <= 1e-6 * length.max(axis=1, keepdims=True)
     axes = axes / np.where(parallel, 1.0, length)[..., None]
@@ -115,24 +114,10 @@ def _depths(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float6
     return np.where(parallel, np.inf, depth).min(axis=1)
 
 
-def _normals(corners: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return twice the area vectors (k, f, 3) [m^2] of the faces of cells with corners (k, 8 or 4, 3) [m]."""
-    if corners.shape[1] == 4:
-        p, q, r = np.moveaxis(corners[:, TET_FACES[:, :3]], 2, 0)
-        return np.cross(q - p, r - p)
-    p, q, r, s = np.moveaxis(corners[:, HEX_FACES], 2, 0)
-    return np.cross(r - p, s - q)
-
-
-def _edges(corners: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the edge lengths (k, 12 or 6) [m] of cells with corners (k, 8 or 4, 3) [m]."""
-    return np.linalg.norm(_directions(corners), axis=2)
-
-
-def _directions(corners: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the edge vectors (k, 12 or 6, 3) [m] of cells with corners (k, 8 or 4, 3) [m]."""
-    ends = EDGES if corners.shape[1] == 8 else TET_EDGES
-    return corners[:, ends[:, 1]] - corners[:, ends[:, 0]]
+def _normals(corners: NDArray[np.float64], mesh: Mesh) -> NDArray[np.float64]:
+    """Return twice the area vectors (k, f, 3) [m^2] of the faces of a mesh's cells with corners (k, 8 or 4, 3) [m]."""
+    faces = corners[:, corners_of(mesh.faces)]
+    return np.cross(faces[:, :, 2] - faces[:, :, 0], faces[:, :, -1] - faces[:, :, 1])
 
 
 def _deepest_point(first: Mesh, second: Mesh) -> tuple[float, NDArray[np.float64]]:
@@ -140,18 +125,17 @@ def _deepest_point(first: Mesh, second: Mesh) -> tuple[float, NDArray[np.float64
 
     The points are contact points of skins and vertices of faces. Two surfaces may cross between them.
     """
-    from gdfe_ros.mesh.triangle_kernels import least_distances  # loads numba
+    from gdfe_ros.mesh.triangle_kernels import nearest_distances  # loads numba
 
     depths, places = [np.zeros(1)], [np.zeros((1, 3))]
     for own, other in ((first, second), (second, first)):
         points, (vertices, quads) = _points_of(own), _surface_of(other)
         within = ((points >= vertices.min(axis=0)) & (points <= vertices.max(axis=0))).all(axis=1)
         triangles = quads[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3)
-        triangles = triangles[triangles[:, 1] != triangles[:, 2]]
-        tree = BoxTree.of(vertices, triangles, flat=FLAT * float(np.ptp(vertices, axis=0).max()))
+        tree = BoxTree.of(vertices, triangles)
         inner = points[within][_inside(points[within], tree)]
         away = np.empty(len(inner))
-        least_distances(inner, tree.corners[tree.normals.any(axis=1)], away)
+        nearest_distances(inner, tree.corners, tree.boxes, away)
         depths.append(away)
         places.append(inner)
     depth, place = np.concatenate(depths), np.concatenate(places)

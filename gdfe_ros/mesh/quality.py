@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 import gdfe_ros.mesh.hex_shape as hex_shape
 import gdfe_ros.mesh.tetmesh as tetmesh
@@ -35,7 +36,6 @@ class QualityReport:
         aspect: ratio of the longest to the shortest edge of each cell, shape (m,).
         volumes: volume of each cell [m^3], shape (m,).
         parts: number of connected pieces; two pieces have no vertex in common.
-        vertex_part: number, from 0, of the piece to which each vertex belongs, shape (n,), int32.
         defects: one line for each kind of defect, empty for a sound mesh.
 
     The arrays are empty if the cells refer to vertices that do not exist.
@@ -45,7 +45,6 @@ class QualityReport:
     aspect: NDArray[np.float64]
     volumes: NDArray[np.float64]
     parts: int
-    vertex_part: NDArray[np.int32]
     defects: list[str]
 
     @property
@@ -75,21 +74,23 @@ def check_mesh(mesh: Mesh) -> QualityReport:
     defects = _broken_indices(mesh)
     if defects:
         none = np.zeros(0)
-        return QualityReport(none, none, none, 0, np.zeros(0, dtype=np.int32), defects)
+        return QualityReport(none, none, none, 0, defects)
     finite = np.isfinite(mesh.vertices).all(axis=1)
     defects += _named("vertices with a coordinate that is not finite", ~finite, "repair the file")
     repeated = (np.diff(np.sort(mesh.cells, axis=1), axis=1) == 0).any(axis=1)
     defects += _named("cells that name a vertex twice", repeated, "re-mesh there, such cells are degenerate")
     with np.errstate(invalid="ignore", over="ignore"):
         measures = hex_shape if isinstance(mesh, HexMesh) else tetmesh
-        jacobian, aspect = measures.scaled_jacobians(mesh), measures.aspect_ratios(mesh)
-        volumes = measures.cell_volumes(mesh)
+        jacobian, volumes = measures.scaled_jacobians(mesh), measures.cell_volumes(mesh)
+        lengths = mesh.edge_lengths
+        shortest, longest = lengths.min(axis=1), lengths.max(axis=1)
+        aspect = np.divide(longest, shortest, out=np.full_like(longest, np.inf), where=shortest > 0)
     if not defects:
         misshapen = _misshapen(mesh, jacobian, volumes)
         defects += misshapen + _overlaps(mesh, upright=not misshapen) + _vertex_defects(mesh)
         defects += [] if defects else _other_volume(mesh, volumes)
-    part = vertex_pieces(mesh.cells, mesh.n_vertices)
-    return QualityReport(jacobian, aspect, volumes, int(part.max()) + 1, part, defects)
+    parts = int(vertex_pieces(mesh.cells, mesh.n_vertices).max()) + 1
+    return QualityReport(jacobian, aspect, volumes, parts, defects)
 
 
 def require_sound(mesh: Mesh, where: str = "mesh") -> QualityReport:
@@ -182,9 +183,6 @@ def _vertex_defects(mesh: Mesh) -> list[str]:
 def coincident_pairs(points: NDArray[np.float64], tolerance: float) -> NDArray[np.int64]:
     """Return the pairs of points whose distance is at most a tolerance.
 
-    The points are sorted by their coordinate along a direction that is oblique to all axes. Each point is compared with
-    its successors as long as their coordinates differ by at most the tolerance.
-
     Args:
         points: finite positions [m], shape (n, 3).
         tolerance: distance [m].
@@ -192,18 +190,7 @@ def coincident_pairs(points: NDArray[np.float64], tolerance: float) -> NDArray[n
     Returns:
         Pairs of indices, shape (p, 2), the smaller index first.
     """
-    along = points @ np.array([0.5773, 0.6342, 0.5144])
-    order = np.argsort(along, kind="stable")
-    along = along[order]
-    near, pairs, step = np.arange(len(points)), [], 0
-    while len(near):
-        step += 1
-        near = near[near + step < len(points)]
-        near = near[along[near + step] - along[near] <= tolerance]
-        first, second = order[near], order[near + step]
-        close = np.linalg.norm(points[first] - points[second], axis=1) <= tolerance
-        pairs.append(np.stack([first[close], second[close]], axis=1))
-    return np.sort(np.concatenate(pairs), axis=1) if pairs else np.zeros((0, 2), dtype=np.int64)
+    return cKDTree(points).query_pairs(tolerance, output_type="ndarray")
 
 
 def _named(what: str, mask: NDArray[np.bool_], remedy: str, mesh: Mesh | None = None) -> list[str]:

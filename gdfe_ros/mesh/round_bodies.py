@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh.assembly import join, merge_vertices
-from gdfe_ros.mesh.generators import grid, require_counts, require_sizes
+from gdfe_ros.mesh.generators import grid
 from gdfe_ros.mesh.mesh import HexMesh
 
 Map = Callable[[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]], tuple[ArrayLike, ...]]
@@ -37,10 +37,8 @@ def tube(
         The mesh with the vertex sets inner (between the caps), outer, start (x = 0) and end (x = length).
 
     Raises:
-        MeshError: an argument is out of range.
+        MeshError: arguments do not fit each other; the error names all of them.
     """
-    require_sizes("tube", {"inner": inner, "outer": outer, "length": length})
-    require_counts("tube", {"cells": cells, "cap_cells": cap_cells})
     radial, around, along = cells
     defects = [] if outer > inner else [f"tube.outer = {outer!r}: allowed: more than inner = {inner!r}"]
     defects += _around_defects("tube", around, 4 if cap else 1)
@@ -80,14 +78,10 @@ def ring(radius: float, section: Sequence[float], cells: Sequence[int], *, angle
         The mesh with the vertex sets inner and outer; an arc also has the vertex sets start and end.
 
     Raises:
-        MeshError: an argument is out of range.
+        MeshError: arguments do not fit each other; the error names all of them.
     """
-    require_sizes("ring", {"radius": radius, "section": section})
-    require_counts("ring", {"cells": cells})
     full = angle == 360.0
     defects = _around_defects("ring", cells[1], 1) if full else []
-    if not 0 < angle <= 360:
-        defects.append(f"ring.angle = {angle!r}: allowed: 0 < angle <= 360 [degrees]")
     if section[0] >= 2 * radius:
         defects.append(f"ring.section = {section!r}: allowed: width less than twice the radius, {2 * radius:g}")
     if defects:
@@ -121,10 +115,8 @@ def sphere(inner: float, outer: float, cells: Sequence[int]) -> HexMesh:
         The mesh with the vertex sets inner and outer; it encloses one cavity.
 
     Raises:
-        MeshError: an argument is out of range.
+        MeshError: arguments do not fit each other; the error names all of them.
     """
-    require_sizes("sphere", {"inner": inner, "outer": outer})
-    require_counts("sphere", {"cells": cells})
     if outer <= inner:
         raise MeshError("cannot mesh this sphere", [f"sphere.outer = {outer!r}: allowed: more than {inner!r}"])
     angles = np.linspace(-np.pi / 4, np.pi / 4, cells[0] + 1)

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from enum import Enum
 from typing import Annotated, ClassVar
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from gdfe_ros.errors import MeshError
 from gdfe_ros.keys import Alternatives, FieldError, Keys, Meaning
-from gdfe_ros.mesh.cavities import corners_of
+from gdfe_ros.mesh.faces import corners_of
 from gdfe_ros.mesh.mesh import Mesh, MeshPart
 from gdfe_ros.mesh.touching import Touching
 from gdfe_ros.quantity import ANY, Quantity, Vector
@@ -127,45 +127,32 @@ def select_vertices(mesh: Mesh, where: Where) -> NDArray[np.int32]:
     Raises:
         MeshError: an id is out of range, or a set or a mesh is unknown.
     """
-    match where:
-        case Where(mesh=str(name)):
-            part = part_of(mesh, name)
-            return select_vertices(part.mesh, where.inner) + np.int32(part.first_vertex)
-        case Where(any=tuple(places)):
-            return united(select_vertices(mesh, place) for place in places)
-        case Where(face=Side() as side):
-            return _ids(_on_side(mesh, side))
-        case Where(box=None, sphere=None):
-            vertices, cells = _listed(mesh, where)
-            return np.unique(mesh.cells[cells]) if vertices is None else vertices
-    return _ids(inside_of(mesh, mesh.vertices, where))
+    return _select(mesh, where, of_cells=False)
 
 
 def select_cells(mesh: Mesh, where: Where) -> NDArray[np.int32]:
-    """Return the sorted cell ids of a selection; it may be empty.
+    """Return the sorted cell ids of a selection; it may be empty. Arguments and errors are as for `select_vertices`."""
+    return _select(mesh, where, of_cells=True)
 
-    Args:
-        mesh: the mesh.
-        where: the selection.
 
-    Returns:
-        Cell ids, int32, sorted, unique.
-
-    Raises:
-        MeshError: an id is out of range, or a set or a mesh is unknown.
-    """
+def _select(mesh: Mesh, where: Where, *, of_cells: bool) -> NDArray[np.int32]:
+    """Return the sorted ids of the selected cells or vertices."""
     match where:
         case Where(mesh=str(name)):
             part = part_of(mesh, name)
-            return select_cells(part.mesh, where.inner) + np.int32(part.first_cell)
+            first = part.first_cell if of_cells else part.first_vertex
+            return _select(part.mesh, where.inner, of_cells=of_cells) + np.int32(first)
         case Where(any=tuple(places)):
-            return united(select_cells(mesh, place) for place in places)
+            return united(_select(mesh, place, of_cells=of_cells) for place in places)
         case Where(face=Side() as side):
-            return _ids(_on_side(mesh, side)[mesh.cells].any(axis=1))
+            there = at_end(mesh.vertices, side, FACE_SLACK * mesh.size)
+            return _ids(there[mesh.cells].any(axis=1) if of_cells else there)
         case Where(box=None, sphere=None):
             vertices, cells = _listed(mesh, where)
-            return _cells_within(mesh, vertices) if cells is None else cells
-    return _ids(inside_of(mesh, mesh.centroids, where))
+            if of_cells:
+                return _ids(np.isin(mesh.cells, vertices).all(axis=1)) if cells is None else cells
+            return np.unique(mesh.cells[cells]) if vertices is None else vertices
+    return _ids(inside_of(mesh, mesh.centroids if of_cells else mesh.vertices, where))
 
 
 def _listed(mesh: Mesh, where: Where) -> tuple[NDArray[np.int32] | None, NDArray[np.int32] | None]:
@@ -198,12 +185,15 @@ def select_faces(mesh: Mesh, where: Where) -> NDArray[np.int32]:
     Raises:
         MeshError: an id is out of range, or a set or a mesh is unknown.
     """
-    faces, all_selected = mesh.surface(), False
-    for place in where.places:
-        chosen = np.zeros(mesh.n_vertices, dtype=bool)
-        chosen[select_vertices(mesh, place)] = True
-        all_selected = all_selected | chosen[corners_of(faces)].all(axis=1)
-    return faces[all_selected]
+    return _whole_faces(mesh.surface(), where, lambda place: select_vertices(mesh, place))
+
+
+def _whole_faces(
+    faces: NDArray[np.int32], where: Where, choose: Callable[[Where], NDArray[np.integer]]
+) -> NDArray[np.int32]:
+    """Return the faces (q, c) all of whose corners are among the points that ``choose`` returns for one place."""
+    whole = [np.isin(corners_of(faces), choose(place)).all(axis=1) for place in where.places]
+    return faces[np.any(whole, axis=0)]
 
 
 def part_of(mesh: Mesh, name: str) -> MeshPart:
@@ -221,10 +211,6 @@ def part_of(mesh: Mesh, name: str) -> MeshPart:
 def united(selected: Iterable[NDArray[np.int32]]) -> NDArray[np.int32]:
     """Return the sorted union of several selections."""
     return np.unique(np.concatenate([np.zeros(0, np.int32), *selected])).astype(np.int32)
-
-
-def _on_side(mesh: Mesh, side: Side) -> NDArray[np.bool_]:
-    return at_end(mesh.vertices, side, FACE_SLACK * mesh.size)
 
 
 def at_end(points: NDArray[np.float64], side: Side, slack: float) -> NDArray[np.bool_]:
@@ -261,12 +247,6 @@ def _checked(ids: tuple[int, ...], count: int, noun: str) -> NDArray[np.int32]:
     return np.unique(np.asarray(ids, dtype=np.int32))
 
 
-def _cells_within(mesh: Mesh, vertices: NDArray[np.int32]) -> NDArray[np.int32]:
-    chosen = np.zeros(mesh.n_vertices, dtype=bool)
-    chosen[vertices] = True
-    return _ids(chosen[mesh.cells].all(axis=1))
-
-
 def select_skin(mesh: Mesh, where: Where) -> NDArray[np.int32]:
     """Return the triangles (t, 3) int32 of a mesh's skin whose three points are selected; there may be none.
 
@@ -275,10 +255,8 @@ def select_skin(mesh: Mesh, where: Where) -> NDArray[np.int32]:
     Raises:
         MeshError: the selection is by ids, sets or the name of a mesh; these refer to cells and not to a skin.
     """
-    points, faces, selected = mesh.skin.at(mesh.vertices), mesh.skin.faces, False
-    for place in where.places:
-        selected = selected | _chosen(mesh, points, place)[faces].all(axis=1)
-    return faces[selected]
+    points = mesh.skin.at(mesh.vertices)
+    return _whole_faces(mesh.skin.faces, where, lambda place: _ids(_chosen(mesh, points, place)))
 
 
 def select_touching(mesh: Mesh, where: Where) -> NDArray[np.int32]:
@@ -295,7 +273,7 @@ def select_touching(mesh: Mesh, where: Where) -> NDArray[np.int32]:
     if where.any is not None:
         return united(select_touching(mesh, place) for place in where.any)
     points, ends = mesh.touching.at(mesh.vertices), mesh.outside.at(mesh.vertices)
-    return np.flatnonzero(_chosen(mesh, np.concatenate([points, ends]), where)[: len(points)]).astype(np.int32)
+    return _ids(_chosen(mesh, np.concatenate([points, ends]), where)[: len(points)])
 
 
 def select_touching_faces(mesh: Mesh, where: Where) -> NDArray[np.int32]:
@@ -306,10 +284,7 @@ def select_touching_faces(mesh: Mesh, where: Where) -> NDArray[np.int32]:
     Raises:
         MeshError: as for `select_touching`.
     """
-    faces, selected = mesh.touching.faces, False
-    for place in where.places:
-        selected = selected | np.isin(faces, select_touching(mesh, place)).all(axis=1)
-    return faces[selected]
+    return _whole_faces(mesh.touching.faces, where, lambda place: select_touching(mesh, place))
 
 
 def _before(mesh: Mesh, name: str) -> list[Touching]:

@@ -60,12 +60,12 @@ def find_self_cuts(vertices: NDArray[np.float64], triangles: NDArray[np.integer]
     from gdfe_ros.mesh.triangle_kernels import count_cuts  # loads numba
 
     tolerance = touch * float(np.linalg.norm(np.ptp(vertices, axis=0)))
-    tree = BoxTree.of(vertices, triangles, flat=tolerance)
-    counts, places = np.empty(len(triangles), dtype=np.int64), np.zeros((len(triangles), 3))
+    tree = BoxTree.of(vertices, triangles, flat=touch)
+    counts, places = np.empty(len(tree.order), dtype=np.int64), np.zeros((len(tree.order), 3))
     count_cuts(tree.corners, tree.normals, tree.boxes, tolerance, counts, places)
-    numbers = np.argsort(tree.order)
-    cut = counts[numbers] > 0
-    return SelfCuts(int(counts.sum()) // 2, cut, places[numbers[cut]])
+    cut, ranked = np.zeros(len(triangles), dtype=bool), np.argsort(tree.order)
+    cut[tree.order] = counts > 0
+    return SelfCuts(int(counts.sum()) // 2, cut, places[ranked][counts[ranked] > 0])
 
 
 def _far_apart(points: NDArray[np.float64], count: int) -> list[int]:

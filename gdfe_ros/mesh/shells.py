@@ -3,16 +3,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.mesh.faces import vertex_pieces
-
-#: Number of pairs of a triangle and a grid column that are tested together.
-_CHUNK = 2_000_000
 
 
 @dataclass(frozen=True)
@@ -47,18 +43,19 @@ def shells(vertices: NDArray[np.float64], triangles: NDArray[np.int64]) -> Shell
     """
     shell = shell_numbers(len(vertices), triangles)
     _, first = np.unique(shell, return_index=True)
+    around = _shells_around(vertices[triangles[first, 0]], vertices, triangles)
+    np.fill_diagonal(around, False)
+    volumes = np.abs(np.bincount(shell, cone_volumes(vertices, triangles)))
+    return Shells(tuple(around.sum(axis=1).tolist()), tuple(volumes.tolist()))
+
+
+def cone_volumes(vertices: NDArray[np.float64], triangles: NDArray[np.integer]) -> NDArray[np.float64]:
+    """Return the volumes (t,) [m^3] of the tetrahedra between the mean of the vertices and triangles (t, 3).
+
+    The sum over a closed surface is the volume inside, positive for outward normals.
+    """
     a, b, c = np.moveaxis(vertices[triangles] - vertices.mean(axis=0), 1, 0)
-    volumes = np.abs(np.bincount(shell, np.einsum("ij,ij->i", a, np.cross(b, c)) / 6))
-    depths = []
-    for own, triangle in enumerate(first):
-        point = vertices[triangles[triangle, 0]]
-        corners = vertices[triangles] - point
-        zero = np.zeros(len(corners), dtype=np.int64)
-        above = _pierced(corners, zero, zero) & (_heights(corners, zero, zero) > 0)
-        around = np.bincount(shell[above], minlength=len(first)) % 2
-        around[own] = 0
-        depths.append(int(around.sum()))
-    return Shells(tuple(depths), tuple(float(volume) for volume in volumes))
+    return np.einsum("ti,ti->t", a, np.cross(b, c)) / 6.0
 
 
 def shell_numbers(n: int, triangles: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -86,11 +83,13 @@ def points_inside(
     Returns:
         Array of bool, shape ``count``.
     """
-    toggles = np.zeros((count[0], count[1], count[2] + 1), dtype=np.uint8)
-    for x, y, height in _crossings(vertices[triangles], count[:2]):
-        layer = np.clip(np.ceil(height), 0, count[2]).astype(np.int64)
-        np.add.at(toggles, (x, y, layer), 1)
-    return np.cumsum(toggles[:, :, :-1], axis=2, dtype=np.uint8) % 2 == 1
+    from gdfe_ros.mesh.cell_kernels import crossings  # scenes without surfaces load without numba
+
+    toggles = np.zeros((count[1] * count[0], count[2] + 1), dtype=np.uint8)
+    column, height = crossings(np.asarray(vertices[triangles], dtype=np.float64), tuple(map(int, count)))
+    np.add.at(toggles, (column, np.ceil(height).astype(np.int64)), 1)
+    inner = np.cumsum(toggles[:, :-1], axis=1, dtype=np.uint8) % 2 == 1
+    return inner.reshape(count[1], count[0], count[2]).transpose(1, 0, 2)
 
 
 def inside(
@@ -98,15 +97,18 @@ def inside(
 ) -> NDArray[np.bool_]:
     """Return whether each point (k, 3) is inside a closed surface of any orientation, shape (k,), by the even-odd rule.
 
-    A shell winds around a point if its solid angle there is not zero. A point is inside if an odd number of shells wind
-    around it.
+    A point is inside if an odd number of shells wind around it.
     """
+    return _shells_around(points, vertices, triangles).sum(axis=1) % 2 == 1
+
+
+def _shells_around(
+    points: NDArray[np.float64], vertices: NDArray[np.float64], triangles: NDArray[np.int64]
+) -> NDArray[np.bool_]:
+    """Return whether each shell (s,) winds around each point (k, 3), (k, s): its solid angle there is not zero."""
     shell = shell_numbers(len(vertices), triangles)
-    found = np.zeros(len(points), dtype=np.int64)
-    for k, point in enumerate(points):
-        turns = np.bincount(shell, solid_angles(vertices[triangles] - point)) / (4.0 * np.pi)
-        found[k] = (np.abs(turns) > 0.5).sum()
-    return found % 2 == 1
+    angles = [np.bincount(shell, solid_angles(vertices[triangles] - point)) for point in points]
+    return np.abs(angles).reshape(len(points), int(shell.max(initial=-1)) + 1) > 2.0 * np.pi
 
 
 def solid_angles(corners: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -115,54 +117,6 @@ def solid_angles(corners: NDArray[np.float64]) -> NDArray[np.float64]:
     la, lb, lc = (np.linalg.norm(each, axis=1) for each in (a, b, c))
     ab, bc, ca = (np.einsum("ti,ti->t", *pair) for pair in ((a, b), (b, c), (c, a)))
     return 2.0 * np.arctan2(np.einsum("ti,ti->t", a, np.cross(b, c)), la * lb * lc + ab * lc + bc * la + ca * lb)
-
-
-def _crossings(
-    corners: NDArray[np.float64], count: tuple[int, int]
-) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]]:
-    """Yield x, y and height of the crossings of grid columns with triangles (t, 3, 3), in chunks."""
-    for which, x, y in _columns(corners, count):
-        hit = _pierced(corners[which], x, y)
-        yield x[hit], y[hit], _heights(corners[which[hit]], x[hit], y[hit])
-
-
-def _columns(
-    corners: NDArray[np.float64], count: tuple[int, int]
-) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]]:
-    """Yield pairs of a triangle and a grid column (x, y) in its bounding box, in chunks."""
-    low = np.maximum(np.ceil(corners[:, :, :2].min(axis=1)), 0).astype(np.int64)
-    high = np.minimum(np.floor(corners[:, :, :2].max(axis=1)), np.array(count) - 1).astype(np.int64)
-    width = np.maximum(high - low + 1, 0)
-    pairs = width.prod(axis=1)
-    chunk = np.cumsum(pairs) // _CHUNK
-    for number in range(int(chunk[-1]) + 1):
-        members = np.flatnonzero((chunk == number) & (pairs > 0))
-        which = np.repeat(members, pairs[members])
-        place = np.arange(len(which)) - np.repeat(np.cumsum(pairs[members]) - pairs[members], pairs[members])
-        yield which, low[which, 0] + place % width[which, 0], low[which, 1] + place // width[which, 0]
-
-
-def _pierced(corners: NDArray[np.float64], x: NDArray[np.int64], y: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Return whether each column at (x, y) pierces its triangle: a ray to +x crosses the projected outline once."""
-    hit = np.zeros(len(corners), dtype=bool)
-    for first, second in ((0, 1), (1, 2), (2, 0)):
-        a, b = corners[:, first, :2], corners[:, second, :2]
-        swap = (a[:, 1] > b[:, 1]) | ((a[:, 1] == b[:, 1]) & (a[:, 0] > b[:, 0]))
-        a, b = np.where(swap[:, None], b, a), np.where(swap[:, None], a, b)
-        rise = b[:, 1] - a[:, 1]
-        slope = np.divide(b[:, 0] - a[:, 0], rise, out=np.zeros_like(rise), where=rise > 0)
-        hit ^= (a[:, 1] <= y) & (y < b[:, 1]) & (x < a[:, 0] + (y - a[:, 1]) * slope)
-    return hit
-
-
-def _heights(corners: NDArray[np.float64], x: NDArray[np.int64], y: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Return the height z of each triangle at its column (x, y), limited to the heights of its corners."""
-    a = corners[:, 0]
-    normal = np.cross(corners[:, 1] - a, corners[:, 2] - a)
-    fall = (x - a[:, 0]) * normal[:, 0] + (y - a[:, 1]) * normal[:, 1]
-    upright = normal[:, 2] == 0.0
-    height = a[:, 2] - np.divide(fall, normal[:, 2], out=np.zeros_like(fall), where=~upright)
-    return np.clip(height, corners[:, :, 2].min(axis=1), corners[:, :, 2].max(axis=1))
 
 
 ALIKE = 1e-6
@@ -198,9 +152,8 @@ def inertia_of(vertices: NDArray[np.float64], triangles: NDArray[np.int64]) -> S
         vertices: (n, 3) [m].
         triangles: (t, 3) ids of a closed surface with outward orientation.
     """
-    middle = vertices.mean(axis=0)
+    middle, volumes = vertices.mean(axis=0), cone_volumes(vertices, triangles)
     corners = vertices[triangles] - middle
-    volumes = np.einsum("ti,ti->t", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6.0
     sums, volume = corners.sum(axis=1), float(volumes.sum())
     centre = volumes @ sums / (4.0 * volume)
     squares = np.einsum("t,tai,taj->ij", volumes, corners, corners) + np.einsum("t,ti,tj->ij", volumes, sums, sums)

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.errors import MeshError
-from gdfe_ros.mesh.shells import points_inside, shells
+from gdfe_ros.mesh.box_tree import BoxTree
+from gdfe_ros.mesh.shells import cone_volumes, points_inside, shells
 
 CELLS = 64
 """Default number of grid cells along the longest edge of a solid's bounding box."""
@@ -85,8 +86,7 @@ def require_outward(vertices: NDArray[np.float64], triangles: NDArray[np.int64],
     Raises:
         MeshError: the volume is not positive; the error names the volume and the remedy.
     """
-    a, b, c = np.moveaxis(vertices[triangles] - vertices.mean(axis=0), 1, 0)
-    volume = float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0)
+    volume = float(cone_volumes(vertices, triangles).sum())
     if not volume > 0.0:
         remedy = "remedy: turn its triangles around (MeshLab: Invert Faces Orientation, Blender: Recalculate Outside)"
         raise MeshError(where, [f"the surface is inside out: it bounds a volume of {volume:.3g} m^3; {remedy}"])
@@ -94,17 +94,16 @@ def require_outward(vertices: NDArray[np.float64], triangles: NDArray[np.int64],
 
 @lru_cache(maxsize=8)
 def _measured(vertex_bytes: bytes, triangle_bytes: bytes, cell: float) -> Solid:
-    from gdfe_ros.mesh.triangle_kernels import grid_distances  # scenes without such obstacles load without numba
+    from gdfe_ros.mesh.triangle_kernels import nearest_distances  # scenes without such obstacles load without numba
 
     vertices = np.frombuffer(vertex_bytes).reshape(-1, 3)
     triangles = np.frombuffer(triangle_bytes, dtype=np.int64).reshape(-1, 3)
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     count = np.ceil((high - low) / cell).astype(int) + 2 * MARGIN + 1
     start = 0.5 * (low + high) - 0.5 * cell * (count - 1)
-    corners = vertices[triangles]
-    doubled = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-    distances = np.empty(count)
-    grid_distances(start, cell, np.ascontiguousarray(corners[doubled > 1e-12 * doubled.max()]), distances)
+    points = start + cell * np.stack(np.unravel_index(np.arange(count.prod()), count), axis=1)
+    tree, distances = BoxTree.of(vertices, triangles), np.empty(count)
+    nearest_distances(points, tree.corners, tree.boxes, distances.reshape(-1))
     distances[points_inside((vertices - start) / cell, triangles, tuple(count))] *= -1.0
     distances.flags.writeable = False
     return Solid(vertices, triangles, cell, start, distances)

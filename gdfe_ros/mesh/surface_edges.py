@@ -22,19 +22,34 @@ def number_edges(ends: NDArray[np.integer]) -> tuple[NDArray[np.int64], NDArray[
     return np.stack([found // count, found % count], axis=1), which.reshape(-1)
 
 
-def edge_counts(triangles: NDArray[np.integer]) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
-    """Return the edges (e, 2) of triangles (t, 3), how many triangles each has, and by how much directions differ.
+def edge_counts(faces: NDArray[np.integer]) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+    """Return the edges (e, 2) of faces (q, 3 or 4), how many faces each has, and by how much directions differ.
 
-    The third array (e,) is the number of triangles that have the edge in ascending order of its vertices, minus the
-    number of the other ones.
+    The third array (e,) is the number of faces that have the edge in ascending order of its vertices, minus the number
+    of the other ones.
     """
-    ends = triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
+    ends = np.stack([faces.ravel(), np.roll(faces, -1, axis=1).ravel()], axis=1)
     edges, which = number_edges(np.sort(ends, axis=1))
     balance = np.bincount(which, np.where(ends[:, 0] < ends[:, 1], 1, -1), minlength=len(edges))
     return edges, np.bincount(which, minlength=len(edges)), balance.astype(np.int64)
 
 
-def open_edges_of(triangles: NDArray[np.integer]) -> NDArray[np.int64]:
+def open_edges(faces: NDArray[np.integer]) -> NDArray[np.int64]:
+    """Return the edges (k, 2) at which a surface of oriented faces (q, 3 or 4) is not closed.
+
+    In a closed surface with consistent normals each edge occurs equally often in both directions, and the result is
+    empty.
+    """
+    edges, _, balance = edge_counts(faces)
+    return edges[balance != 0]
+
+
+def is_closed(faces: NDArray[np.integer]) -> bool:
+    """Return whether a surface is closed: each edge occurs equally often in both directions."""
+    return len(open_edges(faces)) == 0
+
+
+def odd_edges(triangles: NDArray[np.integer]) -> NDArray[np.int64]:
     """Return the edges (k, 2) that belong to an odd number of triangles."""
     edges, count, _ = edge_counts(triangles)
     return edges[count % 2 == 1]

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.mesh.contact_skin import is_closed, out_of_material
+from gdfe_ros.mesh.contact_skin import out_of_material
 from gdfe_ros.mesh.mesher_process import MOST_CELLS, expected_cells
 from gdfe_ros.mesh.self_cuts import SelfCuts, find_self_cuts
-from gdfe_ros.mesh.shells import shell_numbers
-from gdfe_ros.mesh.surface_edges import disagreeing_edges, open_edges_of, winding_defects
+from gdfe_ros.mesh.shells import cone_volumes, shell_numbers
+from gdfe_ros.mesh.surface_edges import disagreeing_edges, is_closed, odd_edges, winding_defects
 from gdfe_ros.mesh.walls import FLATTEST, LEAST_FRACTION, Walls, cells_at_walls, find_walls, measured
 
 ACROSS = 4
@@ -23,12 +23,6 @@ CHEAPER = 4.0
 """Least ratio of the costs for a remark."""
 FLAT = 1e-6
 """Largest component of a normal that counts as zero, and distance of equal planes divided by the body's size."""
-
-
-def volume_inside(vertices: NDArray[np.float64], triangles: NDArray[np.integer]) -> float:
-    """Return the volume [m^3] inside a closed surface (n, 3) [m], (t, 3)."""
-    a, b, c = np.moveaxis(vertices[triangles] - vertices.mean(axis=0), 1, 0)
-    return abs(float(np.einsum("ti,ti->", a, np.cross(b, c)))) / 6.0
 
 
 def cheaper_hexahedra(
@@ -50,7 +44,7 @@ def cheaper_hexahedra(
     lengths = np.linalg.norm(areas, axis=1)
     solid = lengths > 0.0
     corners, normals = corners[solid], np.abs(areas[solid] / lengths[solid, None])
-    volume = volume_inside(vertices, triangles)
+    volume = abs(float(cone_volumes(vertices, triangles).sum()))
     low, high = corners.reshape(-1, 3).min(axis=0), corners.reshape(-1, 3).max(axis=0)
     edge = thinnest / ACROSS
     if not np.isfinite(edge) or not edge > 0.0 or COST * tetrahedra < CHEAPER * volume / edge**3:
@@ -117,7 +111,7 @@ class SurfaceFindings:
     @property
     def wrong_edges(self) -> NDArray[np.float64]:
         """Ends (k, 2, 3) [m] of the edges that are open, or whose triangles are wound in opposite directions."""
-        wrong = np.concatenate([open_edges_of(self.triangles), disagreeing_edges(self.triangles)])
+        wrong = np.concatenate([odd_edges(self.triangles), disagreeing_edges(self.triangles)])
         return self.vertices[wrong]
 
     @property
@@ -167,12 +161,9 @@ class SurfaceFindings:
                 f"{0.5 * self._thinnest:.2g} m"
             )
         if self.walls is not None:
-            found += cheaper_hexahedra(
-                self.vertices,
-                self.triangles,
-                tetrahedra=float(expected_cells(volume_inside(self.vertices, self.triangles), self.size)),
-                thinnest=self._thinnest,
-            )
+            volume = abs(float(cone_volumes(self.vertices, self.triangles).sum()))
+            expected = float(expected_cells(volume, self.size))
+            found += cheaper_hexahedra(self.vertices, self.triangles, tetrahedra=expected, thinnest=self._thinnest)
         return found
 
     @property

@@ -6,22 +6,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.mesh.faces import Faces, folded_cells
+from gdfe_ros.mesh.faces import Faces, boundary_faces
 from gdfe_ros.mesh.tetrahedra import FACES, FACETS, face_slopes, face_weights, triangle_rule
 
 
 def tet_boundary(cells: NDArray[np.int32]) -> Faces:
     """Return the faces (q, 6) that belong to exactly one of the cells (m, 10), in the order of the cells."""
-    faces = cells[:, FACES].reshape(-1, 6)
-    owners = np.repeat(np.arange(len(cells), dtype=np.int32), 4)
-    if len(faces) == 0:
-        return Faces(faces, owners, np.zeros(0, np.int32))
-    _, group, count = np.unique(np.sort(faces[:, :3], axis=1), axis=0, return_inverse=True, return_counts=True)
-    group = group.reshape(-1)
-    sharing = count[group]
-    single = sharing == 1
-    folded = folded_cells(faces[:, :3], group, owners)
-    return Faces(np.ascontiguousarray(faces[single]), owners[single], np.unique(owners[sharing > 2]), folded)
+    return boundary_faces(cells, FACES)
 
 
 def facets(faces: NDArray[np.int32]) -> NDArray[np.int32]:

@@ -5,18 +5,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.mesh.faces import HEX_FACES, Faces
+from gdfe_ros.mesh.faces import HEX_FACES
 from gdfe_ros.mesh.mesh import HexMesh, Mesh
 from gdfe_ros.mesh.surface_edges import number_edges
-from gdfe_ros.mesh.tet_faces import tet_boundary
 from gdfe_ros.mesh.tet_operators import corner_jacobians
-from gdfe_ros.mesh.tetrahedra import EDGES, quadratic_slopes, simplex_rule
+from gdfe_ros.mesh.tetrahedra import EDGES, FACES, quadratic_slopes, simplex_rule
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -36,16 +34,9 @@ class TetMesh(Mesh):
     nodes: ClassVar[int] = 10
     noun: ClassVar[str] = "tetrahedra"
     vtk: ClassVar[str] = "tetra10"
-
-    @cached_property
-    def centroids(self) -> NDArray[np.float64]:
-        """Mean of the four corners of each cell [m], shape (m, 3)."""
-        return self.vertices[self.cells[:, :4]].mean(axis=1)
-
-    @cached_property
-    def boundary(self) -> Faces:
-        """Faces of six nodes that belong to one cell only, oriented out of the material."""
-        return tet_boundary(self.cells)
+    corners: ClassVar[int] = 4
+    edges: ClassVar[NDArray[np.int32]] = EDGES
+    faces: ClassVar[NDArray[np.int32]] = FACES
 
 
 def raised(
@@ -118,17 +109,6 @@ def scaled_jacobians(mesh: TetMesh) -> NDArray[np.float64]:
     lengths[:, np.arange(4), np.arange(4)] = 1.0
     scale = lengths.prod(axis=2)
     return np.divide(2.0**0.5 * volume, scale, out=np.zeros_like(volume), where=scale > 0.0).min(axis=1)
-
-
-def aspect_ratios(mesh: TetMesh) -> NDArray[np.float64]:
-    """Return the ratio of the largest to the smallest distance of two corners of each cell, shape (m,).
-
-    It is inf if two corners coincide.
-    """
-    corners = mesh.vertices[mesh.cells[:, :4]]
-    lengths = np.linalg.norm(corners[:, EDGES[:, 1]] - corners[:, EDGES[:, 0]], axis=2)
-    shortest, longest = lengths.min(axis=1), lengths.max(axis=1)
-    return np.divide(longest, shortest, out=np.full_like(longest, np.inf), where=shortest > 0)
 
 
 def cell_volumes(mesh: TetMesh) -> NDArray[np.float64]:

@@ -12,16 +12,15 @@ from numpy.typing import NDArray
 
 from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh.assembly import keep_cells
-from gdfe_ros.mesh.contact_skin import is_closed, out_of_material
-from gdfe_ros.mesh.faces import enclosed_volume
+from gdfe_ros.mesh.contact_skin import out_of_material
 from gdfe_ros.mesh.mesh_input import require_file
 from gdfe_ros.mesh.mesher import run_mesher
 from gdfe_ros.mesh.mesher_process import too_many
 from gdfe_ros.mesh.packing import mesh_arrays, mesh_of, under
 from gdfe_ros.mesh.self_cuts import find_self_cuts
-from gdfe_ros.mesh.shells import shells
+from gdfe_ros.mesh.shells import cone_volumes, shells
 from gdfe_ros.mesh.store import keep, key_of, recall
-from gdfe_ros.mesh.surface_edges import winding_defects
+from gdfe_ros.mesh.surface_edges import is_closed, winding_defects
 from gdfe_ros.mesh.tetmesh import TetMesh, raised, scaled_jacobians
 from gdfe_ros.mesh.tetrahedra import EDGES
 from gdfe_ros.mesh.voxels import examine_surface
@@ -231,7 +230,7 @@ def _outward(vertices: NDArray[np.float64], triangles: NDArray[np.int64], *, apa
     """
     if apart:
         return out_of_material(vertices, triangles)
-    return triangles if enclosed_volume(vertices, triangles[:, [0, 1, 2, 2]]) > 0.0 else triangles[:, ::-1]
+    return triangles if cone_volumes(vertices, triangles).sum() > 0.0 else triangles[:, ::-1]
 
 
 def _sizes_key(size: float, least_size: float | None) -> list[bytes]:

@@ -37,80 +37,48 @@ def squared_distance(p, corners):
     return min(least, dot(rest, rest))
 
 
-@kernel
-def least_distances(points, corners, out):
-    """Write the distance [m] of each of ``points`` (k, 3) from the nearest of triangles (t, 3, 3) to ``out`` (k,)."""
-    for k in range(len(points)):
-        point, least = corner(points, k), math.inf
-        for t in range(len(corners)):
-            least = min(least, squared_distance(point, corners[t]))
-        out[k] = math.sqrt(least)
-
-
-@internal
-def nearest_ones(middle, reach, corners, among, away, out):
-    """Write the triangles that may be the nearest to some point of a ball to ``out``; return their number.
-
-    The ball has the centre ``middle`` and the radius ``reach`` [m]. The candidates are the triangles ``among``. The
-    array ``away`` is scratch memory.
-    """
-    least = math.inf
-    for m in range(len(among)):
-        away[m] = squared_distance(middle, corners[among[m]])
-        least = min(least, away[m])
-    most, found = ((math.sqrt(least) + 2.0 * reach) * (1.0 + 1e-12)) ** 2, 0
-    for m in range(len(among)):
-        if away[m] <= most:
-            out[found] = among[m]
-            found += 1
-    return found
+@inlined
+def squared_away(point, box):
+    """Return the squared distance [m^2] from a point to a box, zero inside."""
+    x = max(box[0, 0] - point[0], point[0] - box[1, 0], 0.0)
+    y = max(box[0, 1] - point[1], point[1] - box[1, 1], 0.0)
+    z = max(box[0, 2] - point[2], point[2] - box[1, 2], 0.0)
+    return x * x + y * y + z * z
 
 
 @kernel
-def grid_distances(start, cell, corners, out):
-    """Write the distance [m] from each point of a grid to the nearest triangle.
+def nearest_distances(points, corners, boxes, out):
+    """Write the distance [m] of each point from the nearest triangle of a `BoxTree`.
 
-    The grid is divided recursively into blocks, halved along each axis, down to single points. Each block considers
-    only those triangles of its parent block that may be the nearest to one of its points.
+    A search begins with the triangle that was the nearest to the previous point. It is therefore quick for points of
+    which each is near the previous one, such as those of a grid.
 
     Args:
-        start: (3,) position of the first point [m].
-        cell: spacing of the points [m].
-        corners: (t, 3, 3) [m] corners of the triangles, whose areas are nonzero.
-        out: (a, b, c) distances [m] at the points, output.
+        points: (k, 3) [m].
+        corners: (t, 3, 3) [m] corners of the tree's triangles.
+        boxes: (n, 2, 3) [m] boxes of the tree's nodes.
+        out: (k,) [m], output.
     """
-    levels = 1
-    while 2**levels < max(out.shape):
-        levels += 1
-    among, away = np.empty((levels, len(corners)), np.int64), np.empty(len(corners))
-    first, count, child = np.zeros((levels, 3), np.int64), np.zeros(levels, np.int64), np.zeros(levels, np.int64)
-    among[0], count[0], level = np.arange(len(corners)), len(corners), 0
-    while level >= 0:
-        e = child[level]
-        if e == 8:
-            level -= 1
-            continue
-        child[level] += 1
-        edge = 2 ** (levels - level - 1)
-        i, j, k = (
-            first[level, 0] + edge * (e & 1),
-            first[level, 1] + edge * (e >> 1 & 1),
-            first[level, 2] + edge * (e >> 2),
-        )
-        if i >= out.shape[0] or j >= out.shape[1] or k >= out.shape[2]:
-            continue
-        side = 0.5 * (edge - 1) * cell
-        middle = start[0] + i * cell + side, start[1] + j * cell + side, start[2] + k * cell + side
-        near = among[level, : count[level]]
-        if edge == 1:
-            least = math.inf
-            for m in range(len(near)):
-                least = min(least, squared_distance(middle, corners[near[m]]))
-            out[i, j, k] = math.sqrt(least)
-        else:
-            level += 1
-            count[level] = nearest_ones(middle, math.sqrt(3.0) * side, corners, near, away, among[level])
-            first[level, 0], first[level, 1], first[level, 2], child[level] = i, j, k, 0
+    first_leaf, stack, nearest = len(boxes) // 2, np.empty(128, np.int64), 0
+    for k in range(len(points)):
+        point = corner(points, k)
+        least = squared_distance(point, corners[nearest])
+        stack[0], depth = 0, 1
+        while depth > 0:
+            depth -= 1
+            node = stack[depth]
+            if squared_away(point, boxes[node]) >= least:
+                continue
+            if node < first_leaf:
+                stack[depth], stack[depth + 1] = 2 * node + 1, 2 * node + 2
+                depth += 2
+                continue
+            start = (node - first_leaf) * LEAF
+            for j in range(start, min(start + LEAF, len(corners))):
+                away = squared_distance(point, corners[j])
+                if away < least:
+                    least, nearest = away, j
+        out[k] = math.sqrt(least)
 
 
 EDGE = 1e-9
@@ -289,7 +257,7 @@ def count_cuts(corners, normals, boxes, tolerance, counts, places):
 
     Args:
         corners: (t, 3, 3) [m] corners of the tree's triangles.
-        normals: (t, 3) their unit normals; triangles with normal zero are left out.
+        normals: (t, 3) their unit normals.
         boxes: (n, 2, 3) [m] boxes of the tree's nodes.
         tolerance: length [m] up to which triangles touch and do not cut each other.
         counts: (t,) int64, number of other triangles that cut each triangle, output.
@@ -299,8 +267,6 @@ def count_cuts(corners, normals, boxes, tolerance, counts, places):
     low, high = np.empty(3), np.empty(3)
     counts[:] = 0
     for i in range(len(corners)):
-        if normals[i, 0] == 0.0 and normals[i, 1] == 0.0 and normals[i, 2] == 0.0:
-            continue
         for x in range(3):
             low[x] = min(corners[i, 0, x], corners[i, 1, x], corners[i, 2, x])
             high[x] = max(corners[i, 0, x], corners[i, 1, x], corners[i, 2, x])
@@ -319,8 +285,6 @@ def count_cuts(corners, normals, boxes, tolerance, counts, places):
                 continue
             start = (node - first_leaf) * LEAF
             for j in range(max(start, i + 1), min(start + LEAF, len(corners))):
-                if normals[j, 0] == 0.0 and normals[j, 1] == 0.0 and normals[j, 2] == 0.0:
-                    continue
                 crossing, place = cut(corners[i], corners[j], corner(normals, i), corner(normals, j), tolerance)
                 if crossing:
                     for k in (i, j):

@@ -28,6 +28,10 @@ NEWTON_STEPS = 25
 """Limit of Newton steps for a point's reference coordinates; on a parallelepiped the first step is exact."""
 
 
+FARTHEST = 4.0
+"""Limit of the magnitude of reference coordinates in Newton's method."""
+
+
 SETTLED = 1e-8
 """Newton's method ends when a point's reference coordinates change by less than this. The remaining error is about the
 square of this value, below double precision.
@@ -39,24 +43,31 @@ def trilinear_weights(reference: NDArray[np.float64]) -> NDArray[np.float64]:
     return 0.125 * np.prod(1.0 + reference[..., None, :] * CORNERS, axis=-1)
 
 
+def trilinear_slopes(reference: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return dN_a/dxi_j (..., 8, 3) of the corners' weights at reference coordinates (..., 3)."""
+    factors = 1.0 + reference[..., None, :] * CORNERS
+    return 0.125 * CORNERS * factors[..., [1, 0, 0]] * factors[..., [2, 2, 1]]
+
+
 def reference_coordinates(
     points: NDArray[np.float64], corners: NDArray[np.float64], *, within: float = SETTLED
 ) -> NDArray[np.float64]:
     """Return the reference coordinates (k, 3) of points (k, 3), or of one point (3,), in cells with corners (k, 8, 3).
 
-    They invert the trilinear map by Newton's method and are limited to -3 .. 3. The iteration ends for a point when
-    none of its coordinates changes by more than ``within``.
+    They invert the trilinear map by Newton's method and are limited to -`FARTHEST` .. `FARTHEST`. The iteration ends
+    for a point when none of its coordinates changes by more than ``within``.
     """
     reference, sought = np.zeros((len(corners), 3)), np.arange(len(corners))
     points = np.broadcast_to(points, reference.shape)
     for _ in range(NEWTON_STEPS):
         last, nodes = reference[sought], corners[sought]
-        xi, eta, zeta = np.moveaxis(1.0 + last[:, None, :] * CORNERS, 2, 0)
-        slopes = CORNERS * np.stack([eta * zeta, xi * zeta, xi * eta], axis=2)
-        gap = points[sought] - np.einsum("ka,kai->ki", 0.125 * xi * eta * zeta, nodes)
-        jacobian = nodes.transpose(0, 2, 1) @ (0.125 * slopes)
-        moved = last + np.clip(np.linalg.solve(jacobian, gap[..., None])[..., 0], -1.0, 1.0)
-        reference[sought] = np.clip(moved, -3.0, 3.0)
+        gap = points[sought] - np.einsum("ka,kai->ki", trilinear_weights(last), nodes)
+        a, b, c = np.moveaxis(nodes.transpose(0, 2, 1) @ trilinear_slopes(last), 2, 0)
+        adjugate = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=1)
+        with np.errstate(divide="ignore", invalid="ignore"):  # the map may be singular far outside of a tapered cell
+            step = np.einsum("kij,kj->ki", adjugate, gap) / np.einsum("ki,ki->k", a, adjugate[:, 0])[:, None]
+        moved = np.clip(last + np.clip(step, -1.0, 1.0), -FARTHEST, FARTHEST)
+        reference[sought] = np.where(np.isnan(moved), FARTHEST, moved)
         sought = sought[np.abs(reference[sought] - last).max(axis=1) > within]
         if len(sought) == 0:
             break

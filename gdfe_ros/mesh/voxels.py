@@ -23,7 +23,7 @@ from gdfe_ros.mesh.generators import grid
 from gdfe_ros.mesh.mesh import HexMesh
 from gdfe_ros.mesh.mesh_input import require_file, unit_defects
 from gdfe_ros.mesh.shells import Shells, points_inside, shells
-from gdfe_ros.mesh.surface_edges import open_edges_of
+from gdfe_ros.mesh.surface_edges import odd_edges
 
 #: Suffixes of surface files.
 SUFFIXES = (".stl", ".obj", ".ply", ".off")
@@ -125,10 +125,8 @@ def fill_surface(
         where: name of the surface in an error.
 
     Raises:
-        MeshError: ``cell`` is not positive, the number of cubes is too large, or the grid is too coarse.
+        MeshError: the number of cubes is too large, or the grid is too coarse.
     """
-    if not (np.isfinite(cell) and cell > 0):
-        raise MeshError(where, [f"cell = {cell!r}; allowed: edge of the cubes [m] > 0"])
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     count = np.maximum(np.ceil((high - low) / cell - 1e-6), 1)
     if count.prod() > MOST_CUBES:
@@ -212,7 +210,7 @@ def _not_finite(vertices: NDArray[np.float64], triangles: NDArray[np.int64]) -> 
 
 
 def _open_edges(vertices: NDArray[np.float64], triangles: NDArray[np.int64]) -> list[str]:
-    odd = open_edges_of(triangles)
+    odd = odd_edges(triangles)
     if len(odd) == 0:
         return []
     x, y, z = vertices[odd[0]].mean(axis=0)

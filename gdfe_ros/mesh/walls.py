@@ -88,7 +88,7 @@ def thickness_at(
     doubled = np.linalg.norm(across, axis=1)
     solid = doubled > tolerance**2
     starts, outward, areas = starts[solid], across[solid] / doubled[solid, None], 0.5 * doubled[solid]
-    tree = BoxTree.of(vertices, triangles, flat=0.0)
+    tree = BoxTree.of(vertices, triangles)
     lengths, hits = np.empty(len(starts)), np.empty(len(starts), dtype=np.int64)
     places = starts.mean(axis=1)
     first_hits(places, np.ascontiguousarray(-outward), tree.corners, tree.boxes, tolerance, lengths, hits)
@@ -117,45 +117,31 @@ def measured(ratio: float) -> str:
 
 def flat_walls(mesh: TetMesh) -> list[str]:
     """Return a list with a remark on walls whose cells are too long for their thickness; empty if there are none."""
-    cells = wall_cells(mesh)
-    fraction = cells.walls.fraction(cells.flatness > FLATTEST)
+    walls, edges = wall_cells(mesh)
+    flatness = edges / walls.thickness
+    fraction = walls.fraction(flatness > FLATTEST)
     if fraction < LEAST_FRACTION:
         return []
-    worst = int(np.argmax(cells.flatness))
-    thickness, (x, y, z) = cells.walls.thickness[worst], cells.walls.places[worst]
+    worst = int(np.argmax(flatness))
+    thickness, (x, y, z) = walls.thickness[worst], walls.places[worst]
     return [
         f"{fraction:.0%} of the surface is at walls that are thin for their cells, the worst {thickness:.3g} m thick "
-        f"near ({x:.4g}, {y:.4g}, {z:.4g}) m. {measured(float(cells.flatness[worst]))}; remedy: a smaller `size`, or "
+        f"near ({x:.4g}, {y:.4g}, {z:.4g}) m. {measured(float(flatness[worst]))}; remedy: a smaller `size`, or "
         f"`least_size: {thickness:.2g}` beside `size`, which makes small cells only at thin walls"
     ]
 
 
-@dataclass(frozen=True, eq=False)
-class WallCells:
-    """The thickness of a mesh's walls beside the length of its cells.
+def wall_cells(mesh: TetMesh) -> tuple[Walls, NDArray[np.float64]]:
+    """Return the walls at the facets of a mesh's boundary, and the longest edge (k,) [m] of the face of each facet.
 
-    Attributes:
-        walls: thickness at the facets of the mesh's boundary; a six-node face has four facets.
-        edges: (k,) [m], longest edge of the face to which each facet belongs.
+    A six-node face has four facets.
     """
-
-    walls: Walls
-    edges: NDArray[np.float64]
-
-    @property
-    def flatness(self) -> NDArray[np.float64]:
-        """Edge divided by the thickness of the wall, (k,); zero where there is no wall."""
-        return self.edges / self.walls.thickness
-
-
-def wall_cells(mesh: TetMesh) -> WallCells:
-    """Return the thickness of the walls of a mesh of tetrahedra beside the length of its cells."""
     faces, vertices = mesh.boundary.quads, mesh.vertices
     corners = vertices[faces[:, :3]]
     edges = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
     triangles = facets(faces)
     walls, kept = thickness_at(vertices[triangles], vertices, triangles)
-    return WallCells(walls, np.repeat(edges, 4)[kept])
+    return walls, np.repeat(edges, 4)[kept]
 
 
 PARTS = 15.0

@@ -31,3 +31,13 @@ def test_a_point_on_a_face_has_the_cell_with_the_lowest_number() -> None:
     lowest = np.array([np.flatnonzero((mesh.cells == vertex).any(axis=1)).min() for vertex in range(mesh.n_vertices)])
     assert np.array_equal(cells, np.repeat(lowest, 50))
     assert np.abs(np.einsum("ka,kai->ki", weights, mesh.vertices[mesh.cells[cells]]) - points).max() < 1e-15
+
+
+def test_a_point_beyond_the_apex_of_a_tapered_cell_is_outside() -> None:
+    """Newton's steps towards a far point meet the apex, where the map is singular: the point is outside, no error."""
+    cell = bar((1.0, 1.0, 1.0), (1, 1, 1)).vertices - (0.5, 0.0, 0.0)
+    cell[:, 1:] *= 0.75 - 0.5 * cell[:, :1]
+    corners = cell[None, bar((1.0, 1.0, 1.0), (1, 1, 1)).cells[0]]
+    found = reference_coordinates(np.array([9.0, 0.0, 0.0]), corners)
+    assert np.isfinite(found).all()
+    assert np.abs(found).max() > 3.0

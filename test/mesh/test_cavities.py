@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 
 from gdfe_ros.mesh import bar, select_faces
-from gdfe_ros.mesh.cavities import find_cavities, open_edges
+from gdfe_ros.mesh.cavities import find_cavities
 from gdfe_ros.mesh.faces import enclosed_volume
 from gdfe_ros.mesh.generators import cut
 from gdfe_ros.mesh.round_bodies import sphere
 from gdfe_ros.mesh.selection import BoxSelection, Side, Where
+from gdfe_ros.mesh.surface_edges import open_edges
 
 CUBE = bar([1, 1, 1], [5, 5, 5])
 MIDDLE = Where(box=BoxSelection((0.2, 0.8), (-0.3, 0.3), (-0.3, 0.3)))

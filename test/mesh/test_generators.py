@@ -32,16 +32,6 @@ def test_bar_is_sound_and_has_its_volume() -> None:
     assert report.max_aspect == pytest.approx(2.5)
 
 
-def test_bar_names_every_bad_argument() -> None:
-    """Negative sizes and counts that are not whole and positive are refused, each by name."""
-    with pytest.raises(MeshError, match=r"size.*allowed: finite lengths > 0"):
-        bar([0.1, -0.1, 0.1], [1, 1, 1])
-    with pytest.raises(MeshError, match=r"cells.*whole numbers >= 1"):
-        bar([0.1, 0.1, 0.1], [1, 0, 1])
-    with pytest.raises(MeshError, match=r"cells"):
-        bar([0.1, 0.1, 0.1], [1, 1.5, 1])
-
-
 def test_grid_has_the_planes_asked_for() -> None:
     """A block with uneven planes has all planes, and every cell its volume."""
     x, y, z = [0.0, 0.1, 0.4], [-0.2, 0.3], [0.0, 0.01, 0.02, 0.1]

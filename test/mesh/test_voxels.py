@@ -110,7 +110,6 @@ BROKEN = [
     ("huge.stl", write(BOX), 0.5, r"the cubes have 52083% of the surface's volume"),
     ("coarse.stl", write(HOLLOW), 0.019, r"of 1 cavities 0 are left; remedy: a smaller cell"),
     ("fine.stl", write(BOX), 1e-6, r"gives 2.4e\+14 cubes; .*remedy: a cell of at least 0.00017 m"),
-    ("zero.stl", write(BOX), 0.0, r"cell = 0.0; allowed: edge of the cubes \[m\] > 0"),
     ("text.stl", lambda path: path.write_text("no solid here"), 0.01, r"cannot be read as .stl|no triangles"),
     ("empty.obj", lambda path: path.write_text("v 0 0 0\n"), 0.01, r"no triangles|cannot be read as .obj"),
     (
@@ -172,3 +171,10 @@ def test_collapsed_triangles_are_left_out(tmp_path: Path) -> None:
     trimesh.creation.box((0.04, 0.04, 1e-11)).export(tmp_path / "foil.stl")
     vertices, triangles, defects = examine_surface(tmp_path / "foil.stl")
     assert defects + winding_defects(vertices, triangles) == []
+
+
+def test_no_triangles_are_no_shells() -> None:
+    """Without triangles, as for a skin of which no shell is closed, there are no shells, and no point is inside."""
+    none = np.zeros((0, 3), dtype=np.int64)
+    assert shells(BOX.vertices, none).depths == ()
+    assert inside(np.zeros((0, 3)), BOX.vertices, BOX.faces).shape == (0,)

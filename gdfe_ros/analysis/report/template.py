@@ -11,8 +11,6 @@ from typing import Any
 
 from plotly.offline import get_plotlyjs
 
-from gdfe_ros.analysis.report.summary import Rows
-
 _FOLDER = files("gdfe_ros.analysis.report") / "page"
 
 
@@ -40,33 +38,33 @@ def build_page(
     *,
     title: str,
     description: str,
-    tables: Mapping[str, Rows],
+    tables: Sequence[str],
     charts: Sequence[Mapping[str, Any]],
-    animation: Mapping[str, Any],
-    arrays: Mapping[str, str],
     remarks: Sequence[str],
+    animation: Mapping[str, Any] | None = None,
+    arrays: Mapping[str, str] | None = None,
 ) -> str:
-    """Return the HTML text of the report.
+    """Return the HTML text of a report.
 
     Args:
         title: title of the page.
         description: one sentence below the title.
-        tables: dict from heading to rows.
-        charts: charts from ``charts.all_charts``.
-        animation: description from ``Animation.to_page``.
-        arrays: dict from array name to base64 text, from ``Animation.to_page``.
+        tables: sections from `tabulate`.
+        charts: charts as from ``charts.all_charts``.
         remarks: one line each, e.g. about the thinning of the data.
+        animation: description from ``Animation.to_page``; None for a report without a surface.
+        arrays: dict from array name to base64 text, from ``Animation.to_page``.
     """
     parts = {
         "title": escape(title),
         "description": escape(description),
         "style": read_file("page.css"),
-        "tables": "\n".join(tabulate(heading, rows) for heading, rows in tables.items()),
+        "tables": "\n".join(tables),
         "remarks": "\n".join(f"<li>{escape(text)}</li>" for text in remarks),
         "charts": to_json(charts),
         "animation": to_json(animation),
         "arrays": "\n".join(
-            f'<script type="text/plain" id="{escape(name)}">{text}</script>' for name, text in arrays.items()
+            f'<script type="text/plain" id="{escape(name)}">{text}</script>' for name, text in (arrays or {}).items()
         ),
         "plotly": get_plotlyjs(),
         "script": read_file("surroundings.js") + read_file("page.js"),

@@ -4,8 +4,8 @@ const SCALE = "Viridis";
 const charts = read("chart-data");
 const run = read("animation");
 
-const faces = new Uint32Array(bytes("faces"));
-const positions = new Uint16Array(bytes("positions"));
+const faces = new Uint32Array(run ? bytes("faces") : 0);
+const positions = new Uint16Array(run ? bytes("positions") : 0);
 const colours = {};
 
 // Colours are unpacked when they are first asked for.
@@ -202,8 +202,9 @@ async function play() {
 
 function start() {
   const drawn = drawCharts();
-  if (!run.times.length) {
-    element("body").innerHTML = "<p>The bag holds no mesh messages.</p>";
+  if (!run || !run.times.length) {
+    if (run) element("body").innerHTML = "<p>The bag holds no mesh messages.</p>";
+    else element("body").remove();
     drawn.then(() => { document.body.dataset.ready = "yes"; });
     return;
   }
