@@ -16,9 +16,8 @@ from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact import gap
 from gdfe_ros.solver.contact.contact_term import FAINT, ContactTerm
 from gdfe_ros.solver.contact.points import Near, Surfaces, find_stencils
-from gdfe_ros.solver.contact.skin import Skin
 from gdfe_ros.solver.contact.stencil import Stencils
-from gdfe_ros.solver.contact.surface import SHAPE, TURNED, ContactSurface, Corners
+from gdfe_ros.solver.contact.surface import SHAPE, TURNED, CarriedPoints, ContactSurface
 from gdfe_ros.solver.contact.touch import NOTHING, Touch
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.state import Saved, State
@@ -58,12 +57,13 @@ class Contact(ContactTerm):
         name: str,
         touched: Obstacle,
         body: Body,
-        points: ContactSurface | Corners,
+        points: CarriedPoints,
         *,
         friction: float,
         restitution: float,
     ) -> None:
         self._touched, self._points, self._radius = touched, points, 0.0
+        self.ANCHOR = 3 + points.carriers.shape[1]
         count, vertices = len(points.carriers), points.carriers.ravel()
         if isinstance(touched, RigidBody):
             vertices = np.concatenate([vertices, touched.vertices])
@@ -102,7 +102,7 @@ class Contact(ContactTerm):
 
     def fit(self, matrix: ConstantMatrix) -> None:
         """Take the stiffnesses of the points from the constant matrix' diagonal."""
-        self._scale = self._points.stiffness(matrix.assembled.diagonal())
+        self._scale = 1.0 / self._points.compliance(self._body, matrix.assembled.diagonal())
 
     def leave_out(self, held: Sequence[tuple[str, NDArray[np.int32]]]) -> None:
         """Leave out points that something else holds in their places: a grip's and a contact's forces would add up.
@@ -145,7 +145,7 @@ class Contact(ContactTerm):
     def find_stencils(self, positions: NDArray[np.float64]) -> Stencils:
         """Return the stencils of the chosen points at ``positions`` (n, 3) [m], and turn their forces."""
         ends = self._points.carriers[self._chosen]
-        pressing, rubbing = self._points.weights[self._chosen], self._rubbing_weights()
+        pressing, rubbing = self._points.weights[self._chosen], self._anchors[:, 3:].copy()
         if isinstance(self._touched, RigidBody):
             self._take_frame(positions)
             four = np.zeros((len(ends), 4))
@@ -254,7 +254,7 @@ class Contact(ContactTerm):
         length = np.linalg.norm(normals, axis=1, keepdims=True)  # below 1 at a mesh's edges
         return Touch(
             vertices=self._points.vertices[on] if self.on_body else np.zeros(0, dtype=np.int32),
-            points=self._points.points[on] if isinstance(self._points, Skin) else np.zeros(0, dtype=np.int32),
+            points=self._points.points[on] if self.on_body else np.zeros(0, dtype=np.int32),
             places=places - self._radius * normals + origin,
             normals=normals / np.maximum(length, np.finfo(float).tiny),
             gaps=gaps - self._radius,
@@ -285,11 +285,6 @@ class Contact(ContactTerm):
     def _take_frame(self, positions: NDArray[np.float64]) -> None:
         """Write the obstacle's present frame to the numbers of the term."""
         self._origin[...], self._axes[...] = self._frame(positions, self._pose)
-
-    def _entered(self, starts: NDArray[np.float64], places: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return entry planes (p, 4) of points that move from ``starts``, in the frame, to ``places`` (p, 3) [m]."""
-        given = ENTRY * self._body.size, self._form, self._touched.form.kind
-        return gap.find_entries(starts, self._in_frame(places), *given)
 
     def _starts(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the positions (p, 3) [m] of the points at the end of the last step, in the obstacle's frame.
@@ -332,7 +327,7 @@ class Contact(ContactTerm):
         return shift + angle * farthest
 
     def _take_none(self) -> None:
-        self._chosen = self._faces = np.zeros(0, dtype=np.int64)
+        self._chosen, self._around = np.zeros(0, dtype=np.int64), np.zeros((2, 0, 4))
         self._press, self._shear, self.integers[0] = np.zeros(0), np.zeros((0, 3)), 0
 
     def _in_frame(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -342,51 +337,43 @@ class Contact(ContactTerm):
         """Choose the points that are near at ``positions`` (n, 3) [m], touched in the last step, or enter now."""
         places = self._points.at(positions)
         self._take_frame(positions)
-        self._measure(places)
+        self._distances, self._normals = gap.measure(places, *self._obstacle)
+        self._distances -= self._radius
         self._seen, self._seen_at, self._lag = positions.copy(), self._pose, 0.0
         self._clear = self._distances.min(initial=np.inf) - REACH * self._body.size
         self._began = self._starts(places)
-        planes = self._entered(self._began, places)
+        planes = gap.find_entries(self._began, self._in_frame(places), ENTRY * self._body.size, *self._obstacle[1:])
         near = (self._distances < REACH * self._body.size) | (saved["press"] > 0.0) | planes[:, :3].any(axis=1)
         self._chosen = chosen = self._first_to_touch(np.flatnonzero(near & ~self._held_fast), places)
         self._press, self._shear = saved["press"][chosen], saved["shear"][chosen] @ self._axes.T
         self._planes, self._fixed = planes[chosen], np.zeros(len(chosen), dtype=bool)
         self._offsets = np.full(len(chosen), self._radius)
         self._set_anchors(saved, positions)
-        faces = self._touched.points is ContactPoints.FACES
-        self._faces = self._points.about(chosen) if faces else np.zeros(0, np.int64)
-        if self.corrects:
-            self._around = self._points.quads[self._faces], self._points.gauss[self._faces]
+        faces = self.on_body and self._touched.points is ContactPoints.FACES
+        self._around = self._points.about(chosen) if faces else np.zeros((2, 0, 4))
 
     def _first_to_touch(self, near: NDArray[np.int64], places: NDArray[np.float64]) -> NDArray[np.int64]:
         """Return those of the points ``near`` (k,) that may touch before others do; ``places`` are of all points."""
         return near
 
-    def _measure(self, places: NDArray[np.float64]) -> None:
-        """Write the distances [m] and normals of all points at ``places`` (p, 3) [m] to the term's arrays."""
-        gap.distances(places, *self._obstacle, self._distances, self._normals)
-
     def _set_anchors(self, saved: Saved, positions: NDArray[np.float64]) -> None:
         """Set the anchors of the chosen points at the start of a step, in the obstacle's frame."""
         anchors = saved["anchor"][self._chosen]
-        self._anchors[...] = np.where(np.isnan(anchors), self._began[self._chosen], anchors)
+        self._anchors[:, :3] = np.where(np.isnan(anchors), self._began[self._chosen], anchors)
+        self._anchors[:, 3:] = self._points.weights[self._chosen]
 
     def _kept(self) -> NDArray[np.float64]:
         """Return the anchors (k, 3) [m] that the state stores for the chosen points."""
-        return self._anchors
+        return self._anchors[:, :3]
 
     def _rubbing(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the positions (k, 3) [m] at which friction acts on the chosen points."""
-        return self._points.at(positions)[self._chosen]
-
-    def _rubbing_weights(self) -> NDArray[np.float64]:
-        """Return the weights (k, c) of the carriers in these positions."""
-        return self._points.weights[self._chosen]
+        return np.einsum("ka,kai->ki", self._anchors[:, 3:], positions[self._points.carriers[self._chosen]])
 
     @property
     def corrects(self) -> bool:
         """Whether the gaps have offsets that depend on the positions."""
-        return len(self._faces) > 0
+        return len(self._around[0]) > 0
 
     def correct(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the offsets (k,) [m] of the chosen points at ``positions`` (n, 3) [m].

@@ -53,8 +53,10 @@ class ContactTerm(Term):
 
     kernel = held_entry
     on_body, corrects, held_mass = False, False, 0.0
-    ANCHOR: ClassVar[int] = 3
-    """Numbers of each point that derivatives differentiate: its anchor, the place where its slip begins."""
+    ANCHOR: int = 3
+    """Numbers of each point that derivatives differentiate: its anchor, the place where its slip begins; for contact
+    with an obstacle or rigid body, also the weights of the material point on which friction acts.
+    """
     OTHERS: ClassVar[int] = 0
     """Further numbers that derivatives differentiate."""
 

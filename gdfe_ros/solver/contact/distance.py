@@ -20,14 +20,9 @@ def signed_distance(kind, a, b, c, x, y, z):
     """
     if kind == PLANE:
         return z, 0.0, 0.0, 1.0
-    if kind == SPHERE:
-        length = math.sqrt(x * x + y * y + z * z)
-        if length == 0.0:
-            return -a, 0.0, 0.0, 1.0
-        return length - a, x / length, y / length, z / length
     if kind == BOX:
         return box_distance(a, b, c, x, y, z)
-    if kind == CAPSULE:
+    if kind in (SPHERE, CAPSULE):
         z -= min(max(z, -b), b)
         length = math.sqrt(x * x + y * y + z * z)
         if length == 0.0:

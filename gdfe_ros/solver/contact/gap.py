@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from gdfe_ros.compiled import inlined, kernel
 from gdfe_ros.constraints.form import Form
+from gdfe_ros.mesh.triples import along, combine, corner, dot, minus
 from gdfe_ros.solver.contact.distance import MESH, signed_distance
 from gdfe_ros.solver.contact.grid import SURE, grid_distance
 
@@ -22,23 +23,21 @@ SMOOTH = 0.95
 
 
 @inlined
+def row(frame, i):
+    """Return row ``i`` (3,) of the rotation of a frame."""
+    return frame[3 * i], frame[3 * i + 1], frame[3 * i + 2]
+
+
+@inlined
 def in_frame(frame, dx, dy, dz):
     """Return the components of a world vector along the frame's axes."""
-    return (
-        frame[0] * dx + frame[3] * dy + frame[6] * dz,
-        frame[1] * dx + frame[4] * dy + frame[7] * dz,
-        frame[2] * dx + frame[5] * dy + frame[8] * dz,
-    )
+    return combine(dx, row(frame, 0), dy, row(frame, 1), dz, row(frame, 2))
 
 
 @inlined
 def in_world(frame, a, b, c):
     """Return the world components of a vector that is given along the frame's axes."""
-    return (
-        frame[0] * a + frame[1] * b + frame[2] * c,
-        frame[3] * a + frame[4] * b + frame[5] * c,
-        frame[6] * a + frame[7] * b + frame[8] * c,
-    )
+    return dot(row(frame, 0), (a, b, c)), dot(row(frame, 1), (a, b, c)), dot(row(frame, 2), (a, b, c))
 
 
 @inlined
@@ -70,64 +69,46 @@ def form_numbers(form: Form) -> NDArray[np.float64]:
     return np.concatenate([form.numbers, form.samples])
 
 
-def measure(
-    points: NDArray[np.float64], frame: NDArray[np.float64], form: NDArray[np.float64], kind: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+@kernel
+def measure(points, frame, form, kind):
     """Return signed distances (k,) [m] of ``points`` (k, 3) [m] from the obstacle, and their gradients (k, 3)."""
     away, normals = np.empty(len(points)), np.empty((len(points), 3))
-    distances(points, frame, form, kind, away, normals)
+    for i in range(len(points)):
+        found = distance_at(kind, frame, form, points[i, 0], points[i, 1], points[i, 2])
+        away[i], normals[i, 0], normals[i, 1], normals[i, 2] = found
     return away, normals
 
 
 @kernel
-def distances(points, frame, form, kind, out, normals):
-    """Write the signed distances of ``points`` (k, 3) [m] from the obstacle to ``out`` (k,) [m], and normals (k, 3)."""
-    for i in range(len(points)):
-        found = distance_at(kind, frame, form, points[i, 0], points[i, 1], points[i, 2])
-        out[i], normals[i, 0], normals[i, 1], normals[i, 2] = found
+def find_entries(starts, ends, reach, form, kind):
+    """Return the entry planes (k, 4) of points that move on straight lines from ``starts`` to ``ends`` (k, 3) [m].
 
-
-def find_entries(
-    starts: NDArray[np.float64], ends: NDArray[np.float64], reach: float, form: NDArray[np.float64], kind: int
-) -> NDArray[np.float64]:
-    """Return the entry planes (k, 4) of points, see `entries`: zero for those that move by less than ``reach`` [m]."""
-    planes, moved = np.zeros((len(ends), 4)), ends - starts
-    fast = np.flatnonzero(np.einsum("ki,ki->k", moved, moved) > reach * reach)
-    if len(fast):
-        found = np.empty((len(fast), 4))
-        entries(starts[fast], ends[fast], reach, form, kind, found)
-        planes[fast] = found
-    return planes
-
-
-@kernel
-def entries(starts, ends, reach, form, kind, planes):
-    """Write the entry planes (k, 4) of points that move on straight lines from ``starts`` to ``ends`` (k, 3) [m].
-
-    All positions and planes are in the frame. Rows of points that do not enter the obstacle are zero. A point that
-    starts nearer than ``reach`` [m] counts as entering only if the obstacle would push it out on the other side at the
-    path's end. Each path is sphere-traced: each move is as long as the distance to the obstacle at its start.
+    All positions and planes are in the frame. Rows of points that do not enter the obstacle, or move by less than
+    ``reach`` [m], are zero. A point that starts nearer than ``reach`` counts as entering only if the obstacle would
+    push it out on the other side at the path's end. Each path is sphere-traced: each move is as long as the distance to
+    the obstacle at its start.
     """
+    planes = np.zeros((len(starts), 4))
     for i in range(len(starts)):
-        planes[i] = 0.0
-        offset = ends[i] - starts[i]
-        length = math.sqrt(offset[0] * offset[0] + offset[1] * offset[1] + offset[2] * offset[2])
-        gone = 0.0
+        start, offset = corner(starts, i), minus(corner(ends, i), corner(starts, i))
+        length, gone = math.sqrt(dot(offset, offset)), 0.0
+        if not length > reach:
+            continue
         for _ in range(MOST_STEPS):
-            p = starts[i] + (gone / length) * offset if length > 0.0 else starts[i]
+            p = along(1.0, start, gone / length, offset)
             g, nx, ny, nz = distance_in_frame(kind, form, p[0], p[1], p[2])
             if gone == 0.0 and g < reach:
                 _, ex, ey, ez = distance_in_frame(kind, form, ends[i, 0], ends[i, 1], ends[i, 2])
                 if nx * ex + ny * ey + nz * ez >= 0.0:
                     break
             if g < reach:
-                nx, ny, nz = unit(nx, ny, nz)
-                planes[i, 0], planes[i, 1], planes[i, 2] = nx, ny, nz
-                planes[i, 3] = nx * p[0] + ny * p[1] + nz * p[2] - g
+                n = unit(nx, ny, nz)
+                planes[i, 0], planes[i, 1], planes[i, 2], planes[i, 3] = n[0], n[1], n[2], dot(n, p) - g
                 break
             gone += g if kind != MESH else SURE * g
             if gone >= length:
                 break
+    return planes
 
 
 @kernel
@@ -138,21 +119,19 @@ def nearness(x, quads, gauss, shape, frame, form, kind, out):
     distributed to its vertices. A face that spans an edge of the obstacle is left out, because the normals at its
     corners differ.
     """
-    corner, normal = np.empty(4), np.empty((4, 3))
+    away = np.empty(4)
     for q in range(len(quads)):
+        normal = 0.0, 0.0, 0.0
         for a in range(4):
-            v = quads[q, a]
-            corner[a], normal[a, 0], normal[a, 1], normal[a, 2] = distance_at(
-                kind, frame, form, x[v, 0], x[v, 1], x[v, 2]
-            )
-        mean = np.sqrt(np.square(normal.sum(axis=0)).sum())
-        if mean < 4.0 * SMOOTH:
+            place = corner(x, quads[q, a])
+            away[a], nx, ny, nz = distance_at(kind, frame, form, place[0], place[1], place[2])
+            normal = along(1.0, normal, 1.0, (nx, ny, nz))
+        if math.sqrt(dot(normal, normal)) < 4.0 * SMOOTH:
             continue
         for p in range(4):
-            px, py, pz, told = 0.0, 0.0, 0.0, 0.0
+            place, told = (0.0, 0.0, 0.0), 0.0
             for a in range(4):
-                w, v = shape[p, a], quads[q, a]
-                px, py, pz, told = px + w * x[v, 0], py + w * x[v, 1], pz + w * x[v, 2], told + w * corner[a]
-            nearer = gauss[q, p] * (told - distance_at(kind, frame, form, px, py, pz)[0])
+                place, told = along(1.0, place, shape[p, a], corner(x, quads[q, a])), told + shape[p, a] * away[a]
+            nearer = gauss[q, p] * (told - distance_at(kind, frame, form, place[0], place[1], place[2])[0])
             for a in range(4):
                 out[quads[q, a]] += shape[p, a] * nearer

@@ -1,26 +1,26 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Penetration of the body into itself: vertices inside foreign cells, and their depth, independent of contact pairs."""
+"""Penetration of the body into itself: points of its surface in foreign cells, and their depth, whatever touches."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import sparse
 
 from gdfe_ros.constraints.obstacle import SelfContact
 from gdfe_ros.mesh.faces import vertex_pieces
 from gdfe_ros.mesh.tet_faces import flat_quads
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.contact.own_points import OwnPoints, incidence
+from gdfe_ros.solver.contact.near import boxes_around, find_near, ragged
 from gdfe_ros.solver.contact.own_surface import Topology, flat_boundary
-from gdfe_ros.solver.contact.penetration import InnerCells, WholeSurface, find_inside
+from gdfe_ros.solver.contact.penetration import FilledCells, find_inside
+from gdfe_ros.solver.contact.surface import BodyPoints
 
 SEPARATE = "remedy: return to a sound state and approach in smaller steps, or move the parts away from each other"
 ROUGH = "; without friction, parts that are pressed on each other may slide aside: try self_contact: {friction: 0.1}"
 
 
 class Inside:
-    """Search for surface vertices that have penetrated into other cells of the body.
+    """Search for points of the surface that have penetrated into other cells of the body.
 
     Where a part touches by its skin, contact points and their triangles replace the vertices and faces of its cells.
 
@@ -31,27 +31,25 @@ class Inside:
         meant: the self-contact definition, which gives the names of the parts.
     """
 
-    def __init__(self, body: Body, points: OwnPoints, surface: Topology, meant: SelfContact) -> None:
-        self._meant, self._points = meant, points
-        simple, (faces, around) = body.cell_type.simple, _whole_surface(body, points)
+    def __init__(self, body: Body, points: BodyPoints, surface: Topology, meant: SelfContact) -> None:
+        self._meant, self._points, simple = meant, points, body.cell_type.simple
+        quads, _ = flat_boundary(body)
+        if body.skin is not None:
+            quads = np.concatenate([body.skin.without(quads), flat_quads(body.skin.faces) + np.int32(points.count)])
         pieces = vertex_pieces(body.cells, len(body.rest))
-        near = points.about(body.cells, np.repeat(body.cells, len(simple), axis=0))
-        cells = np.ascontiguousarray(body.cells[:, simple].reshape(-1, 8))
+        owners = pieces[points.vertices[quads[:, 0]]]
+        quads = np.ascontiguousarray(quads[np.argsort(owners, kind="stable")], dtype=np.int32)
         chosen = {tuple(quad) for quad in surface.quads.tolist()}
-        touchable = np.array([tuple(quad) in chosen for quad in faces.tolist()])
-        owners = pieces[points.main[faces[:, 0]]]
-        order, count = np.argsort(owners, kind="stable"), int(pieces.max()) + 1
-        starts = np.searchsorted(owners[order], np.arange(count + 1)).astype(np.int64)
-        quads = np.ascontiguousarray(faces[order], dtype=np.int32)
-        around = around[:, order].tocsr()[np.repeat(np.arange(len(body.cells)), len(simple))]
-        rest = points.at(body.rest)
-        self._surface = WholeSurface(surface.vertices, quads, touchable[order], starts, *_ragged(around), rest)
-        owners = pieces[cells[:, 0]].astype(np.int64)
-        self._inner = InnerCells(cells, owners, *_ragged(near))
-        middles = np.flatnonzero(touchable[order]) + len(rest)
-        self._middles = self._surface._replace(vertices=middles.astype(np.int32))
-        self._about = InnerCells(cells, owners, *_ragged(_whole_faces(near, quads)))
-        self._deep = surface.depth
+        touchable = np.array([tuple(quad) in chosen for quad in quads.tolist()])
+        count = int(pieces.max()) + 1
+        starts = np.searchsorted(np.sort(owners), np.arange(count + 1)).astype(np.int64)
+        lined = np.isin(np.arange(count), pieces[points.vertices[quads[quads[:, 0] >= points.count, 0]]])
+        cells = np.ascontiguousarray(body.cells[:, simple].reshape(-1, 8))
+        near = ragged(points.around(body.cells, np.repeat(body.cells, len(simple), axis=0)))
+        owners, rest = pieces[cells[:, 0]].astype(np.int64), points.at(body.rest)
+        self._material = FilledCells(cells, owners, near, quads, touchable, starts, lined, rest)
+        self._tested = np.concatenate([np.repeat(surface.vertices[:, None], 4, axis=1), quads[touchable]])
+        self._count, self._deep = len(surface.vertices), surface.depth
 
     def depths(self, x: NDArray[np.float64], bound: float) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
         """Return the penetration depth [m] of each surface vertex (k,), and the cell in which it lies (k,).
@@ -64,78 +62,37 @@ class Inside:
             x: (n + p, 3) [m] positions.
             bound: [m] least depth that is reported.
         """
-        return _found(x, self._surface, self._inner, bound)
+        depths, cells = self._find(x, bound)
+        return depths[: self._count], cells[: self._count]
+
+    def _find(self, x: NDArray[np.float64], bound: float) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        """Return what `depths` returns, also of the middles of faces that are at least a quarter of an edge deep.
+
+        Two plates of one cell that lie in one plane and overlap have all vertices on the surface of each other. Nothing
+        is found if a position is not finite.
+        """
+        depth, bounds = np.zeros(len(self._tested)), np.full(len(self._tested), bound)
+        cell, bounds[self._count :] = np.full(len(depth), -1, dtype=np.int64), self._deep
+        if np.isfinite(x).all():
+            places, material = 0.25 * np.einsum("kai->ki", x[self._tested]), self._material
+            boxes, cells = np.stack([places, places], axis=1), boxes_around(x, material.cells)
+            pairs = find_near(boxes, cells, self._tested, material.near, 0.0)
+            find_inside(x, material, self._tested, places, pairs, bounds, depth, cell)
+        return depth, cell
 
     def told(self, x: NDArray[np.float64], bound: float) -> tuple[float, str]:
         """Return the largest penetration depth [m], and a sentence with parts, depth and place; 0 and empty if none."""
-        depths, cells = self.depths(x, bound)
-        deepest, vertices = int(depths.argmax()), self._surface.vertices
-        if not depths[deepest] > 0.0:
-            depths, cells = self._middle_depths(x)
-            deepest, vertices = int(depths.argmax()), self._surface.quads[self._middles.vertices - len(x), 0]
+        depths, cells = self._find(x, bound)
+        deepest = int(depths.argmax())
         if not depths[deepest] > 0.0:
             return 0.0, ""
-        vertex, depth = vertices[deepest], float(depths[deepest])
-        return depth, self._sentence(vertex, self._inner.cells[cells[deepest], 0], x[vertex], depth)
+        own, other, depth = self._tested[deepest], self._material.cells[cells[deepest], 0], float(depths[deepest])
+        return depth, self.sentence(own[0], other, x[own].mean(axis=0), depth)
 
-    def _middle_depths(self, x: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-        """Return depths and cells of the middles of the faces, where they are at least a quarter of an edge deep.
-
-        Two plates of one cell that lie in one plane and overlap have all vertices on the surface of each other.
-        """
-        whole = np.concatenate([x, x[self._surface.quads].mean(axis=1)])
-        return _found(whole, self._middles, self._about, self._deep)
-
-    def told_of(self, x: NDArray[np.float64], ends: NDArray[np.int32], depth: float) -> str:
-        """Return the sentence of `told` for two edges with the vertices ``ends`` (2, 2) that have passed each other."""
-        return self._sentence(ends[0, 0], ends[1, 0], x[ends].mean(axis=(0, 1)), depth)
-
-    def _sentence(self, vertex: int, within: int, place: NDArray[np.float64], depth: float) -> str:
+    def sentence(self, vertex: int, within: int, place: NDArray[np.float64], depth: float) -> str:
         """Return a sentence about a vertex that lies inside of the part of another vertex, deepest at ``place`` [m]."""
-        own, other = (self._meant.owner(self._points.main[point]) for point in (vertex, within))
+        own, other = (self._meant.owner(self._points.vertices[point]) for point in (vertex, within))
         where = ", ".join(f"{value:.4g}" for value in place + self._meant.origin)
         inside = f"{depth:.3g} m inside of {'itself' if own == other else other}"
         rough = "" if self._meant.friction else ROUGH
         return f"{own} lies {inside}, deepest at [{where}] m; {SEPARATE}{rough}"
-
-
-def _found(
-    x: NDArray[np.float64], surface: WholeSurface, inner: InnerCells, bound: float
-) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Return the result of `find_inside`; nothing is found if a position is not finite."""
-    count = len(surface.vertices)
-    depth, cell = np.zeros(count), np.full(count, -1, dtype=np.int64)
-    if np.isfinite(x).all():
-        find_inside(x, surface, inner, bound, depth, cell)
-    return depth, cell
-
-
-def _whole_surface(body: Body, points: OwnPoints) -> tuple[NDArray[np.int32], sparse.csr_matrix]:
-    """Return all faces (q, 4) of a body, and for each cell, the triangles of skins around it, as a matrix (m, q).
-
-    The faces are triangles of contact points, and the boundary faces of other parts.
-    """
-    quads, _ = flat_boundary(body)
-    if body.skin is None:
-        return quads, sparse.csr_matrix((len(body.cells), len(quads)))
-    quads = body.skin.without(quads)
-    lined = flat_quads(body.skin.faces) + np.int32(points.count)
-    carrying = incidence(points.corners[body.skin.faces].reshape(len(lined), -1), points.count)
-    none = sparse.csr_matrix((len(body.cells), len(quads)), dtype=carrying.dtype)
-    around = sparse.hstack([none, incidence(body.cells, points.count) @ carrying.T])
-    return np.concatenate([quads, lined]), around.tocsc()
-
-
-def _whole_faces(near: sparse.csr_matrix, quads: NDArray[np.int32]) -> sparse.csr_matrix:
-    """Return the faces (m, n + p + q) whose corners are all ``near`` (m, n + p) each cell, as numbers of middles."""
-    some = sparse.csr_matrix((np.ones(near.nnz, np.int32), near.indices, near.indptr), shape=near.shape)
-    counts = (some @ incidence(quads, near.shape[1]).T).tocsr()  # a triangle counts its last corner twice
-    counts.data = (counts.data == quads.shape[1]).astype(np.int32)
-    counts.eliminate_zeros()
-    counts.sort_indices()
-    return sparse.hstack([sparse.csr_matrix(near.shape, dtype=np.int32), counts]).tocsr()
-
-
-def _ragged(rows: sparse.csr_matrix) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return the offsets (m + 1,) and values of the list of columns in each of m rows."""
-    return rows.indptr.astype(np.int64), rows.indices.astype(np.int64)

@@ -13,7 +13,7 @@ from gdfe_ros.constraints import Handle, Pose
 from gdfe_ros.constraints.form import Form
 from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.constraints.rigid_body import RigidBody
-from gdfe_ros.mesh.shells import solid_angles
+from gdfe_ros.mesh.shells import inside
 from gdfe_ros.solver.contact import gap
 
 TOUCHING = 1e-3
@@ -24,8 +24,6 @@ each refinement.
 """
 MOST_SHIFTS = 20
 """Largest number of shifts that move a body out of another one. One shift is enough, except where edges cross."""
-WITHIN = 0.75
-"""A point is inside, not on the edge, if the surface covers more than this fraction of all directions from it."""
 SKIN = 0.98
 """Factor by which a rigid body is shrunk before its surface points are tested for being inside of the soft body."""
 
@@ -43,6 +41,12 @@ class Placed:
     thing: Obstacle
     origin: NDArray[np.float64]
     axes: NDArray[np.float64]
+
+    @classmethod
+    def now(cls, thing: Obstacle, poses: Mapping[str, Pose], positions: NDArray[np.float64]) -> Placed:
+        """Return an obstacle at its commanded pose, or a rigid body at the pose of its vertices (n, 3) [m]."""
+        rigid = isinstance(thing, RigidBody)
+        return cls(thing, *(thing.found(positions) if rigid else thing.frame(poses[thing.name])))
 
     @property
     def half(self) -> NDArray[np.float64]:
@@ -66,12 +70,7 @@ def placed_at_rest(handles: Sequence[Handle]) -> list[Placed]:
 
 def placed_now(handles: Sequence[Handle], poses: Mapping[str, Pose], positions: NDArray[np.float64]) -> list[Placed]:
     """Return obstacles at their commanded poses, and rigid bodies at the poses of their vertices (n, 3) [m]."""
-    found = []
-    for each in handles:
-        if isinstance(each, Obstacle):
-            rigid = isinstance(each, RigidBody)
-            found.append(Placed(each, *(each.found(positions) if rigid else each.frame(poses[each.name]))))
-    return found
+    return [Placed.now(each, poses, positions) for each in handles if isinstance(each, Obstacle)]
 
 
 def overlaps(placed: Sequence[Placed], names: Collection[str] | None = None) -> Iterator[str]:
@@ -101,9 +100,10 @@ def inside_surface(one: Placed, points: NDArray[np.float64], quads: NDArray[np.i
         quads: (q, 4) faces of its surface.
     """
     depth = -float(one.seen_from(points[np.unique(quads)])[0].min(initial=0.0))
+    triangles = quads[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3)
     if depth > TOUCHING * _diagonal(one):
         where = f"{depth:.3g} m inside of the soft body"
-    elif _seen_share(one.world(SKIN * np.vstack([one.thing.form.skin, np.zeros(3)])), points[quads]) > WITHIN:
+    elif inside(one.world(SKIN * np.vstack([one.thing.form.skin, np.zeros(3)])), points, triangles).any():
         where = "inside of the soft body, between vertices of its surface"
     else:
         return ""
@@ -145,13 +145,3 @@ def _depth(one: Placed, other: Placed) -> tuple[float, NDArray[np.float64]]:
             least, direction, middle = float(sums[deepest]), normals[deepest], places[deepest]
         half = CLOSER * half
     return max(0.0, -least), direction
-
-
-def _seen_share(points: NDArray[np.float64], corners: NDArray[np.float64]) -> float:
-    """Return the largest sum of the solid angles of faces (q, 4, 3) [m] at any of ``points`` (k, 3) [m], over 4 pi."""
-    largest = 0.0
-    for point in points:
-        away = corners - point
-        total = sum(float(solid_angles(away[:, chosen]).sum()) for chosen in ([0, 1, 2], [0, 2, 3]))
-        largest = max(largest, total / (4.0 * np.pi))
-    return largest

@@ -12,15 +12,15 @@ from numpy.typing import NDArray
 from gdfe_ros.constraints import Pose
 from gdfe_ros.constraints.obstacle import NAME, SelfContact
 from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.contact.closest import Nearest
 from gdfe_ros.solver.contact.contact import SLIP
 from gdfe_ros.solver.contact.contact_term import MARGIN, ContactTerm
-from gdfe_ros.solver.contact.crossing import LEAST, SEATS
+from gdfe_ros.solver.contact.crossing import LEAST
 from gdfe_ros.solver.contact.inside import Inside
-from gdfe_ros.solver.contact.own_pairs import OwnPairs
-from gdfe_ros.solver.contact.own_points import OwnPoints
-from gdfe_ros.solver.contact.own_surface import Nearest
-from gdfe_ros.solver.contact.pair_touch import frames, tangential, touching_points
-from gdfe_ros.solver.contact.stencil import Stencils
+from gdfe_ros.solver.contact.own_pairs import NONE, OwnPairs
+from gdfe_ros.solver.contact.pair_touch import frames, touching_points
+from gdfe_ros.solver.contact.stencil import Stencils, write_axes
+from gdfe_ros.solver.contact.surface import BodyPoints
 from gdfe_ros.solver.contact.touch import NOTHING, Touch
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.state import Saved, State
@@ -52,24 +52,20 @@ class OwnContact(ContactTerm):
     """
 
     def __init__(self, meant: SelfContact, body: Body) -> None:
-        self.points = OwnPoints.of(body)
+        self.points = BodyPoints.of(body)
         self.pairs = OwnPairs(body, self.points, meant)
         self.surface = self.pairs.surface
-        self.penetration = Inside(body, self.points, self.surface.topology, meant)
-        touching = self.surface.topology.vertices
-        given = self.pairs.count, np.unique(self.points.carriers[touching])
+        self.penetration = Inside(body, self.points, self.surface, meant)
+        given = self.pairs.count, np.unique(self.points.carriers[self.surface.vertices])
         super().__init__(NAME, body, *given, friction=meant.friction, restitution=meant.restitution)
-        self._yielding, self.valid = np.zeros(0), VALID * self.surface.topology.depth
+        self._yielding, self.valid = np.zeros(0), VALID * self.surface.depth
         self._begins, self._clear, self._clearance = False, False, 0.0
-        self._aside = MARGIN * body.size + self.surface.topology.rim  # pairs that stay farther apart take no part
+        self._aside = MARGIN * body.size + self.surface.rim  # pairs that stay farther apart take no part
         self._last: State | None = None
-        self._reach, self._sunk = 0.0, np.zeros(len(touching), dtype=np.bool_)
+        self._reach, self._now = 0.0, Nearest.none(0)
         self._slid: NDArray[np.float64] | None = None
-        self._free.update(
-            normal=self._free["shear"],
-            face=np.full(self.pairs.count, -1.0),
-            weights=np.zeros((self.pairs.count, 4)),
-        )
+        count = self.pairs.count
+        self._free |= {"normal": self._free["shear"], "face": np.full(count, -1.0), "weights": np.zeros((count, 4))}
 
     @property
     def scale(self) -> NDArray[np.float64]:
@@ -78,7 +74,7 @@ class OwnContact(ContactTerm):
 
     def fit(self, matrix: ConstantMatrix) -> None:
         """Set the points' compliances from the constant matrix' diagonal; vertices that handles drive have none."""
-        self._yielding = self.points.yielding(self._body, matrix.assembled.diagonal())
+        self._yielding = self.points.compliance(self._body, matrix.assembled.diagonal())
 
     def aim(self, poses: Mapping[str, Pose], last: State) -> None:
         """Set the state from which pairs are searched: the anchor of ``last`` if it has one, else ``last`` itself."""
@@ -90,10 +86,10 @@ class OwnContact(ContactTerm):
         last = x if self._last is None else self.points.at(self._last.positions)
         self._from = self._seen = last
         far = self.pairs.motion(x, last)
-        self._begins = far > self.surface.topology.depth
+        self._begins = far > self.surface.depth
         self._find_sunk()
         self._set_reach(x, 0.0)
-        found = self.pairs.look(last, last, self._reach, saved["face"].astype(np.int64), self._sunk)
+        found = self.pairs.look(last, last, self._reach, saved["face"].astype(np.int64), sunk=self._sunk)
         self._slid, on = None, found.face >= 0
         self._take_forces(saved, x)
         before, after = (frames(at, self.pairs.carriers(np.flatnonzero(on), found.face[on])) for at in (last, x))
@@ -132,7 +128,7 @@ class OwnContact(ContactTerm):
             return
         self._presses[self._chosen], self._shears[self._chosen] = self._press, self._shear
         self._set_reach(x, self._deepest)
-        found = self.pairs.look(x, self._from, self._reach, self._partners, self._sunk)
+        found = self.pairs.look(x, self._from, self._reach, self._partners, sunk=self._sunk)
         before, pressed = self._partners, self._presses > 0.0
         self._choose(found)
         self.look(positions)
@@ -151,29 +147,30 @@ class OwnContact(ContactTerm):
         pair: the gap closes up to the spring's length. A vertex that slides over an edge is thus released gradually,
         and no equilibrium is skipped.
         """
-        x = self.points.at(positions)
-        self._at = x
+        self._at = x = self.points.at(positions)
         if self._slid is not None:
             self._look_again(x)
         ends = np.column_stack([self.pairs.first[self._chosen], self._corners])
-        weights = np.column_stack([np.ones(self.count), -self._weights])
+        weights = np.column_stack([np.ones(self.count), -self._now.weights])
         away = np.einsum("ka,kai->ki", weights, x[ends])
-        gaps, support = np.einsum("ki,ki->k", self._normal, away), self._support
+        gaps, support = np.einsum("ki,ki->k", self._now.normal, away), self._now.support
         carriers = self.points.carriers[ends].reshape(self.count, -1)
-        shares = (weights[:, :, None] * self.points.shares[ends]).reshape(self.count, -1)
+        shares = (weights[:, :, None] * self.points.weights[ends]).reshape(self.count, -1)
         soft = (1.0 - support) / (support * self._stiffness)
         slips = away - self._anchors - self._turned
-        return Stencils.of(gaps, self._normal, slips, (self._press, self._shear), soft, carriers, shares, shares)
+        found = Stencils.empty(self._press, soft, carriers, shares, shares)
+        write_axes(gaps, self._now.normal, slips, self._shear, found)
+        return found
 
     def stored(self, vectors: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return vectors (k, 3) in the frames of the faces."""
-        axes = frames(self._at, self.pairs.carriers(self._chosen, self._face))
+        axes = frames(self._at, self.pairs.carriers(self._chosen, self._now.face))
         return np.einsum("kji,kj->ki", axes, vectors)
 
     def keep_places(self, kept: Saved) -> None:
         """Write normals, faces and weights of the pairs."""
-        kept["normal"][self._chosen] = self._normal
-        kept["face"][self._chosen], kept["weights"][self._chosen] = self._face, self._weights
+        for name in ("normal", "face", "weights"):
+            kept[name][self._chosen] = getattr(self._now, name)
 
     def touch(self, state: State, origin: NDArray[np.float64]) -> Touch:
         """Return the forces on both sides of all pairs; positions of ``state`` are relative to ``origin`` (3,) [m]."""
@@ -182,22 +179,12 @@ class OwnContact(ContactTerm):
         if not len(on):
             return NOTHING
         x, quads = self.points.at(state.positions), self.pairs.carriers(on, saved["face"][on].astype(np.int64))
+        pairs = self.pairs.first[on], quads, saved["weights"][on], saved["normal"][on]
         shears = np.einsum("kij,kj->ki", frames(x, quads), saved["rub"][on])
-        found = touching_points(
-            x,
-            origin,
-            self.pairs.first[on],
-            quads,
-            weights=saved["weights"][on],
-            normals=saved["normal"][on],
-            presses=saved["push"][on],
-            shears=shears,
-            slips=saved["slips"][on] > 0.0,
-        )
-        if not len(self.points.corners):
-            return found
-        main, numbers = self.points.main, self.points.numbers
-        return replace(found, vertices=main[found.vertices], others=main[found.others], points=numbers[found.vertices])
+        found = touching_points(x, pairs, saved["push"][on], shears, saved["slips"][on] > 0.0)
+        main, points = self.points.vertices, self.points.numbers[found.vertices]
+        others, places = main[found.others], found.places + origin
+        return replace(found, vertices=main[found.vertices], others=others, places=places, points=points)
 
     def flaw(self, positions: NDArray[np.float64]) -> str:
         """Return a sentence about the deepest penetration, or an empty string if its depth is within `DEEPEST`.
@@ -208,11 +195,12 @@ class OwnContact(ContactTerm):
         bound, x = DEEPEST * self._body.size, self.points.at(positions)
         depth, text = self.penetration.told(x, bound)
         reach = REACH * self._body.size + 2.0 * self.pairs.motion(x, self._from)
-        crossed = self.pairs.cross(x, self._from, reach, self._partners)
-        deepest = int(crossed.gap.argmin()) if len(crossed.gap) else -1
-        if deepest >= 0 and -crossed.gap[deepest] > max(depth, bound):
-            ends = self.pairs.edges.topology.ends[[deepest // SEATS, crossed.face[deepest]]]
-            text = self.penetration.told_of(x, ends, -float(crossed.gap[deepest]))
+        edges = NONE, self.pairs.within(x, reach)[1]
+        crossed = self.pairs.look(x, self._from, reach, self._partners, candidates=edges)
+        deepest = int(crossed.gap.argmin())
+        if -crossed.gap[deepest] > max(depth, bound):
+            four = self.pairs.carriers([deepest], crossed.face[[deepest]])[0]
+            text = self.penetration.sentence(*four[:2], x[four].mean(axis=0), -float(crossed.gap[deepest]))
         return text
 
     def _measure_clearance(self, x: NDArray[np.float64]) -> None:
@@ -227,10 +215,9 @@ class OwnContact(ContactTerm):
 
     def _find_sunk(self) -> None:
         """Mark the vertices that penetrated in the last state: contact pushes them out through their nearest face."""
-        self._sunk, self._least = np.zeros(len(self.surface.topology.vertices), dtype=np.bool_), 0.0
-        if self._last is None or self._last.summary.converged:
-            return
-        depths = self.penetration.depths(self._from, DEEPEST * self._body.size)[0]
+        depths, last = np.zeros(len(self.surface.vertices)), self._last
+        if last is not None and not last.summary.converged:
+            depths, _ = self.penetration.depths(self._from, DEEPEST * self._body.size)
         self._sunk, self._least = depths > 0.0, float(depths.max())
 
     def _choose(self, found: Nearest) -> None:
@@ -238,15 +225,15 @@ class OwnContact(ContactTerm):
         near = np.flatnonzero((found.face >= 0) & (found.support >= LEAST))
         corners = self.pairs.carriers(near, found.face[near])
         give = self.pairs.give(self._yielding, near, corners, found.weights[near])
-        chosen = near[give > 0.0]
+        chosen, self._corners = near[give > 0.0], corners[give > 0.0]
         kept = np.zeros(self.pairs.count, dtype=np.bool_)
         kept[chosen] = np.einsum("ki,ki->k", self._normals[chosen], found.normal[chosen]) >= SAME_SIDE
         self._presses[~kept], self._shears[~kept] = 0.0, 0.0
         self._normals, self._partners = found.normal, found.face
         self._deepest = -float(found.gap.min(initial=0.0))
-        self._chosen, self._corners, self._stiffness = chosen, corners[give > 0.0], 1.0 / give[give > 0.0]
-        self._press, self._shear, self._face = self._presses[chosen], self._shears[chosen], found.face[chosen]
-        self._weights, self._normal, self._support = found.weights[chosen], found.normal[chosen], found.support[chosen]
+        self._chosen, self._stiffness = chosen, 1.0 / give[give > 0.0]
+        self._press, self._shear = self._presses[chosen], self._shears[chosen]
+        self._now = Nearest(*(values[chosen] for values in found))
         self._anchors[...], self._turned = self._slip_before(), np.zeros((len(chosen), 3))
 
     def _slip_before(self) -> NDArray[np.float64]:
@@ -256,7 +243,8 @@ class OwnContact(ContactTerm):
         vertex, each in the other's pair, do not contradict.
         """
         own, corners = self._from[self.pairs.first[self._chosen]], self._from[self._corners]
-        return tangential(own - np.einsum("ka,kai->ki", self._weights, corners), self._normal)
+        away = own - np.einsum("ka,kai->ki", self._now.weights, corners)
+        return away - np.einsum("ki,ki->k", away, self._now.normal)[:, None] * self._now.normal
 
     def resume(self, commands: Mapping[str, float], saved: Saved, found: Saved, positions: NDArray[np.float64]) -> None:
         """Prepare the linearisation of a solve: choose the pairs that press at its end, with their forces and faces.
@@ -264,19 +252,16 @@ class OwnContact(ContactTerm):
         The direction of slip must be defined. A slipping pair that has hardly moved therefore gets a slip of `SLIP`
         times the body's size in the direction of its friction force.
         """
-        self._slid, self._clear = None, False
-        if not found["press"].any():
-            self._chosen, self._stiffness = np.zeros(0, dtype=np.int64), np.zeros(0)
-            self._press, self._shear = np.zeros(0), np.zeros((0, 3))
-            self.turn(positions)
-            return
         x = self.points.at(positions)
         near = self.pairs.look(x, x, REACH * self._body.size, found["face"].astype(np.int64))
         near.face[~(found["press"] > 0.0)] = -1
-        self._from = self.points.at(self._last.positions)
+        self._slid, self._clear, self._from = None, False, self.points.at(self._last.positions)
         self._take_forces(found, x)
         self._choose(near)
-        self._slid, self._solved = self._slip_before(), (self._normal, self._weights, self._support)
+        if not self.near:
+            self.turn(positions)
+            return
+        self._slid, self._solved = self._slip_before(), self._now
         self.turn(positions)
         slips, size = self.stencils.slips, np.linalg.norm(self._shear, axis=1)
         on = (found["slips"][self._chosen] > 0.0) & (size > 0.0)
@@ -289,16 +274,15 @@ class OwnContact(ContactTerm):
         """Update the anchors of the chosen pairs; keep the choice of pairs."""
         if self.near:
             kept, self._from = self._from, self.points.at(self._last.positions)
-            self._normal, self._weights, self._support = self._solved
+            self._now = self._solved
             self._anchors[...] = self._slip_before() + self._led
             self._from = kept
 
     def _look_again(self, x: NDArray[np.float64]) -> None:
         """Take the nearest points at the points ``x`` (n + p, 3) [m] on the pairs' own faces, for derivatives."""
-        near = self.pairs.nearest_to(x, self._chosen, self._face).of(self._chosen)
-        on = near.face >= 0  # a vertex that leaves its face sideways keeps its normal
-        given = zip((near.normal, near.weights, near.support), self._solved, strict=True)
-        self._normal, self._weights, self._support = (
-            np.where(on.reshape(-1, *[1] * (new.ndim - 1)), new, old) for new, old in given
-        )
+        found = self.pairs.nearest_to(x, self._chosen, self._now.face)
+        on = found.face[self._chosen] >= 0  # a vertex that leaves its face sideways keeps its normal
+        self._now = Nearest(*(new.copy() for new in self._solved))
+        for new, now in zip(found, self._now, strict=True):
+            now[on] = new[self._chosen[on]]
         self._turned = self._slip_before() - self._slid

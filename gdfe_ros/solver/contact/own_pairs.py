@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,31 +11,34 @@ from numpy.typing import NDArray
 from gdfe_ros.compiled import kernel
 from gdfe_ros.constraints.obstacle import SelfContact
 from gdfe_ros.mesh.tet_faces import flat_quads
+from gdfe_ros.mesh.triples import along, corner, dot, minus
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.contact.closest import least_distance
-from gdfe_ros.solver.contact.crossing import SEATS, least_between
-from gdfe_ros.solver.contact.own_edges import OwnEdges
-from gdfe_ros.solver.contact.own_points import OwnPoints
-from gdfe_ros.solver.contact.own_surface import Nearest, OwnSurface
+from gdfe_ros.solver.contact.closest import Nearest, face_areas, least_distance, nearest_faces
+from gdfe_ros.solver.contact.crossing import SEATS, crossing_edges, least_between
+from gdfe_ros.solver.contact.near import boxes_around, find_near
+from gdfe_ros.solver.contact.own_surface import Topology
+from gdfe_ros.solver.contact.surface import BodyPoints
 
 MARGIN = 0.01
 """Candidates are searched up to this distance, divided by the body's size, beyond the search distance. They are
 searched again after the points have moved by half of it relative to each other.
 """
+Array, Numbers = NDArray[np.float64], NDArray[np.int64]
+Candidates = tuple[Numbers, Numbers]
+"""Vertices and faces (2, p) that may touch, and edges (2, e) that may cross."""
+NONE = np.zeros((2, 0), np.int64)
+"""No pairs."""
 
 
 @kernel
 def relative_motion(x, before, points):
     """Return the largest displacement [m] of the ``points`` (k,) from ``before`` to ``x``, less their mean."""
-    m0, m1, m2 = 0.0, 0.0, 0.0
+    mean, longest = (0.0, 0.0, 0.0), 0.0
     for p in points:
-        m0, m1, m2 = m0 + x[p, 0] - before[p, 0], m1 + x[p, 1] - before[p, 1], m2 + x[p, 2] - before[p, 2]
-    m0, m1, m2 = m0 / len(points), m1 / len(points), m2 / len(points)
-    longest = 0.0
+        mean = along(1.0, mean, 1.0 / len(points), minus(corner(x, p), corner(before, p)))
     for p in points:
-        d0, d1, d2 = x[p, 0] - before[p, 0] - m0, x[p, 1] - before[p, 1] - m1, x[p, 2] - before[p, 2] - m2
-        square = d0 * d0 + d1 * d1 + d2 * d2
-        longest = square if not square <= longest else longest
+        moved = minus(minus(corner(x, p), corner(before, p)), mean)
+        longest = max(longest, dot(moved, moved)) if dot(moved, moved) >= 0.0 else math.inf
     return math.sqrt(longest)
 
 
@@ -53,34 +55,33 @@ class OwnPairs:
         meant: the self-contact definition.
 
     Attributes:
-        surface: the vertices and faces.
-        edges: the edges.
+        surface: the vertices, faces and edges.
         count: number of pairs k.
         first: (k,) int32 vertex v of each pair.
     """
 
-    def __init__(self, body: Body, points: OwnPoints, meant: SelfContact) -> None:
+    def __init__(self, body: Body, points: BodyPoints, meant: SelfContact) -> None:
         lined = flat_quads(meant.triangles) + np.int32(points.count)
-        self.surface = OwnSurface(body, points, np.concatenate([meant.quads, lined]))
-        self.edges = OwnEdges(points.at(body.rest), self.surface.topology)
-        vertices, faces, ends = self.surface.topology.vertices, self.surface.topology.quads, self.edges.topology.ends
-        self._vertices, seats = len(vertices), np.repeat(ends, SEATS, axis=0)
-        self.first = np.concatenate([vertices, seats[:, 0]])
+        self.surface = surface = Topology.of(body, points, np.concatenate([meant.quads, lined]))
+        own, seats = len(surface.vertices), np.repeat(surface.ends, SEATS, axis=0)
+        self.first = np.concatenate([surface.vertices, seats[:, 0]])
         self.count = len(self.first)
         # The four vertices of a pair are a row for its own part plus a row for the face or edge; an edge -1 has zeros.
-        own, others = np.zeros((self.count, 4), np.int32), np.zeros((1 + len(ends), 4), np.int32)
-        own[len(vertices) :, ::2], others[1:, 1::2] = seats, ends
-        self._own, self._others = own, np.concatenate([faces, others])
-        self._start = np.repeat([0, len(faces) + 1], [len(vertices), len(seats)])
+        self._own, others = np.zeros((self.count, 4), np.int32), np.zeros((1 + len(surface.ends), 4), np.int32)
+        self._own[own:, ::2], others[1:, 1::2] = seats, surface.ends
+        self._others = np.concatenate([surface.quads, others])
+        self._start = np.repeat([0, len(surface.quads) + 1], [own, len(seats)])
         self._margin, self._within, self._searched = MARGIN * body.size, -np.inf, points.at(body.rest)
 
     def look(
         self,
-        x: NDArray[np.float64],
-        last: NDArray[np.float64],
+        x: Array,
+        last: Array,
         reach: float,
-        before: NDArray[np.int64],
+        before: Numbers,
+        *,
         sunk: NDArray[np.bool_] | None = None,
+        candidates: Candidates | None = None,
     ) -> Nearest:
         """Return the nearest face of each vertex, and the edges in the seats of each edge.
 
@@ -90,72 +91,61 @@ class OwnPairs:
             reach: [m] search distance.
             before: (k,) faces and edges of all pairs until now; -1 for none.
             sunk: (k,) whether each surface vertex already penetrated at ``last``; None if none did.
+            candidates: the pairs among which to look; None for all within ``reach``.
         """
-        self._find_candidates(x, reach)
-        sunk = np.zeros(self._vertices, dtype=np.bool_) if sunk is None else sunk
-        return _joined(self.surface.nearest(x, last, *self._faces, reach, sunk), self.cross(x, last, reach, before))
+        surface, (faces, edges) = self.surface, self.within(x, reach) if candidates is None else candidates
+        sunk = np.zeros(len(surface.vertices), dtype=np.bool_) if sunk is None else sunk
+        found, areas = Nearest.none(self.count), face_areas(x, surface.quads)
+        nearest_faces(x, last, sunk, faces, surface, areas, reach, found)
+        crossing_edges(x, last, edges, surface, areas, reach, before, found)
+        return found
 
-    def cross(
-        self, x: NDArray[np.float64], last: NDArray[np.float64], reach: float, before: NDArray[np.int64]
-    ) -> Nearest:
-        """Return the edges that cross each other, as `look` does."""
-        self._find_candidates(x, reach)
-        return self.edges.cross(x, last, self._edges, reach, before[self._vertices :])
-
-    def clearance(self, x: NDArray[np.float64], reach: float) -> float:
+    def clearance(self, x: Array, reach: float) -> float:
         """Return the least distance [m] of two parts of the surface that may touch at ``x``, at most ``reach`` [m]."""
-        self._find_candidates(x, reach)
+        faces, edges = self.within(x, reach)
         if not np.isfinite(self._within):
             return 0.0
-        near = least_distance(x, *self._faces, self.surface.topology, reach)
-        return float(least_between(x, self._edges, self.edges.topology.ends, near))
+        return float(least_between(x, edges, self.surface.ends, least_distance(x, faces, self.surface, reach)))
 
-    def motion(self, x: NDArray[np.float64], before: NDArray[np.float64]) -> float:
+    def motion(self, x: Array, before: Array) -> float:
         """Return the largest displacement [m] of a point of the surface, relative to the surface's mean."""
-        return relative_motion(x, before, self.surface.topology.vertices)
+        return relative_motion(x, before, self.surface.vertices)
 
-    def _find_candidates(self, x: NDArray[np.float64], reach: float) -> None:
-        """Find the candidates again if the points have moved too far, relative to each other, for those at hand."""
-        if reach + 2.0 * self.motion(x, self._searched) <= self._within:
-            return
-        finite = bool(np.isfinite(x).all())
-        self._searched, self._within = x.copy(), reach + self._margin if finite else -np.inf
-        none = np.zeros(0, np.int64)
-        self._faces = self.surface.search(x, self._within) if finite else (none, none)
-        self._edges = self.edges.search(x, self._within) if finite else np.zeros((0, 2), np.int64)
+    def within(self, x: Array, reach: float) -> Candidates:
+        """Return the pairs that come within a distance [m].
 
-    def nearest_to(self, x: NDArray[np.float64], pairs: NDArray[np.int64], others: NDArray[np.int64]) -> Nearest:
+        They are found again if the points have moved too far, relative to each other, for those at hand.
+        """
+        if reach + 2.0 * self.motion(x, self._searched) > self._within:
+            surface, self._searched, self._candidates = self.surface, x.copy(), (NONE, NONE)
+            self._within = reach + self._margin if np.isfinite(x).all() else -np.inf
+            if np.isfinite(self._within):
+                own, edges = surface.vertices[:, None], boxes_around(x, surface.ends)
+                boxes, quads = boxes_around(x, own), boxes_around(x, surface.quads)
+                faces = find_near(boxes, quads, own, surface.near, self._within)
+                later, earlier = find_near(edges, edges, surface.ends, surface.beside, self._within)
+                self._candidates = faces, np.stack([earlier, later]).compress(earlier < later, axis=1)
+        return self._candidates
+
+    def nearest_to(self, x: Array, pairs: Numbers, others: Numbers) -> Nearest:
         """Return the closest points of some ``pairs`` (p,) and their given faces or edges ``others`` (p,)."""
-        own = pairs < self._vertices
-        inside = np.ones(self._vertices, dtype=np.bool_)
-        faces = self.surface.nearest(x, x, pairs[own], others[own], np.inf, inside)
-        seats = np.full(self.count - self._vertices, -1)
-        place, edges = pairs[~own] - self._vertices, others[~own]
-        seats[place] = edges
-        return _joined(faces, self.edges.cross(x, x, np.column_stack([place // SEATS, edges]), np.inf, seats))
+        count, before = len(self.surface.vertices), np.full(self.count, -1)
+        before[pairs], own = others, pairs < count
+        edges = np.stack([(pairs - count) // SEATS, others]).compress(~own, axis=1)
+        given = np.stack([pairs, others]).compress(own, axis=1), edges
+        return self.look(x, x, np.inf, before, sunk=np.ones(count, dtype=np.bool_), candidates=given)
 
-    def carriers(self, pairs: NDArray[np.int64], others: NDArray[np.int64]) -> NDArray[np.int32]:
+    def carriers(self, pairs: Numbers, others: Numbers) -> NDArray[np.int32]:
         """Return the four vertices (p, 4) of some ``pairs`` (p,) with the faces or edges ``others`` (p,)."""
         return self._own[pairs] + self._others[others + self._start[pairs]]
 
-    def give(
-        self,
-        yielding: NDArray[np.float64],
-        pairs: NDArray[np.int64],
-        carriers: NDArray[np.int32],
-        weights: NDArray[np.float64],
-    ) -> NDArray[np.float64]:
+    def give(self, yielding: Array, pairs: Numbers, carriers: NDArray[np.int32], weights: Array) -> Array:
         """Return the compliance (p,) [m/N] of some ``pairs`` (p,) with four vertices and weights (p, 4) each.
 
         ``yielding`` (n + p,) [m/N] are the compliances of the points.
         """
         first = self.first[pairs]
         own = carriers == first[:, None]
-        whole = 1.0 - np.where(own, weights, 0.0).sum(axis=1)
         others = np.where(own, 0.0, weights)
+        whole = 1.0 - (weights - others).sum(axis=1)
         return whole**2 * yielding[first] + np.einsum("ka,ka->k", others**2, yielding[carriers])
-
-
-def _joined(one: Nearest, other: Nearest) -> Nearest:
-    """Return the entries of both."""
-    return Nearest(*(np.concatenate([getattr(one, each.name), getattr(other, each.name)]) for each in fields(Nearest)))

@@ -11,14 +11,13 @@ from gdfe_ros.solver.contact.contact_term import ContactTerm
 from gdfe_ros.solver.contact.own_contact import OwnContact
 from gdfe_ros.solver.contact.rigid_contact import RigidContact
 from gdfe_ros.solver.contact.round_contact import RoundContact
-from gdfe_ros.solver.contact.skin import Skin
 from gdfe_ros.solver.contact.surface import ContactSurface
 
 
 def contacts_of(body: Body) -> list[ContactTerm]:
     """Return all contact terms: of the soft body with obstacles, rigid bodies and itself, and of each rigid body."""
     touched = [handle for handle in body.handles if isinstance(handle, Obstacle)]
-    surface, found = (ContactSurface if body.skin is None else Skin).of(body) if touched else None, []
+    surface, found = ContactSurface.of(body) if touched else None, []
     for thing in touched:
         found.append(Contact(thing.name, thing, body, surface, friction=thing.friction, restitution=thing.restitution))
     for rigid, thing in rigid_pairs(touched):

@@ -12,8 +12,7 @@ from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact import gap
 from gdfe_ros.solver.contact.contact import Contact
-from gdfe_ros.solver.contact.surface import Corners
-from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
+from gdfe_ros.solver.contact.surface import CarriedPoints
 from gdfe_ros.solver.state import Saved
 
 AT_EDGE, BESIDE, SMOOTH = 1e-3, 1e-5, 0.1
@@ -28,18 +27,18 @@ class RigidContact(Contact):
     """Contact of a rigid body's points with an obstacle or another rigid body.
 
     The larger of the two friction coefficients acts. Two rigid bodies have two such terms, unless one of the bodies is
-    a ball: the points of each body are tested against the shape of the other body.
+    a ball: the points of each body are tested against the shape of the other body. These are its corners, and against
+    another rigid body points all over its surface, if it is not round.
 
     Args:
         rigid: the body whose points touch.
         touched: the obstacle or rigid body that the points must stay outside of.
         body: the discretised body.
-        points: points that touch; by default the corners, or, for another rigid body, points all over the surface.
     """
 
-    def __init__(self, rigid: RigidBody, touched: Obstacle, body: Body, *, points: Corners | None = None) -> None:
-        if points is None:
-            points = Corners.over(rigid) if isinstance(touched, RigidBody) else Corners.of(rigid)
+    def __init__(self, rigid: RigidBody, touched: Obstacle, body: Body) -> None:
+        over = isinstance(touched, RigidBody) and not rigid.form.rounding
+        points = CarriedPoints.of(rigid, rigid.form.skin if over else rigid.form.corners)
         friction, restitution = max(rigid.friction, touched.friction), max(rigid.restitution, touched.restitution)
         name = f"{rigid.name} on {touched.name}"
         super().__init__(name, touched, body, points, friction=friction, restitution=restitution)
@@ -55,19 +54,14 @@ class RigidContact(Contact):
         near = np.flatnonzero(np.abs(self._distances[self._chosen]) < AT_EDGE * self._body.size)
         if self._radius > 0.0 or not len(near):
             return
-        places, shift = self._points.at(positions)[self._chosen[near]], BESIDE * self._body.size
-        beside = [gap.measure(places + shift * way, *self._obstacle)[1] for way in (*np.eye(3), *-np.eye(3))]
-        spread = np.linalg.norm(np.ptp(beside, axis=0), axis=1)
-        edge = near[spread > SMOOTH]
-        if not len(edge):
-            return
+        places, shift = self._points.at(positions)[self._chosen], BESIDE * self._body.size
+        beside = [gap.measure(places[near] + shift * way, *self._obstacle)[1] for way in (*np.eye(3), *-np.eye(3))]
+        edge = near[np.linalg.norm(np.ptp(beside, axis=0), axis=1) > SMOOTH]
         facing = gap.measure(positions[self._rigid.vertices].mean(axis=0)[None], *self._obstacle)[1][0]
-        length = np.linalg.norm(facing)
-        if not length > 0.0:
+        if not facing.any():
             return
-        chosen = self._chosen[edge]
-        surface = self._points.at(positions)[chosen] - self._distances[chosen, None] * self._normals[chosen]
-        normal = facing @ self._axes / length
+        chosen, normal = self._chosen[edge], facing @ self._axes / np.linalg.norm(facing)
+        surface = places[edge] - self._distances[chosen, None] * self._normals[chosen]
         self._planes[edge, :3], self._planes[edge, 3] = normal, self._in_frame(surface) @ normal
         self._fixed[edge] = True
 
@@ -95,10 +89,3 @@ class RigidContact(Contact):
             return np.setdiff1d(ConvexHull(hull).vertices, len(own))
         except QhullError:
             return np.arange(len(own))
-
-    def fit(self, matrix: ConstantMatrix) -> None:
-        """Set the stiffnesses as `Contact` does; those of two rigid bodies act in series."""
-        super().fit(matrix)
-        if isinstance(self._touched, RigidBody):
-            other = matrix.assembled.diagonal()[self._touched.vertices].sum()
-            self._scale = self._scale * other / (self._scale + other)

@@ -11,7 +11,6 @@ from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact import gap
 from gdfe_ros.solver.contact.rigid_contact import RigidContact
-from gdfe_ros.solver.contact.surface import Corners
 from gdfe_ros.solver.state import Saved
 
 
@@ -27,16 +26,9 @@ class RoundContact(RigidContact):
         body: the discretised body.
     """
 
-    ANCHOR = 7
-    """Three numbers of the anchor, and the weights of the material point on which friction acts."""
-
     def __init__(self, rigid: RigidBody, touched: Obstacle, body: Body) -> None:
-        super().__init__(rigid, touched, body, points=Corners.of(rigid))
+        super().__init__(rigid, touched, body)
         self._radius = rigid.form.rounding
-
-    def _measure(self, places: NDArray[np.float64]) -> None:
-        super()._measure(places)
-        self._distances -= self._radius
 
     def _set_anchors(self, saved: Saved, positions: NDArray[np.float64]) -> None:
         """Set the material points that touched when the step began, and their places then minus the stored slip."""
@@ -55,9 +47,3 @@ class RoundContact(RigidContact):
     def _kept(self) -> NDArray[np.float64]:
         """Return the slips (k, 3) [m] of the material points along the surface, in the obstacle's frame."""
         return self.stored(self.stencils.slips)
-
-    def _rubbing(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        return self._anchors[:, 3:] @ positions[self._rigid.vertices]
-
-    def _rubbing_weights(self) -> NDArray[np.float64]:
-        return self._anchors[:, 3:].copy()

@@ -50,26 +50,6 @@ class Stencils(NamedTuple):
     rubbing: NDArray[np.float64]
 
     @classmethod
-    def of(
-        cls,
-        gaps: NDArray[np.float64],
-        normals: NDArray[np.float64],
-        slips: NDArray[np.float64],
-        forces: tuple[NDArray[np.float64], NDArray[np.float64]],
-        soft: NDArray[np.float64],
-        ends: NDArray[np.int32],
-        pressing: NDArray[np.float64],
-        rubbing: NDArray[np.float64],
-    ) -> Self:
-        """Return the stencils of points with ``gaps`` (k,), their gradients ``normals`` (k, 3), and ``slips`` (k, 3).
-
-        ``forces`` are the normal forces l (k,) and the vectors t (k, 3) [N], which are turned into the planes.
-        """
-        found = cls.empty(forces[0], soft, ends, pressing, rubbing)
-        write_axes(gaps, normals, slips, forces[1], found)
-        return found
-
-    @classmethod
     def empty(
         cls,
         presses: NDArray[np.float64],
@@ -150,7 +130,7 @@ def turn_shear(i, stencils, shears):
 
 @kernel
 def write_axes(gaps, normals, slips, shears, stencils):
-    """Do `set_axes` for all points; see `Stencils.of`."""
+    """Do `set_axes` for all points with ``gaps`` (k,), their gradients ``normals`` (k, 3), and ``slips`` (k, 3)."""
     for i in range(len(gaps)):
         set_axes(i, gaps[i], corner(normals, i), corner(slips, i), shears, stencils)
 

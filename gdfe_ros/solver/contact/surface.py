@@ -1,102 +1,170 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The contact surface of a body, and the contact points of a rigid body."""
+"""Points that vertices carry: the vertices and skin points of a body, and points of rigid bodies."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import sparse
 
 from gdfe_ros.actuators.load import GAUSS, corner_areas
 from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.mesh.tet_faces import flat_quads
 from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.contact.near import incidence
 
 SIGNS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 SHAPE = np.stack([0.25 * (1.0 + GAUSS * SIGNS * point).prod(axis=1) for point in SIGNS])
 """(4, 4) weights of a face's corners at each of its Gauss points."""
 
 TURNED = 6.0
-"""Upper bound of the displacement of a rigid body's point, divided by the largest displacement of any vertex. The bound
-also holds for the displacement relative to another rigid body.
+"""Upper bound of the displacement of a point near a rigid body, in the frame of that body, divided by the largest
+displacement of any of its vertices.
 """
+HELD = 0.5
+"""A point is driven, and left out of contact, if at least this fraction of its weights is on driven vertices."""
 
 
 @dataclass(frozen=True, eq=False)
-class ContactSurface:
-    """The boundary of a body, without the faces that handles drive and without the faces that a skin represents.
+class CarriedPoints:
+    """Points that are weighted sums of vertices.
 
     Attributes:
-        carriers: (k, 1) int32 vertices that are not driven, sorted.
-        weights: (k, 1) ones.
-        areas: (k,) [m^2] undeformed area of the surface that belongs to each vertex.
-        quads: (q, 4) int32 faces.
-        gauss: (q, 4) [m^2] undeformed area that belongs to each Gauss point.
-        spread: (n,) [m^2] undeformed area that belongs to each vertex of the body.
+        carriers: (k, c) int32 vertices that carry each point; those of a vertex are c times itself.
+        weights: (k, c) weights of the carriers; for a vertex, the first is one.
     """
 
     carriers: NDArray[np.int32]
     weights: NDArray[np.float64]
+
+    @classmethod
+    def of(cls, rigid: RigidBody, places: NDArray[np.float64]) -> CarriedPoints:
+        """Return points of a rigid body at ``places`` (k, 3) [m] in its frame."""
+        return CarriedPoints(np.tile(rigid.vertices, (len(places), 1)), 0.25 + places @ rigid.signs.T)
+
+    @cached_property
+    def vertices(self) -> NDArray[np.int32]:
+        """For each point (k,), its carrier with the largest weight."""
+        most = np.abs(self.weights).argmax(axis=1)
+        return self.carriers[np.arange(len(most)), most]
+
+    @cached_property
+    def reach(self) -> float:
+        """Upper bound of a point's displacement, divided by the largest displacement of its carriers.
+
+        It exceeds 1 for points outside their cell.
+        """
+        return max(1.0, float(np.abs(self.weights).sum(axis=1).max(initial=0.0)))
+
+    def at(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the positions (k, 3) [m] of the points for vertices at ``positions`` (n, 3) [m]."""
+        return np.einsum("ka,kai->ki", self.weights, positions[self.carriers])
+
+    def compliance(self, body: Body, diagonal: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the compliance (k,) [m/N] of the points, from the constant matrix' diagonal (n,) [N/m].
+
+        A point's compliance is the sum of its free carriers' compliances times their squared weights. Points with
+        several carriers divide the stiffness of those in common. The compliance is 0 if handles drive all carriers.
+        """
+        squares = np.where(driven_vertices(body)[self.carriers], 0.0, self.weights**2)
+        alone = (squares / diagonal[self.carriers]).sum(axis=1)
+        asked, shared = np.zeros_like(diagonal), np.count_nonzero(self.weights, axis=1) > 1
+        taken = squares / np.where(alone > 0.0, alone, np.inf)[:, None]
+        np.add.at(asked, self.carriers[shared], taken[shared])
+        crowd = np.where(squares > 0.0, (asked / diagonal)[self.carriers], 0.0).max(axis=1, initial=0.0)
+        return alone * np.maximum(crowd, 1.0)
+
+
+@dataclass(frozen=True, eq=False)
+class BodyPoints(CarriedPoints):
+    """The n vertices of a body, and the p contact points of its skins after them.
+
+    Attributes:
+        count: number n of vertices.
+        numbers: (n + p,) int32 number of each contact point; -1 for a vertex.
+    """
+
+    count: int
+    numbers: NDArray[np.int32]
+
+    @classmethod
+    def of(cls, body: Body) -> BodyPoints:
+        """Return the points of a body."""
+        own, skin = np.arange(len(body.rest), dtype=np.int32)[:, None], body.skin
+        if skin is None:
+            return cls(own, np.ones(own.shape), len(own), np.full(len(own), -1, np.int32))
+        carriers, weights = np.repeat(own, 8, axis=1), np.tile(np.eye(1, 8), (len(own), 1))
+        numbers = np.concatenate([np.full(len(own), -1), np.arange(len(skin.corners))]).astype(np.int32)
+        whole = np.concatenate([carriers, skin.corners]), np.concatenate([weights, skin.weights])
+        return cls(*whole, len(own), numbers)
+
+    def at(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return all points (n + p, 3) [m] for vertices at ``positions`` (n, 3) [m]."""
+        carriers, weights = self.carriers[self.count :], self.weights[self.count :]
+        if not len(carriers):
+            return positions
+        return np.concatenate([positions, np.einsum("pa,pai->pi", weights, positions[carriers])])
+
+    def around(self, cells: NDArray[np.int32], chosen: NDArray[np.int32]) -> sparse.csr_matrix:
+        """Return the points (k, n + p) of all cells that share a vertex with each of the ``chosen`` cells (k, c).
+
+        ``cells`` (m, c) are all cells, each with its vertices.
+        """
+        own, every = incidence(chosen, self.count), incidence(cells, self.count)
+        skin = incidence(self.carriers[self.count :], self.count)
+        near = sparse.hstack([own @ every.T @ every, own @ skin.T]).tocsr()
+        near.sort_indices()
+        return near
+
+
+@dataclass(frozen=True, eq=False)
+class ContactSurface(CarriedPoints):
+    """The boundary of a body with its skins, without the points and faces that handles drive.
+
+    Attributes:
+        areas: (k,) [m^2] undeformed area of the faces that belongs to each vertex. It is infinite for a skin point, so
+            that integrals over faces have no effect on it.
+        points: (k,) int32 index of each point among the mesh's skin points, -1 for a vertex.
+        quads: (q, 4) int32 faces that are no part of a skin; none for tetrahedra, whose faces are curved themselves. In
+            a prototype with offsets of gaps, their faces entered a ball by 4 to 9 % of the depth of the ball.
+        gauss: (q, 4) [m^2] undeformed area that belongs to each Gauss point.
+    """
+
     areas: NDArray[np.float64]
+    points: NDArray[np.int32]
     quads: NDArray[np.int32]
     gauss: NDArray[np.float64]
-    spread: NDArray[np.float64]
 
     @classmethod
     def of(cls, body: Body) -> ContactSurface:
         """Return the contact surface of a body."""
-        quads, driven = body.cell_type.boundary(body.cells).quads, driven_vertices(body)
-        if quads.shape[1] == 6:
-            return cls._of_nodes(body, quads[~driven[quads].all(axis=1)], driven)
+        faces, driven, every = body.cell_type.boundary(body.cells).quads, driven_vertices(body), BodyPoints.of(body)
         if body.skin is not None:
-            quads = body.skin.without(quads)
-        quads = quads[~driven[quads].all(axis=1)]
+            faces = body.skin.without(faces)
+        faces = faces[~driven[faces].all(axis=1)]
+        quads = flat_quads(faces).astype(np.int32)
         shares = corner_areas(body.rest, quads)
-        spread = np.bincount(quads.ravel(), weights=shares.ravel(), minlength=len(body.rest))
-        vertices = np.flatnonzero((spread > 0.0) & ~driven).astype(np.int32)
-        gauss = np.linalg.solve(SHAPE.T, shares.T).T
-        weights = np.ones((len(vertices), 1))
-        return ContactSurface(vertices[:, None], weights, spread[vertices], quads.astype(np.int32), gauss, spread)
+        areas = np.full(len(every.carriers), np.inf)
+        areas[: every.count] = np.bincount(quads.ravel(), weights=shares.ravel(), minlength=every.count)
+        size = np.abs(every.weights)
+        free = (size * driven[every.carriers]).sum(axis=1) < HELD * size.sum(axis=1)
+        chosen = np.flatnonzero((areas > 0.0) & free)
+        if faces.shape[1] == 6:
+            quads, shares = quads[:0], shares[:0]
+        given = every.carriers[chosen], every.weights[chosen], areas[chosen], every.numbers[chosen]
+        return cls(*given, quads, np.linalg.solve(SHAPE.T, shares.T).T)
 
-    @classmethod
-    def _of_nodes(cls, body: Body, faces: NDArray[np.int32], driven: NDArray[np.bool_]) -> ContactSurface:
-        """Return the surface of tetrahedra: all six nodes of each face touch.
+    def about(self, points: NDArray[np.int64]) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
+        """Return the faces (f, 4) that have one of ``points`` as a corner, and the areas (f, 4) of their Gauss points.
 
-        Gaps have no offset, because the faces are curved themselves. In a prototype with offsets, faces
-        entered a ball between their nodes by 4 to 9 % of the depth of the ball in the body.
+        Skin points are ignored.
         """
-        flat = flat_quads(faces)
-        shares = corner_areas(body.rest, flat)
-        spread = np.bincount(flat.ravel(), weights=shares.ravel(), minlength=len(body.rest))
-        vertices = np.flatnonzero((spread > 0.0) & ~driven).astype(np.int32)
-        none = np.zeros((0, 4))
-        ones = np.ones((len(vertices), 1))
-        return ContactSurface(vertices[:, None], ones, spread[vertices], none.astype(np.int32), none, spread)
-
-    @property
-    def vertices(self) -> NDArray[np.int32]:
-        """The vertex of each point (k,)."""
-        return self.carriers[:, 0]
-
-    @property
-    def reach(self) -> float:
-        """Upper bound of a point's displacement, divided by its carrier's: 1, because each point is a vertex."""
-        return 1.0
-
-    def at(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the positions of the points (k, 3) [m]."""
-        return positions[self.carriers[:, 0]]
-
-    def stiffness(self, diagonal: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the constant matrix' diagonal (n,) [N/m] at the points (k,)."""
-        return diagonal[self.carriers[:, 0]]
-
-    def about(self, points: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Return the faces that have one of ``points`` as a corner."""
-        chosen = np.zeros(len(self.spread), dtype=bool)
-        chosen[self.carriers[points, 0]] = True
-        return np.flatnonzero(chosen[self.quads].any(axis=1))
+        corners = self.carriers[points[np.isfinite(self.areas[points])], 0]
+        chosen = np.isin(self.quads, corners).any(axis=1)
+        return self.quads[chosen], self.gauss[chosen]
 
 
 def driven_vertices(body: Body) -> NDArray[np.bool_]:
@@ -105,44 +173,3 @@ def driven_vertices(body: Body) -> NDArray[np.bool_]:
     for handle in body.handles:
         driven[handle.vertices] = not handle.loose
     return driven
-
-
-@dataclass(frozen=True, eq=False)
-class Corners:
-    """Contact points that move with a rigid body.
-
-    Attributes:
-        carriers: (k, 4) int32 the body's four vertices.
-        weights: (k, 4) weights of the four vertices at each point.
-        reach: bound of a point's displacement divided by the largest displacement of its carriers.
-    """
-
-    carriers: NDArray[np.int32]
-    weights: NDArray[np.float64]
-    reach = TURNED
-
-    @classmethod
-    def of(cls, rigid: RigidBody) -> Corners:
-        """Return the corners of a rigid body, for contact with obstacles."""
-        return cls._at(rigid, rigid.form.corners)
-
-    @classmethod
-    def over(cls, rigid: RigidBody) -> Corners:
-        """Return points all over the surface of a rigid body, for contact with other rigid bodies."""
-        return cls._at(rigid, rigid.form.skin)
-
-    @classmethod
-    def _at(cls, rigid: RigidBody, points: NDArray[np.float64]) -> Corners:
-        return cls(np.tile(rigid.vertices, (len(points), 1)), 0.25 + points @ rigid.signs.T)
-
-    def at(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the positions of the points (k, 3) [m]."""
-        return self.weights @ positions[self.carriers[0]]
-
-    def stiffness(self, diagonal: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the sum of the constant matrix' diagonal (n,) [N/m] over the four vertices, for each point (k,)."""
-        return np.full(len(self.carriers), diagonal[self.carriers[0]].sum())
-
-    def about(self, points: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Return no faces: the points of a rigid body need no correction for faces."""
-        return np.zeros(0, dtype=np.int64)

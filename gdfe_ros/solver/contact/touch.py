@@ -22,8 +22,8 @@ class Touch:
         presses: (k,) [N] normal forces.
         shears: (k, 3) [N] friction forces on the body.
         slips: (k,) whether a vertex slips, or is free to slip.
-        points: (k,) int32 index of each skin point among the mesh's skin points, -1 for a vertex; empty for a body
-            without skin.
+        points: (k,) int32 index of each skin point among the mesh's skin points, -1 for a vertex; empty for a
+            rigid body.
         others: (k,) int32 for self-contact, the partner of each vertex in the pair with the largest force; empty for
             contact with an obstacle.
     """

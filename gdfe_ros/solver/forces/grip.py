@@ -296,18 +296,12 @@ class GripTerm(UpdatedTerm):
         """Return the distance [m] of what the grip holds from the handle, obstacle or rigid body that it is held to."""
         holder, held, x = self._holder, self._held, state.positions
         if isinstance(holder, Obstacle):
-            there = _placed(holder, state)
+            there = Placed.now(holder, state.poses, state.positions)
             if held is None:
                 return max(0.0, float(there.seen_from(x[self._points])[0].min()))
-            here, form = _placed(held, state), held.form
+            here, form = Placed.now(held, state.poses, state.positions), held.form
             corners = there.seen_from(here.world(form.corners))[0].min() - form.rounding
             return max(0.0, min(float(corners), float(there.seen_from(here.world(form.skin))[0].min())))
         if held is None:
             return float(cKDTree(x[holder.vertices]).query(x[self._points])[0].min())
-        return max(0.0, float(_placed(held, state).seen_from(x[holder.vertices])[0].min()))
-
-
-def _placed(thing: Obstacle, state: State) -> Placed:
-    """Return an obstacle or a rigid body at its pose in ``state``."""
-    rigid = isinstance(thing, RigidBody)
-    return Placed(thing, *(thing.found(state.positions) if rigid else thing.frame(state.poses[thing.name])))
+        return max(0.0, float(Placed.now(held, state.poses, state.positions).seen_from(x[holder.vertices])[0].min()))

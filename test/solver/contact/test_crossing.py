@@ -16,9 +16,7 @@ from gdfe_ros.mesh.packing import pack_mesh
 from gdfe_ros.mesh.tetmesh import divided
 from gdfe_ros.scene import scene_from_text
 from gdfe_ros.scene.document import write_document
-from gdfe_ros.solver.contact.crossing import SEATS
-from gdfe_ros.solver.contact.own_edges import OwnEdges
-from gdfe_ros.solver.contact.own_surface import Nearest
+from gdfe_ros.solver.contact.own_pairs import NONE, OwnPairs
 from test.written import advance
 
 HALF = math.sqrt(0.5) * 0.01
@@ -76,10 +74,10 @@ def clearance(simulation: Simulation) -> float:
     return float(np.interp(place[1], above[:, 1], above[:, 2]) - np.interp(place[0], low[:, 0], low[:, 2]))
 
 
-def crossed(edges: OwnEdges, x: np.ndarray, last: np.ndarray, reach: float) -> Nearest:
-    """Return the edges within a distance [m] that cross each edge at positions (n, 3) [m]."""
-    none = np.full(SEATS * len(edges.topology.ends), -1)
-    return edges.cross(x, last, edges.search(x, reach), reach, none)
+def crossed(pairs: OwnPairs, x: np.ndarray, last: np.ndarray, reach: float) -> np.ndarray:
+    """Return the gaps [m] of edges within a distance [m] that cross at positions (n, 3) [m]."""
+    edges = NONE, pairs.within(x, reach)[1]
+    return pairs.look(x, last, reach, np.full(pairs.count, -1), candidates=edges).gap
 
 
 def press(simulation: Simulation, *depths: float) -> float:
@@ -162,7 +160,7 @@ def test_bars_pushed_through_each_other_in_a_step_are_told(angle: int, friction:
     entries = {"solver": {"tolerance": 1e-4}, "self_contact": {"friction": friction}}
     simulation = crossing(meshes=bars, materials={"rubber": rubber}, **entries)
     result = simulation.step(down(0.0205))
-    edges = simulation.stepper.actuation.contacts[-1].pairs.edges
-    gaps = crossed(edges, result.positions, simulation.mesh.vertices, 0.03).gap
+    pairs = simulation.stepper.actuation.contacts[-1].pairs
+    gaps = crossed(pairs, result.positions, simulation.mesh.vertices, 0.03)
     assert not result.converged or gaps.min() > -2e-4 * simulation.mesh.size
     assert result.converged or result.message

@@ -8,10 +8,8 @@ import pytest
 
 from benchmarks.torture.bodies import distance
 from gdfe_ros import Command, Pose, Simulation, load_scene
-from gdfe_ros.compiled import kernel
 from gdfe_ros.scene.loader import scene_from_text
 from gdfe_ros.solver.contact.own_contact import DEEPEST, OwnContact
-from gdfe_ros.solver.contact.penetration import bins_between
 from test.solver.contact.stacks import stack
 from test.written import advance
 
@@ -61,7 +59,7 @@ def test_depths_are_those_of_cubes_in_each_other(low: int, high: int, depth: flo
     """All vertices of two overlapping cubes have the exact depth in the other cube, at any depth and in any pose."""
     simulation = stack(low, high)
     term, x = the_contact(simulation), simulation.mesh.vertices.copy()
-    vertices, above = term.surface.topology.vertices, x[:, 2] > 0.0
+    vertices, above = term.surface.vertices, x[:, 2] > 0.0
     x[above] += [0.004, 0.003, -depth - 2e-4]
     inside = term.penetration
     found, cells = inside.depths(turned(x), 0.0)
@@ -168,16 +166,3 @@ def test_plates_of_one_cell_that_overlap_in_their_plane_are_told(overlap: float)
     depth, text = the_contact(simulation).penetration.told(turned(x), 1e-6)
     assert depth == pytest.approx(0.001)
     assert "mesh 'low' lies 0.001 m inside of mesh 'high'" in text or "mesh 'high' lies 0.001 m" in text
-
-
-@kernel
-def _bins(first: float, last: float, count: int) -> tuple[int, int]:
-    return bins_between(first, last, 1.0, count)
-
-
-@pytest.mark.parametrize(("first", "last"), [(-9.0, -0.5), (4.0, 4.5), (11.0, 13.0)])
-def test_no_bins_are_read_beyond_those_of_the_vertices(first: float, last: float) -> None:
-    """A cell that ends below the first of four bins, or begins above the last one, has none of them."""
-    assert _bins(first, last, 4) == (0, -1)
-    assert _bins(0.5, 2.5, 4) == (0, 2)
-    assert _bins(first - 20.0, last + 20.0, 4) == (0, 3)

@@ -107,9 +107,10 @@ def test_forces_do_the_work_of_gaps_and_slips_and_sum_to_nothing(
 def test_no_point_is_paired_with_its_own_triangles(tmp_path: Path) -> None:
     """Points of a skin never touch triangles that have them as corners, although these may span several cells."""
     contact = the_contact(stacked(tmp_path, CUT, CUT, turn=30.0))
-    topology = contact.surface.topology
+    topology = contact.surface
+    starts, vertices = topology.near
     for face, quad in enumerate(topology.quads):
-        near = topology.near[topology.near_starts[face] : topology.near_starts[face + 1]]
+        near = vertices[starts[face] : starts[face + 1]]
         assert np.isin(quad, near).all()
 
 
