@@ -44,8 +44,19 @@ def energy_and_gradient(u, problem, work, moved):
         watch.room[1] = look(work.x, problem.shape, problem.blocks, watch)
     else:
         watch.room[1] = watch.room[0] - moved
-    own = problem.shape, problem.blocks, problem.material, problem.pressure, problem.scale, problem.table
-    total = evaluate(work.x, *own, watch.elements[: watch.count[0]], work.force, work.energies, problem.threads)
+    total = evaluate(
+        work.x,
+        problem.shape,
+        problem.blocks,
+        problem.material,
+        problem.pressure,
+        problem.scale,
+        problem.table,
+        watch.elements[: watch.count[0]],
+        work.force,
+        work.energies,
+        problem.threads,
+    )
     gather(work, problem.unknowns, problem.threads)
     pushed = len(problem.terms.address) > 0
     if pushed:

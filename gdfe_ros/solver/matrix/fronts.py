@@ -226,16 +226,12 @@ class Fronts:
         )
         self._fronts = self._panel = self._stack = np.empty(0)
 
-    def _allocate(self) -> None:
-        """Allocate the factor and all scratch arrays."""
-        self._fronts, self._panel = np.empty((2, self._room**2)), np.empty((PANEL + 1) * TILE)
-        self._stack = np.empty(self._height)
-        self.kept = self.kept._replace(values=np.empty(self._plan.value_start[-1], self._kind))
-
     def factor(self, blocks: NDArray[np.float64]) -> bool:
         """Factor a matrix of blocks (k, s, s); return whether it is positive definite. Otherwise it has no factor."""
         if not len(self.kept.values):
-            self._allocate()
+            self._fronts, self._panel = np.empty((2, self._room**2)), np.empty((PANEL + 1) * TILE)
+            self._stack = np.empty(self._height)
+            self.kept = self.kept._replace(values=np.empty(self._plan.value_start[-1], self._kind))
         return factor_fronts(
             blocks, self._parts, self._plan, self._fronts, self._panel, self._ends, self._stack, self.kept.values
         )

@@ -152,8 +152,9 @@ def place(u, frame, unknowns, x):
     """Write positions to ``x`` (n, 3) [m] from the unknowns ``u`` (3 r,) and the handles' commanded positions."""
     count = len(unknowns.free)
     for row in range(count):
+        v = unknowns.free[row]
         for axis in range(3):
-            x[unknowns.free[row], axis] = u[3 * row + axis]
+            x[v, axis] = u[3 * row + axis]
     for p in range(len(unknowns.slides)):
         shift, centre = rigid_part(u, count + p, unknowns.slides, p, 1.0), corner(frame.centre, p)
         if unknowns.turn_row[p] >= 0:

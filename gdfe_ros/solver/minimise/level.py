@@ -64,6 +64,7 @@ class TangentLevel:
 
     Attributes:
         price: cost of factoring a tangent, divided by the cost of a solution with it.
+        kept: the loaded factor for the kernels.
         memory: memory [bytes] of a factor and of the elements' tangents.
         stiffness: (m, 3 c, 3 c) [N/m] tangents of the elements in the last call of `take`.
         affordable: whether a factor takes little time and memory.
@@ -113,7 +114,7 @@ class TangentLevel:
         self._rest: tuple[Tangent, Kept] | None = None
         self._sums = np.empty((len(body.rest), 9))
         self._factor.kept = self._factor.kept._replace(fixed=body.unknowns.fixed)
-        self._kept = self._factor.kept
+        self.kept = self._factor.kept
 
     @property
     def fits(self) -> bool:
@@ -172,7 +173,7 @@ class TangentLevel:
 
     def keep(self, rest: Tangent) -> None:
         """Keep the factor of the loaded tangent for good; later factors are stored elsewhere."""
-        self._rest = rest, self._kept
+        self._rest = rest, self.kept
         self._factor.spare()
 
     def load(self, tangent: Tangent) -> None:
@@ -181,7 +182,7 @@ class TangentLevel:
             if self._rest is None or self._rest[0].blocks is not tangent.blocks:
                 self._load(tangent)
                 return
-            self._loaded, self._kept = self._rest
+            self._loaded, self.kept = self._rest
         if self._loaded.springs is not tangent.springs:
             self._connect(tangent)
 
@@ -194,11 +195,6 @@ class TangentLevel:
         stages = np.array([term.stage for term in self._terms], dtype=np.int32)
         return stages if stages.any() else stages[:0]
 
-    @property
-    def kept(self) -> Kept:
-        """The loaded factor for the kernels."""
-        return self._kept
-
     def reconnected(self, tangent: Tangent, x: NDArray[np.float64]) -> Tangent:
         """Return the loaded tangent with the springs at ``x`` (n, 3) [m], if other terms have springs.
 
@@ -208,7 +204,7 @@ class TangentLevel:
         if np.array_equal(owners, tangent.owners):
             return tangent
         self.turn(x)
-        frames, free = self._kept.frames.reshape(-1, 3, 3), self._unknowns.free
+        frames, free = self.kept.frames.reshape(-1, 3, 3), self._unknowns.free
         slopes[:, free] = np.einsum("vij,kvi->kvj", frames, slopes[:, free])
         self._connect(replace(tangent, springs=generalise(slopes, self._unknowns, tangent.motion), owners=owners))
         return self._loaded
@@ -219,11 +215,11 @@ class TangentLevel:
             return
         before, unknowns, held = self._loaded.positions, self._unknowns, bool(self._body.handles)
         rows = unknowns.free, unknowns.fixed
-        vertex_rotations(x, before, self._body.shape, rows, held, self._sums, self._kept.frames)
+        vertex_rotations(x, before, self._body.shape, rows, held, self._sums, self.kept.frames)
 
     def solve(self, gradient: NDArray[np.float64], out: NDArray[np.float64]) -> None:
         """Write the product of K^-1 and ``gradient`` (3 r,) [N] to ``out`` (3 r,) [m]."""
-        solve_kept(self._kept, gradient, out)
+        solve_kept(self.kept, gradient, out)
 
     def _springs(self, x: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
         """Return the springs (m, n, 3) of all terms at ``x`` (n, 3) [m], and the term (m,) of each."""
@@ -239,8 +235,8 @@ class TangentLevel:
         blocks = tangent.blocks[self._among_free] if motion.size else tangent.blocks
         if not self._factor.factor(blocks):
             return False
-        self._kept = self._factor.kept
-        self._kept.frames[...] = unrotated(len(self._kept.frames))
+        self.kept = self._factor.kept
+        self.kept.frames[...] = unrotated(len(self.kept.frames))
         if motion.size:
             pulled = self._assembly.matrix(tangent.blocks) @ np.vstack([np.zeros((count, motion.shape[1])), motion])
             harmonic = self._factor.solve(pulled[:count])
@@ -249,15 +245,15 @@ class TangentLevel:
             if not definite:
                 return False
             rigid = {"harmonic": np.ascontiguousarray(harmonic), "schur": inverse}
-            self._kept = self._kept._replace(**rigid, turned=np.empty(count + motion.shape[1]))
+            self.kept = self.kept._replace(**rigid, turned=np.empty(count + motion.shape[1]))
         self._connect(tangent)
         return True
 
     def _connect(self, tangent: Tangent) -> None:
         """Include the springs of a tangent whose other parts are factored."""
         none, rows, self._loaded = np.zeros((0, 0)), tangent.springs, tangent
-        self._kept = self._kept._replace(springs=none, reach=none, inner=none)
+        self.kept = self.kept._replace(springs=none, reach=none, inner=none)
         if len(rows):
-            reach = unturned_solutions(self._kept, rows.T)
+            reach = unturned_solutions(self.kept, rows.T)
             inner = np.linalg.inv(np.eye(len(rows)) + rows @ reach)
-            self._kept = self._kept._replace(springs=rows, reach=np.ascontiguousarray(reach.T), inner=inner)
+            self.kept = self.kept._replace(springs=rows, reach=np.ascontiguousarray(reach.T), inner=inner)
