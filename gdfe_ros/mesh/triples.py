@@ -15,6 +15,12 @@ def dot(a, b):
 
 
 @inlined
+def plus(a, b):
+    """Return the sum of two triples."""
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
+
+
+@inlined
 def minus(a, b):
     """Return the difference of two triples."""
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]

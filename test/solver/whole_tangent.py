@@ -14,5 +14,5 @@ def whole_tangent(level: TangentLevel, tangent: Tangent) -> sparse.csr_matrix:
     pattern = level._assembly
     blocks = sparse.bsr_matrix((tangent.blocks, pattern.indices, pattern.indptr)).tocsr()
     follow = sparse.block_diag([sparse.identity(3 * pattern.free), sparse.csr_matrix(tangent.motion)]).tocsr()
-    rows = sparse.csr_matrix(level._rows(tangent))
+    rows = sparse.csr_matrix(tangent.springs.reshape(-1, follow.shape[1]))
     return (follow.T @ blocks @ follow + rows.T @ rows).tocsr()

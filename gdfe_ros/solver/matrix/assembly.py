@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sparse
@@ -29,25 +28,6 @@ def add_tangents(stiffness, slot, out):
                     for j in range(3):
                         both = stiffness[e, 3 * a + i, 3 * b + j] + stiffness[e, 3 * b + j, 3 * a + i]
                         out[slot[e, a, b], i, j] += 0.5 * both
-
-
-class MatrixPart(NamedTuple):
-    """Pattern of a part of an assembled matrix.
-
-    Attributes:
-        chosen: indices of its blocks among those of the whole matrix.
-        indices, indptr: int32 column of each block, and offset of each block row.
-        shape: numbers of its rows and columns.
-    """
-
-    chosen: NDArray[np.intp]
-    indices: NDArray[np.int32]
-    indptr: NDArray[np.int32]
-    shape: tuple[int, int]
-
-    def matrix(self, blocks: NDArray[np.float64]) -> sparse.bsr_matrix:
-        """Return the part of the matrix with ``blocks`` (k, 3, 3)."""
-        return sparse.bsr_matrix((blocks[self.chosen], self.indices, self.indptr), shape=self.shape)
 
 
 class Assembly:
@@ -121,15 +101,14 @@ class Assembly:
         size = self.free + self.members
         return sparse.csr_matrix((np.ones(len(self.indices)), self.indices, self.indptr), shape=(size, size))
 
-    def part(self, rows: range, columns: range) -> MatrixPart:
-        """Return the part of the pattern with these block rows and block columns."""
-        first = self._block_rows
-        own = (first >= rows.start) & (first < rows.stop)
-        own &= (self.indices >= columns.start) & (self.indices < columns.stop)
-        counts = np.bincount(first[own] - rows.start, minlength=len(rows))
-        starts = np.concatenate([[0], np.cumsum(counts)]).astype(np.int32)
-        shape = 3 * len(rows), 3 * len(columns)
-        return MatrixPart(np.flatnonzero(own), self.indices[own] - columns.start, starts, shape)
+    @property
+    def among_free(self) -> NDArray[np.bool_]:
+        """Whether each block (k,) belongs to two free vertices."""
+        return (self._block_rows < self.free) & (self.indices < self.free)
+
+    def matrix(self, blocks: NDArray[np.float64]) -> sparse.bsr_matrix:
+        """Return the matrix (3 f + 3 b, 3 f + 3 b) with ``blocks`` (k, 3, 3)."""
+        return sparse.bsr_matrix((blocks, self.indices, self.indptr), shape=2 * (3 * (self.free + self.members),))
 
 
 def _names(rows: NDArray[np.int64], count: int) -> NDArray[np.int64]:

@@ -22,7 +22,14 @@ from gdfe_ros.solver.elements.cell_type import cell_type_of
 from gdfe_ros.solver.matrix.factor import factor_of
 from gdfe_ros.solver.matrix.inverse import Inverse, apply_free
 from gdfe_ros.solver.matrix.substitution import solve_rigid
-from gdfe_ros.solver.matrix.unknowns import Unknowns, clear_fixed
+from gdfe_ros.solver.matrix.unknowns import (
+    HandlePositions,
+    Unknowns,
+    clear_fixed,
+    generalise,
+    handle_centres,
+    rigid_motion,
+)
 
 SINGULAR = 1e-10
 """A rigid motion counts as having no stiffness if its eigenvalue of the Schur complement is below this fraction of the
@@ -50,40 +57,27 @@ class Coupling(NamedTuple):
 
 
 def couple(
-    matrix: sparse.csc_matrix, rest: NDArray[np.float64], unknowns: Unknowns, solve: Solve, inverse: Inverse
+    matrix: sparse.csc_matrix, motion: NDArray[np.float64], unknowns: Unknowns, solve: Solve, inverse: Inverse
 ) -> Coupling:
     """Return the coupling of handles in their rest poses to the free vertices, linearised.
 
     Args:
         matrix: the assembled matrix (n, n).
-        rest: (n, 3) rest vertices [m].
+        motion: (3 b, 3 q) motion of the handles' vertices by the rigid rows (`rigid_motion`).
         unknowns: the numbering of the unknowns.
         solve: function that solves with the free block A_ff for three right-hand sides (f, 3).
         inverse: the inverse of this block, for the kernels.
     """
-    motion, rows = rigid_motion(rest, unknowns), matrix[:, unknowns.members]
-    wide = motion.reshape(len(motion), motion.shape[1] * motion.shape[2])
-    pulled = (rows @ wide).reshape(len(rest), *motion.shape[1:])
-    columns = np.moveaxis(pulled[unknowns.free], -1, 0)
-    harmonic = np.zeros_like(columns, order="C")
-    for column, follows in zip(columns, harmonic, strict=True):
-        solve(np.ascontiguousarray(column), follows)
-    schur = np.einsum("mia,mib->ab", motion, pulled[unknowns.members]) - np.einsum("afi,bfi->ab", columns, harmonic)
-    spread = np.ascontiguousarray(harmonic.reshape(len(harmonic), 3 * len(unknowns.free)).T)
-    return Coupling(spread, pseudo_inverse(schur)[0], inverse, unknowns.fixed)
-
-
-def rigid_motion(rest: NDArray[np.float64], unknowns: Unknowns) -> NDArray[np.float64]:
-    """Return the displacement (b, 3, 3 q) of the handles' vertices by each component of the rigid rows, at rest."""
-    motion = np.zeros((len(unknowns.members), 3, 3 * unknowns.rigid_rows))
-    for p, (begin, end) in enumerate(zip(unknowns.member_start[:-1], unknowns.member_start[1:], strict=True)):
-        own, places = motion[begin:end], rest[unknowns.members[begin:end]]
-        own[:, :, 3 * p : 3 * p + 3] = np.diag(unknowns.slides[p])
-        if unknowns.turn_row[p] >= 0:
-            first, arms = 3 * (unknowns.turn_row[p] - len(unknowns.free)), places - places.mean(axis=0)
-            axes = np.eye(3) * unknowns.turns[p] / unknowns.radius[p]
-            own[:, :, first : first + 3] = np.moveaxis(np.cross(axes, arms[:, None]), 1, 2)
-    return motion
+    columns, members = motion.shape[1], unknowns.members
+    wide = motion.reshape(len(members), 3 * columns)
+    pulled = (matrix[:, members] @ wide).reshape(matrix.shape[0], 3, columns)
+    beside, within = (pulled[part].reshape(3 * len(part), columns) for part in (unknowns.free, members))
+    harmonic = np.zeros((columns, len(unknowns.free), 3))
+    for column, follows in zip(np.ascontiguousarray(beside.T), harmonic, strict=True):
+        solve(column.reshape(-1, 3), follows)
+    harmonic = np.ascontiguousarray(harmonic.reshape(beside.T.shape).T)
+    schur = motion.T @ within - beside.T @ harmonic
+    return Coupling(harmonic, pseudo_inverse(schur)[0], inverse, unknowns.fixed)
 
 
 def pseudo_inverse(matrix: NDArray[np.float64]) -> tuple[NDArray[np.float64], bool]:
@@ -162,7 +156,7 @@ class ConstantMatrix:
         rest: NDArray[np.float64],
         unknowns: Unknowns,
     ) -> None:
-        self.assembled, self._rest, self._unknowns = matrix, rest, unknowns
+        self.assembled, self._unknowns = matrix, unknowns
         free = unknowns.free
         rows = matrix[free]
         block = rows[:, free].tocsc()
@@ -173,7 +167,9 @@ class ConstantMatrix:
             )
         self._prescribed = rows[:, unknowns.prescribed].tocsr()
         self._factor = factor_of(block, rest[free])
-        self.coupling = couple(matrix, rest, unknowns, self.solve, self._factor.inverse)
+        frame = HandlePositions(rest, handle_centres(rest, unknowns))
+        self._motion = rigid_motion(np.zeros(3 * unknowns.rows), frame, unknowns)
+        self.coupling = couple(matrix, self._motion, unknowns, self.solve, self._factor.inverse)
 
     def solve(self, right: NDArray[np.float64], out: NDArray[np.float64]) -> None:
         """Solve A_ff out = right for three right-hand sides (f, 3) to double precision."""
@@ -189,16 +185,11 @@ class ConstantMatrix:
 
     def compliance(self, force: NDArray[np.float64]) -> float:
         """Return the compliance f . A^-1 f of vertex forces f (n, 3); its unit is m/N times the squared unit of f."""
-        unknowns, count = self._unknowns, len(self._unknowns.free)
-        right = np.zeros((unknowns.rows, 3))
-        right[:count] = force[unknowns.free]
-        right.reshape(-1)[unknowns.fixed] = 0.0
-        motion = rigid_motion(self._rest, unknowns)
-        right[count:] = np.einsum("mia,mi->a", motion, force[unknowns.members]).reshape(-1, 3)
+        right, free = generalise(force, self._unknowns, self._motion), 3 * len(self._unknowns.free)
         out = np.zeros_like(right)
-        self.solve(right[:count], out[:count])
-        close_coupling(right.reshape(-1), self.coupling, out.reshape(-1))
-        return float(np.vdot(right, out))
+        self.solve(right[:free].reshape(-1, 3), out[:free].reshape(-1, 3))
+        close_coupling(right, self.coupling, out)
+        return float(right @ out)
 
     def extend(self, motion: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the harmonic extension (f, 3) [m] of a ``motion`` (b, 3) [m] of the prescribed vertices."""

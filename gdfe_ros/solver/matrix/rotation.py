@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from gdfe_ros.compiled import inlined, internal, kernel
 from gdfe_ros.materials.tensor import cofactor, determinant, rotation, times
+from gdfe_ros.mesh.triples import combine, cross
 from gdfe_ros.solver.elements.cell_type import mean_gradient
 from gdfe_ros.solver.vectors import clear_part
 
@@ -55,20 +56,11 @@ def rotation_matrix(turn):
 
 
 @inlined
-def rotated(r, x, y, z):
-    """Return the vector (x, y, z) rotated by the rotation matrix ``r``."""
-    return r[0] * x + r[1] * y + r[2] * z, r[3] * x + r[4] * y + r[5] * z, r[6] * x + r[7] * y + r[8] * z
-
-
-@inlined
 def left_jacobian_transposed(turn, moment):
     """Return J_l(theta)^T m: dE/d(rotation vector) if m is the moment of the forces dE/dx."""
     _, b, c = coefficients(turn)
-    x, y, z = turn
-    m0, m1, m2 = moment
-    k0, k1, k2 = y * m2 - z * m1, z * m0 - x * m2, x * m1 - y * m0
-    l0, l1, l2 = y * k2 - z * k1, z * k0 - x * k2, x * k1 - y * k0
-    return m0 - b * k0 + c * l0, m1 - b * k1 + c * l1, m2 - b * k2 + c * l2
+    across = cross(turn, moment)
+    return combine(1.0, moment, -b, across, c, cross(turn, across))
 
 
 UNIQUE = 0.05

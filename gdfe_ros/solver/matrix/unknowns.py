@@ -4,15 +4,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 from numba import prange
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from gdfe_ros.compiled import inlined, internal, kernel, parallel_kernel
 from gdfe_ros.constraints import Handle
-from gdfe_ros.solver.matrix.rotation import left_jacobian_transposed, rotated, rotation_matrix
+from gdfe_ros.materials.tensor import times
+from gdfe_ros.mesh.triples import corner, cross, minus, plus
+from gdfe_ros.solver.matrix.rotation import apply_left_jacobian, left_jacobian_transposed, rotation_matrix
 
 
 class Unknowns(NamedTuple):
@@ -34,8 +38,7 @@ class Unknowns(NamedTuple):
         radius: (p,) float64 [m], largest distance of any undeformed vertex of the body from the handle's centre: the
             whole body follows a rotation of the handle.
         corner_start: (n + 1,) int32, index in ``corner`` at which each vertex's list of element corners begins.
-        corner: (c m,) int32, element times 8 plus corner (element times 16 for more than 8 corners). Each vertex sums
-            its forces in this order.
+        corner: (c m, 2) int32 elements, and their corners. Each vertex sums its forces in this order.
     """
 
     free: NDArray[np.int32]
@@ -103,19 +106,8 @@ def number_unknowns(rest: NDArray[np.float64], cells: NDArray[np.int32], handles
         turn_row,
         np.array(arms, dtype=np.float64),
         np.searchsorted(corners[order], np.arange(len(rest) + 1)).astype(np.int32),
-        _numbered(order, cells.shape[1]),
+        np.stack(np.divmod(order, cells.shape[1]), axis=1).astype(np.int32),
     )
-
-
-def _numbered(places: NDArray[np.int64], count: int) -> NDArray[np.int32]:
-    """Return the element and corner of ``places`` in an array (m, count), packed as in `Unknowns.corner`."""
-    element, corner = np.divmod(places, count)
-    return ((element << shift_of(count)) + corner).astype(np.int32)
-
-
-def shift_of(count: int) -> int:
-    """Return the number of bits that hold the index of one of ``count`` corners."""
-    return 3 if count <= 8 else 4
 
 
 def handle_centres(positions: NDArray[np.float64], unknowns: Unknowns) -> NDArray[np.float64]:
@@ -124,6 +116,35 @@ def handle_centres(positions: NDArray[np.float64], unknowns: Unknowns) -> NDArra
         return np.zeros((0, 3))
     sums = np.add.reduceat(positions[unknowns.members], unknowns.member_start[:-1])
     return sums / np.diff(unknowns.member_start)[:, None]
+
+
+def generalise(forces: NDArray[np.float64], unknowns: Unknowns, motion: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return vertex forces (..., n, 3) as generalised forces (..., 3 r) on the unknowns.
+
+    ``motion`` (3 b, 3 q) is the result of `rigid_motion`, with all components of a vertex in rows.
+    """
+    own, beside = forces[..., unknowns.free, :], forces[..., unknowns.members, :]
+    own = own.reshape(*own.shape[:-2], 3 * len(unknowns.free))
+    own[..., unknowns.fixed] = 0.0
+    return np.concatenate([own, beside.reshape(*beside.shape[:-2], len(motion)) @ motion], axis=-1)
+
+
+def rigid_motion(u: NDArray[np.float64], frame: HandlePositions, unknowns: Unknowns) -> NDArray[np.float64]:
+    """Return d(positions of the handles' vertices)/d(rigid rows), (3 b, 3 q), at the unknowns ``u`` (3 r,).
+
+    A vertex at the arm a from the centre moves by dt + (J_l(theta) dtheta) x R a.
+    """
+    motion, rows = np.zeros((len(unknowns.members), 3, 3 * unknowns.rigid_rows)), u.reshape(-1, 3)
+    for p, (begin, end) in enumerate(pairwise(unknowns.member_start)):
+        own, turn = motion[begin:end], unknowns.turn_row[p]
+        own[:, :, 3 * p : 3 * p + 3] = np.diag(unknowns.slides[p])
+        if turn >= 0:
+            first, shares = 3 * (turn - len(unknowns.free)), unknowns.turns[p] / unknowns.radius[p]
+            arms = frame.base[unknowns.members[begin:end]] - frame.centre[p]
+            arms = Rotation.from_rotvec(rows[turn] * shares).apply(arms)
+            axes = apply_left_jacobian(rows[turn] * shares, np.diag(shares))
+            own[:, :, first : first + 3] = np.moveaxis(np.cross(axes, arms[:, None]), 1, 2)
+    return motion.reshape(3 * len(motion), motion.shape[2])
 
 
 @kernel
@@ -135,24 +156,15 @@ def place(u, frame, unknowns, x):
         for axis in range(3):
             x[v, axis] = u[3 * row + axis]
     for p in range(len(unknowns.slides)):
-        shift = rigid_part(u, count + p, unknowns.slides, p, 1.0)
+        shift, centre = rigid_part(u, count + p, unknowns.slides, p, 1.0), corner(frame.centre, p)
         if unknowns.turn_row[p] >= 0:
-            turn = rigid_part(u, unknowns.turn_row[p], unknowns.turns, p, 1.0 / unknowns.radius[p])
-            r = rotation_matrix(turn)
+            r = rotation_matrix(rigid_part(u, unknowns.turn_row[p], unknowns.turns, p, 1.0 / unknowns.radius[p]))
         for i in range(unknowns.member_start[p], unknowns.member_start[p + 1]):
             v = unknowns.members[i]
-            if unknowns.turn_row[p] < 0:
-                for axis in range(3):
-                    x[v, axis] = frame.base[v, axis] + shift[axis]
-            else:
-                arm = rotated(
-                    r,
-                    frame.base[v, 0] - frame.centre[p, 0],
-                    frame.base[v, 1] - frame.centre[p, 1],
-                    frame.base[v, 2] - frame.centre[p, 2],
-                )
-                for axis in range(3):
-                    x[v, axis] = frame.centre[p, axis] + shift[axis] + arm[axis]
+            there = corner(frame.base, v)
+            if unknowns.turn_row[p] >= 0:
+                there = plus(centre, times(r, minus(there, centre)))
+            x[v, 0], x[v, 1], x[v, 2] = plus(there, shift)
 
 
 @kernel
@@ -205,25 +217,20 @@ def gather_rigid_rows(u, x, force, outside, pushed, frame, unknowns, gradient):
     """
     count = len(unknowns.free)
     for p in range(len(unknowns.slides)):
-        f0, f1, f2, m0, m1, m2 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-        shift = rigid_part(u, count + p, unknowns.slides, p, 1.0)
-        c0, c1, c2 = frame.centre[p, 0] + shift[0], frame.centre[p, 1] + shift[1], frame.centre[p, 2] + shift[2]
+        total, moment = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+        centre = plus(corner(frame.centre, p), rigid_part(u, count + p, unknowns.slides, p, 1.0))
         for i in range(unknowns.member_start[p], unknowns.member_start[p + 1]):
             v = unknowns.members[i]
-            s0, s1, s2 = vertex_force(force, unknowns, v)
+            s = vertex_force(force, unknowns, v)
             if pushed:
-                s0, s1, s2 = s0 + outside[v, 0], s1 + outside[v, 1], s2 + outside[v, 2]
-            f0, f1, f2 = f0 + s0, f1 + s1, f2 + s2
-            r0, r1, r2 = x[v, 0] - c0, x[v, 1] - c1, x[v, 2] - c2
-            m0, m1, m2 = m0 + r1 * s2 - r2 * s1, m1 + r2 * s0 - r0 * s2, m2 + r0 * s1 - r1 * s0
-        row = 3 * (count + p)
-        gradient[row] = f0 * unknowns.slides[p, 0]
-        gradient[row + 1] = f1 * unknowns.slides[p, 1]
-        gradient[row + 2] = f2 * unknowns.slides[p, 2]
+                s = plus(s, corner(outside, v))
+            total, moment = plus(total, s), plus(moment, cross(minus(corner(x, v), centre), s))
+        for axis in range(3):
+            gradient[3 * (count + p) + axis] = total[axis] * unknowns.slides[p, axis]
         if unknowns.turn_row[p] >= 0:
             row = 3 * unknowns.turn_row[p]
             turn = rigid_part(u, unknowns.turn_row[p], unknowns.turns, p, 1.0 / unknowns.radius[p])
-            moment = left_jacobian_transposed(turn, (m0, m1, m2))
+            moment = left_jacobian_transposed(turn, moment)
             for axis in range(3):
                 gradient[row + axis] = moment[axis] * unknowns.turns[p, axis] / unknowns.radius[p]
 
@@ -241,12 +248,7 @@ def rigid_part(u, row, mask, p, scale):
 @inlined
 def vertex_force(force, unknowns, vertex):
     """Return the sum of the forces (m, c, 3) of the element corners at one vertex."""
-    s0, s1, s2 = 0.0, 0.0, 0.0
-    shift = 3 if force.shape[1] <= 8 else 4
+    total = 0.0, 0.0, 0.0
     for i in range(unknowns.corner_start[vertex], unknowns.corner_start[vertex + 1]):
-        e = unknowns.corner[i] >> shift
-        a = unknowns.corner[i] - (e << shift)
-        s0 += force[e, a, 0]
-        s1 += force[e, a, 1]
-        s2 += force[e, a, 2]
-    return s0, s1, s2
+        total = plus(total, corner(force[unknowns.corner[i, 0]], unknowns.corner[i, 1]))
+    return total

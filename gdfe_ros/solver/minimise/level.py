@@ -19,15 +19,14 @@ from gdfe_ros.compiled import kernel
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.descent.workspace import Problem
 from gdfe_ros.solver.elements.barrier import add_walls
-from gdfe_ros.solver.elements.cell_type import cell_type_with
 from gdfe_ros.solver.elements.tangent_rows import SPACING
 from gdfe_ros.solver.matrix.assembly import Assembly
 from gdfe_ros.solver.matrix.constant_matrix import pseudo_inverse
 from gdfe_ros.solver.matrix.fronts import Fronts, unturned_solutions
 from gdfe_ros.solver.matrix.rotation import unrotated, vertex_rotations
-from gdfe_ros.solver.matrix.springs import Springs, Tangent, spring_rows
+from gdfe_ros.solver.matrix.springs import Tangent
 from gdfe_ros.solver.matrix.substitution import Kept, solve_kept
-from gdfe_ros.solver.matrix.unknowns import HandlePositions, place
+from gdfe_ros.solver.matrix.unknowns import generalise, rigid_motion
 from gdfe_ros.solver.terms.term import Term
 
 
@@ -55,35 +54,6 @@ def add_wall_tangents(x, watched, shape, material, table, force, energy, out):
             x[vertex, axis] = here
 
 
-class ElementStiffness:
-    """Evaluates the tangents of a body's elements, in an array that is reused.
-
-    Args:
-        count: number of elements m.
-        corners: number c of corners of each element.
-
-    Attributes:
-        values: (m, 3 c, 3 c) [N/m] the last result of `at`.
-        memory: size of these values [bytes].
-    """
-
-    def __init__(self, count: int, corners: int = 8) -> None:
-        self._shape, self.memory = (count, 3 * corners, 3 * corners), 8 * count * (3 * corners) ** 2
-        self.values = np.zeros((0, 3 * corners, 3 * corners))
-        self._force, self._energy = np.zeros((count, corners, 3)), np.zeros(count)
-        self._tangents = cell_type_with(corners).tangents
-
-    def at(self, problem: Problem, x: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the tangents (m, 3 c, 3 c) [N/m] at ``x`` (n, 3) [m], in an array that the next call overwrites."""
-        if len(self.values) != self._shape[0]:
-            self.values = np.zeros(self._shape)
-        shape, material, table = problem.shape, problem.material, problem.table
-        self._tangents(x, shape, problem.blocks, material, problem.pressure, problem.scale, table, self.values)
-        scratch = self._force, self._energy
-        add_wall_tangents(x, problem.watch.watched, shape, material, table, *scratch, self.values)
-        return self.values
-
-
 class TangentLevel:
     """Evaluates, factors and applies kept tangents of a body.
 
@@ -94,6 +64,9 @@ class TangentLevel:
 
     Attributes:
         price: cost of factoring a tangent, divided by the cost of a solution with it.
+        kept: the loaded factor for the kernels.
+        memory: memory [bytes] of a factor and of the elements' tangents.
+        stiffness: (m, 3 c, 3 c) [N/m] tangents of the elements in the last call of `take`.
         affordable: whether a factor takes little time and memory.
         first_shift: first multiple of the constant matrix that is added to a tangent without a factor: the softness of
             the body.
@@ -111,9 +84,6 @@ class TangentLevel:
     """Largest number of multiplications of a factorisation, one or two seconds, and largest memory [bytes] for which a
     body has a tangent from the beginning.
     """
-    TURN = 1e-6
-    """Change of a rigid row in finite differences of the handles' motion, divided by the body's size."""
-
     first_shift = 1e-8
 
     def __init__(
@@ -123,7 +93,9 @@ class TangentLevel:
         terms: Sequence[Term] = (),
     ) -> None:
         self._body, self._unknowns, self._terms = body, body.unknowns, terms
-        self._elements = ElementStiffness(*body.cells.shape)
+        count, corners = body.cells.shape
+        self.stiffness = np.zeros((0, 3 * corners, 3 * corners))
+        self._scratch = np.zeros((count, corners, 3)), np.zeros(count)
         self._assembly = Assembly([body.cells, *(term.couplings() for term in terms)], body.unknowns)
         self._constant = self._assembly.spread(matrix, body.unknowns)
         self._assembly.fix(self._constant, self._constant.copy())
@@ -132,28 +104,22 @@ class TangentLevel:
         self._even = self._assembly.spread(sum(even).tocsc(), body.unknowns) if even else 0.0
         self._free = 3 * self._assembly.free
         free, graph = self._assembly.free, self._assembly.graph()
-        movable, members = range(free), range(free, graph.shape[0])
-        self._among_free = self._assembly.part(movable, movable).chosen
-        self._beside, self._within = self._assembly.part(movable, members), self._assembly.part(members, members)
+        self._among_free = self._assembly.among_free
         kind = np.float32 if body.handles else np.float64  # only double precision conserves the momentum of free bodies
         self._factor = Fronts(graph[:free, :free].tocsr(), body.rest[body.unknowns.free], kind=kind)
         self.price = self._factor.price
         self.affordable = self._factor.operations <= self.OPERATIONS and self._factor.memory <= self.MEMORY
+        self.memory = self._factor.memory + 8 * count * (3 * corners) ** 2
         self._loaded: Tangent | None = None
         self._rest: tuple[Tangent, Kept] | None = None
         self._sums = np.empty((len(body.rest), 9))
         self._factor.kept = self._factor.kept._replace(fixed=body.unknowns.fixed)
-        self._kept = self._factor.kept
+        self.kept = self._factor.kept
 
     @property
     def fits(self) -> bool:
         """Whether they fit into half of the memory that is free."""
         return self.memory <= 0.5 * os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
-
-    @property
-    def memory(self) -> int:
-        """Memory [bytes] of a factor and of the elements' tangents."""
-        return self._factor.memory + self._elements.memory
 
     def take(
         self, problem: Problem, u: NDArray[np.float64], x: NDArray[np.float64], *, definite: bool = False
@@ -173,10 +139,11 @@ class TangentLevel:
         Raises:
             FloatingPointError: not even the constant matrix has a factor.
         """
-        stiffness, motion = self._elements.at(problem, x), self._motion(u, problem.frame)
-        added, here = [term.tangents(x) for term in self._terms], {"positions": x.copy(), **self._springs(x)._asdict()}
-        here["stages"] = self._stages()
-        tangent = self._assembly.blocks([stiffness, *added])
+        motion = rigid_motion(u, problem.frame, self._unknowns)
+        slopes, owners = self._springs(x)
+        here = {"positions": x.copy(), "stages": self._stages(), "owners": owners}
+        here["springs"] = generalise(slopes, self._unknowns, motion)
+        tangent = self._assembly.blocks([self._stiffen(problem, x), *(term.tangents(x) for term in self._terms)])
         tangent += self._even
         self._assembly.fix(tangent, self._constant)
         shift = 0.0
@@ -189,21 +156,25 @@ class TangentLevel:
             if not np.isfinite(tangent).all():
                 break
             shift = max(self.first_shift, self.SHIFT_GROWTH * shift)
-        if not self._load(
-            Tangent(blocks=self._constant, motion=self._motion(np.zeros_like(u), problem.frame), shift=shift)
-        ):
+        motion = rigid_motion(np.zeros_like(u), problem.frame, self._unknowns)
+        if not self._load(Tangent(blocks=self._constant, motion=motion, shift=shift)):
             raise FloatingPointError("neither the tangent nor the constant matrix has a factor")
         return self._loaded
 
+    def _stiffen(self, problem: Problem, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Evaluate and return `stiffness` at ``x`` (n, 3) [m]; the next call overwrites it."""
+        if not len(self.stiffness):
+            self.stiffness = np.zeros((len(self._body.material), *self.stiffness.shape[1:]))
+        shape, material, table = problem.shape, problem.material, problem.table
+        given = problem.blocks, material, problem.pressure, problem.scale, table
+        self._body.cell_type.tangents(x, shape, *given, self.stiffness)
+        add_wall_tangents(x, problem.watch.watched, shape, material, table, *self._scratch, self.stiffness)
+        return self.stiffness
+
     def keep(self, rest: Tangent) -> None:
         """Keep the factor of the loaded tangent for good; later factors are stored elsewhere."""
-        self._rest = rest, self._kept
+        self._rest = rest, self.kept
         self._factor.spare()
-
-    @property
-    def stiffness(self) -> NDArray[np.float64]:
-        """Tangents (m, 3 c, 3 c) [N/m] of the elements in the last call of `take`, not copied."""
-        return self._elements.values
 
     def load(self, tangent: Tangent) -> None:
         """Factor a tangent that `take` returned, in this run or in another run, unless it is already loaded."""
@@ -211,8 +182,8 @@ class TangentLevel:
             if self._rest is None or self._rest[0].blocks is not tangent.blocks:
                 self._load(tangent)
                 return
-            self._loaded, self._kept = self._rest
-        if self._loaded.ways is not tangent.ways:
+            self._loaded, self.kept = self._rest
+        if self._loaded.springs is not tangent.springs:
             self._connect(tangent)
 
     def outdated(self, tangent: Tangent | None) -> bool:
@@ -224,24 +195,18 @@ class TangentLevel:
         stages = np.array([term.stage for term in self._terms], dtype=np.int32)
         return stages if stages.any() else stages[:0]
 
-    @property
-    def kept(self) -> Kept:
-        """The loaded factor for the kernels."""
-        return self._kept
-
     def reconnected(self, tangent: Tangent, x: NDArray[np.float64]) -> Tangent:
-        """Return the loaded tangent with the springs at ``x`` (n, 3) [m], if they connect other vertices.
+        """Return the loaded tangent with the springs at ``x`` (n, 3) [m], if other terms have springs.
 
         The other parts keep the values and the factor of the tangent.
         """
-        springs = self._springs(x)
-        if springs.alike(tangent.springs):
+        slopes, owners = self._springs(x)
+        if np.array_equal(owners, tangent.owners):
             return tangent
         self.turn(x)
-        frames = np.tile(np.eye(3), (len(x), 1, 1))
-        frames[self._unknowns.free] = self._kept.frames.reshape(-1, 3, 3)
-        ways = np.einsum("eij,ei->ej", frames[springs.ends], springs.ways)
-        self._connect(replace(tangent, **springs._replace(ways=ways)._asdict()))
+        frames, free = self.kept.frames.reshape(-1, 3, 3), self._unknowns.free
+        slopes[:, free] = np.einsum("vij,kvi->kvj", frames, slopes[:, free])
+        self._connect(replace(tangent, springs=generalise(slopes, self._unknowns, tangent.motion), owners=owners))
         return self._loaded
 
     def turn(self, x: NDArray[np.float64]) -> None:
@@ -250,17 +215,19 @@ class TangentLevel:
             return
         before, unknowns, held = self._loaded.positions, self._unknowns, bool(self._body.handles)
         rows = unknowns.free, unknowns.fixed
-        vertex_rotations(x, before, self._body.shape, rows, held, self._sums, self._kept.frames)
+        vertex_rotations(x, before, self._body.shape, rows, held, self._sums, self.kept.frames)
 
     def solve(self, gradient: NDArray[np.float64], out: NDArray[np.float64]) -> None:
         """Write the product of K^-1 and ``gradient`` (3 r,) [N] to ``out`` (3 r,) [m]."""
-        solve_kept(self._kept, gradient, out)
+        solve_kept(self.kept, gradient, out)
 
-    def _springs(self, x: NDArray[np.float64]) -> Springs:
-        return Springs.joined([term.springs(x) for term in self._terms])
-
-    def _rows(self, tangent: Tangent) -> NDArray[np.float64]:
-        return spring_rows(tangent.springs, self._unknowns, tangent.motion)
+    def _springs(self, x: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+        """Return the springs (m, n, 3) of all terms at ``x`` (n, 3) [m], and the term (m,) of each."""
+        found = [term.springs(x) for term in self._terms]
+        owners = np.repeat(
+            np.arange(len(found), dtype=np.int32), np.array([len(each) for each in found], dtype=np.int32)
+        )
+        return np.concatenate([np.zeros((0, *x.shape)), *found]), owners
 
     def _load(self, tangent: Tangent) -> bool:
         """Factor a tangent; return whether it is positive definite."""
@@ -268,39 +235,25 @@ class TangentLevel:
         blocks = tangent.blocks[self._among_free] if motion.size else tangent.blocks
         if not self._factor.factor(blocks):
             return False
-        self._kept = self._factor.kept
-        self._kept.frames[...] = unrotated(len(self._kept.frames))
+        self.kept = self._factor.kept
+        self.kept.frames[...] = unrotated(len(self.kept.frames))
         if motion.size:
-            columns = self._beside.matrix(tangent.blocks) @ motion
-            harmonic = self._factor.solve(columns)
-            schur = motion.T @ (self._within.matrix(tangent.blocks) @ motion) - columns.T @ harmonic
+            pulled = self._assembly.matrix(tangent.blocks) @ np.vstack([np.zeros((count, motion.shape[1])), motion])
+            harmonic = self._factor.solve(pulled[:count])
+            schur = motion.T @ pulled[count:] - pulled[:count].T @ harmonic
             inverse, definite = pseudo_inverse(schur)
             if not definite:
                 return False
             rigid = {"harmonic": np.ascontiguousarray(harmonic), "schur": inverse}
-            self._kept = self._kept._replace(**rigid, turned=np.empty(count + motion.shape[1]))
+            self.kept = self.kept._replace(**rigid, turned=np.empty(count + motion.shape[1]))
         self._connect(tangent)
         return True
 
     def _connect(self, tangent: Tangent) -> None:
         """Include the springs of a tangent whose other parts are factored."""
-        none, rows, self._loaded = np.zeros((0, 0)), self._rows(tangent), tangent
-        self._kept = self._kept._replace(springs=none, reach=none, inner=none)
+        none, rows, self._loaded = np.zeros((0, 0)), tangent.springs, tangent
+        self.kept = self.kept._replace(springs=none, reach=none, inner=none)
         if len(rows):
-            reach = unturned_solutions(self._kept, rows.T)
+            reach = unturned_solutions(self.kept, rows.T)
             inner = np.linalg.inv(np.eye(len(rows)) + rows @ reach)
-            self._kept = self._kept._replace(springs=rows, reach=np.ascontiguousarray(reach.T), inner=inner)
-
-    def _motion(self, u: NDArray[np.float64], frame: HandlePositions) -> NDArray[np.float64]:
-        """Return d(positions of the members)/d(rigid rows) (3 b, 3 q) by central differences."""
-        unknowns, first = self._unknowns, self._free
-        motion = np.zeros((3 * len(unknowns.members), 3 * unknowns.rigid_rows))
-        step, sides = self.TURN * self._body.size, [np.array(self._body.rest) for _ in range(2)]
-        for column in range(motion.shape[1]):
-            for sign, x in zip((step, -step), sides, strict=True):
-                beside = u.copy()
-                beside[first + column] += sign
-                place(beside, frame, unknowns, x)
-            change = sides[0][unknowns.members] - sides[1][unknowns.members]
-            motion[:, column] = change.ravel() / (2.0 * step)
-        return motion
+            self.kept = self.kept._replace(springs=rows, reach=np.ascontiguousarray(reach.T), inner=inner)

@@ -182,7 +182,8 @@ class Minimiser:
         begins: bool,
     ) -> int:
         """Do `descend` with contact: each step gets the contact forces with which it keeps the laws of contact."""
-        forces, key = self.contact_forces, (None,) if self.tangent is None else (self.tangent.blocks, self.tangent.ways)
+        forces, tangent = self.contact_forces, self.tangent
+        key = (None,) if tangent is None else (tangent.blocks, tangent.springs)
         if begins:
             descend(problem, work, metric, size, target, proven, most, 0, begins)  # only evaluates all terms
         for iteration in range(limit):

@@ -23,7 +23,6 @@ from gdfe_ros.compiled import inlined, kernel
 from gdfe_ros.materials.table import YOUNG
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
-from gdfe_ros.solver.matrix.springs import Springs
 from gdfe_ros.solver.state import Saved
 from gdfe_ros.solver.terms.multiplier import EFFORT, STIFFNESS, TARGET, EffortTerm
 from gdfe_ros.solver.terms.term import as_arrays, term_kernel
@@ -143,7 +142,6 @@ class CableTerm(EffortTerm):
         numbers = np.concatenate([np.zeros(WEIGHTS), cable.points.weights.ravel(), self._anchors.ravel()])
         numbers[CARRIERS] = self._carriers
         super().__init__(cable.name, numbers, cable.points.corners.ravel().astype(np.int32))
-        self._carrying = np.unique(self.integers)[None]
         self._rest_length = float(cable_length(body.rest, self.reals, self.integers))
         self.reals[EYELET] = self.ROUND * self._rest_length / max(1, len(cable.points.corners) - 1)
         self.reals[EXCESS] = cable_length(body.rest, self.reals, self.integers) - self._rest_length
@@ -208,14 +206,14 @@ class CableTerm(EffortTerm):
         spread = (signed[:, :, None] * signed[:, None, :])[:, :, None, :, None] * bent[:, None, :, None, :]
         return spread.reshape(len(bent), 6 * self._carriers, -1)
 
-    def springs(self, positions: NDArray[np.float64]) -> Springs:
+    def springs(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return a taut cable with a stiffness or a penalty k as a spring: k dL/dx dL/dx^T."""
         numbers = self.reals
         if not numbers[STIFFNESS] or not cable_tension(cable_length(positions, numbers, self.integers), numbers):
-            return Springs.none()
-        slope = np.zeros_like(positions)
-        pull(positions, numbers, self.integers, 1.0, slope)
-        return Springs.between(self._carrying, np.sqrt(numbers[STIFFNESS]) * slope[self._carrying])
+            return super().springs(positions)
+        slope = np.zeros((1, *positions.shape))
+        pull(positions, numbers, self.integers, np.sqrt(numbers[STIFFNESS]), slope[0])
+        return slope
 
     def begin(self, commands: Mapping[str, float], saved: Saved, positions: NDArray[np.float64], ratio: float) -> None:
         """Set the command; for a kept length, also the initial tension, extrapolated from the last steps."""

@@ -17,7 +17,6 @@ from gdfe_ros.actuators.actuator import ActuatorState, Chamber
 from gdfe_ros.compiled import kernel
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
-from gdfe_ros.solver.matrix.springs import Springs
 from gdfe_ros.solver.state import Saved
 from gdfe_ros.solver.terms.multiplier import EFFORT, STIFFNESS, TARGET, EffortTerm
 from gdfe_ros.solver.terms.term import as_arrays, term_kernel
@@ -116,7 +115,6 @@ class ChamberTerm(EffortTerm):
             reals = np.concatenate([reals, points.weights.ravel()])
             integers = np.concatenate([[len(points.corners)], points.corners.ravel(), integers], dtype=np.int32)
         super().__init__(chamber.name, reals, integers)
-        self._around = np.unique(chamber.quads if points is None else points.corners)[None].astype(np.int32)
         self._rest_volume = self._volume(body.rest)
         self.updates = chamber.constrains
         self.neutral_command = self._rest_volume if self.updates else 0.0
@@ -152,11 +150,11 @@ class ChamberTerm(EffortTerm):
             volume_curvature(*given, -pressure, found)
         return found
 
-    def springs(self, positions: NDArray[np.float64]) -> Springs:
+    def springs(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return a commanded volume with its penalty k as a spring: k dV/dx dV/dx^T."""
         if not self.updates:
-            return Springs.none()
-        return Springs.between(self._around, np.sqrt(self.reals[STIFFNESS]) * self._pressed(positions)[self._around])
+            return super().springs(positions)
+        return np.sqrt(self.reals[STIFFNESS]) * self._pressed(positions)[None]
 
     def _volume(self, positions: NDArray[np.float64]) -> float:
         places = self.actuator.at(positions)

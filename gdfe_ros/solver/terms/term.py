@@ -24,7 +24,6 @@ from gdfe_ros.compiled import inlined, kernel
 from gdfe_ros.constraints import Pose
 from gdfe_ros.linked import linked_entry
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
-from gdfe_ros.solver.matrix.springs import Springs
 from gdfe_ros.solver.state import Saved, State
 
 _REALS, _INTEGERS = types.CPointer(types.float64), types.CPointer(types.int32)
@@ -116,12 +115,13 @@ class Term:
         """
         return np.zeros((0, 3, 3))
 
-    def springs(self, positions: NDArray[np.float64]) -> Springs:
-        """Return springs at ``positions`` (n, 3) [m] between vertices that nothing else couples, as G^T G.
+    def springs(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return springs (m, n, 3) [(N/m)^(1/2)] at ``positions`` (n, 3) [m], which couple what nothing else couples.
 
-        Springs have the same purpose as `tangents`, but are few, and may change from solve to solve.
+        Each is the square root of its stiffness times the derivative of its length. Springs have the same purpose as
+        `tangents`, but are few, and the term may have none in some solves. Equal numbers count as the same springs.
         """
-        return Springs.none()
+        return np.zeros((0, *positions.shape))
 
     def fit(self, matrix: ConstantMatrix) -> None:
         """Set penalties in proportion to the body's stiffness, which the constant ``matrix`` gives."""

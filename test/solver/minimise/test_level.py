@@ -101,7 +101,7 @@ def test_a_tangent_that_is_not_finite_is_replaced(value: float, monkeypatch: pyt
     """A tangent that overflows is replaced by the constant matrix, and its factor gives finite solutions."""
     level, tangent, *_ = _level("", 0.0)
     stiffness = np.full((40, 24, 24), value)
-    monkeypatch.setattr(level._elements, "at", lambda *_: stiffness)
+    monkeypatch.setattr(level, "_stiffen", lambda *_: stiffness)
     u, x = np.zeros(3 * level._unknowns.rows), level._body.rest
     with np.errstate(all="ignore"):
         taken = level.take(SimpleNamespace(frame=None), u, x)  # what is not finite is known to be; 1e300 is tried
