@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.compiled import kernel
+from gdfe_ros.materials.tensor import scaled
+from gdfe_ros.mesh.triples import corner, cross, minus, plus
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact.contact import Contact
 from gdfe_ros.solver.forces.grip import GripTerm
@@ -67,20 +69,11 @@ def _gather_forces(force, unknowns, vertices, total):
 @kernel
 def _sum_wrench(x, vertices, forces, wrench):
     """Write the sum of ``forces`` (k, 3) [N] and their moment [N m] about the vertices' mean position to ``wrench``."""
-    count = len(vertices)
-    c0, c1, c2 = 0.0, 0.0, 0.0
-    for i in range(count):
-        v = vertices[i]
-        c0, c1, c2 = c0 + x[v, 0] / count, c1 + x[v, 1] / count, c2 + x[v, 2] / count
-    for axis in range(6):
-        wrench[axis] = 0.0
-    for i in range(count):
-        v = vertices[i]
-        f0, f1, f2 = forces[i, 0], forces[i, 1], forces[i, 2]
-        r0, r1, r2 = x[v, 0] - c0, x[v, 1] - c1, x[v, 2] - c2
-        wrench[0] += f0
-        wrench[1] += f1
-        wrench[2] += f2
-        wrench[3] += r1 * f2 - r2 * f1
-        wrench[4] += r2 * f0 - r0 * f2
-        wrench[5] += r0 * f1 - r1 * f0
+    centre, force, moment = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    for v in vertices:
+        centre = plus(centre, scaled(corner(x, v), 1.0 / len(vertices)))
+    for i in range(len(vertices)):
+        f = corner(forces, i)
+        force, moment = plus(force, f), plus(moment, cross(minus(corner(x, vertices[i]), centre), f))
+    for axis in range(3):
+        wrench[axis], wrench[3 + axis] = force[axis], moment[axis]

@@ -226,12 +226,10 @@ class CableTerm(EffortTerm):
 
     def resume(self, commands: Mapping[str, float], saved: Saved, found: Saved, positions: NDArray[np.float64]) -> None:
         """Restore the tension at the end of a solve; a cable at the limit of becoming taut counts as taut."""
-        self.begin(commands, saved, positions, 0.0)
+        super().resume(commands, saved, found, positions)
         numbers, size = self.reals, self._body.size
         least = self.FAINT * float(self._body.table.parameters[:, YOUNG].min()) * size**2
         least += self.NEARLY * numbers[STIFFNESS] * size
-        if self.actuator.mode is not Mode.TENSION and not self._elastic:
-            numbers[EFFORT] = found["effort"][0]
         length = cable_length(positions, numbers, self.integers)
         taut = length >= (1.0 - NEGLIGIBLE) * numbers[TARGET]
         self._lifted = least if taut and cable_tension(length, numbers) < least else 0.0
@@ -241,11 +239,6 @@ class CableTerm(EffortTerm):
         """Set another command or another stored state after `resume`."""
         self.begin(commands, saved, positions, 0.0)
         self.reals[EFFORT] += self._lifted
-
-    @property
-    def per_metre(self) -> NDArray[np.float64]:
-        """The penalty [N/m] of the length (1,); empty without such a constraint."""
-        return self.reals[STIFFNESS : STIFFNESS + 1].copy() if self.updates else np.zeros(0)
 
     def renewed(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the tension (1,) [N] after an update."""
@@ -264,13 +257,6 @@ class CableTerm(EffortTerm):
         """Return the least length [m] with handles at ``base`` (n, 3) [m]: straight between the fixed points."""
         held = self.actuator.points.at(base)[self._anchored]
         return float(np.linalg.norm(np.diff(held, axis=0), axis=1).sum())
-
-    def update(self, positions: NDArray[np.float64]) -> float:
-        """Update the tension that keeps the length; return the error of the length [m]."""
-        (tension,) = self.renewed(positions)
-        miss = abs(tension - self.reals[EFFORT]) / self.reals[STIFFNESS]
-        self.reals[EFFORT] = tension
-        return miss
 
     def state(self, positions: NDArray[np.float64]) -> ActuatorState:
         """Return command, length and tension."""

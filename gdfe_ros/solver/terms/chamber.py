@@ -170,26 +170,10 @@ class ChamberTerm(EffortTerm):
         numbers[EFFORT], numbers[TARGET] = self._command, volume
         numbers[LIMIT] = self._limit(volume)
 
-    def update(self, positions: NDArray[np.float64]) -> float:
-        """Update the pressure that keeps the volume; return the error of the volume as a length [m]."""
-        volume = self._volume(positions)
-        self.reals[EFFORT] = chamber_pressure(volume, self.reals)
-        return abs(volume - self.reals[TARGET]) / max(abs(self.reals[TARGET]), self.actuator.least, 1e-30) ** (
-            2.0 / 3.0
-        )
-
-    def resume(self, commands: Mapping[str, float], saved: Saved, found: Saved, positions: NDArray[np.float64]) -> None:
-        """Restore the pressure at the end of a solve."""
-        self.begin(commands, saved, positions, 0.0)
-        if self.updates:
-            self.reals[EFFORT] = found["effort"][0]
-
     @property
-    def per_metre(self) -> NDArray[np.float64]:
-        """The penalty [Pa/m^3] times a surface of the chamber's size [m^2] (1,); empty without a constraint."""
-        if not self.updates:
-            return np.zeros(0)
-        return self.reals[STIFFNESS : STIFFNESS + 1] * max(abs(self._rest_volume), self.actuator.least) ** (2.0 / 3.0)
+    def area(self) -> float:
+        """A surface of the chamber's size [m^2]."""
+        return max(abs(self.reals[TARGET]), self.actuator.least, 1e-30) ** (2.0 / 3.0)
 
     def renewed(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the pressure (1,) [Pa] after an update."""

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -85,6 +85,28 @@ class EffortTerm(UpdatedTerm):
     def own_multipliers(self) -> Array:
         """The effort (1,), a view."""
         return self.reals[EFFORT : EFFORT + 1]
+
+    @property
+    def area(self) -> float:
+        """Order of magnitude of the change of the length or volume per 1 m of displacement: 1 for a length."""
+        return 1.0
+
+    @property
+    def per_metre(self) -> Array:
+        """The penalty times the `area` (1,); empty without a constraint."""
+        return np.full(self.multipliers.shape, self.reals[STIFFNESS] * self.area)
+
+    def update(self, positions: Array) -> float:
+        """Update the effort that keeps the length or volume; return the error as a displacement [m]."""
+        before = self.reals[EFFORT]
+        (self.reals[EFFORT],) = self.renewed(positions)
+        return float(abs(self.reals[EFFORT] - before) / (self.reals[STIFFNESS] * self.area))
+
+    def resume(self, commands: Mapping[str, float], saved: Saved, found: Saved, positions: Array) -> None:
+        """Restore the effort at the end of a solve."""
+        self.begin(commands, saved, positions, 0.0)
+        if self.updates:
+            self.reals[EFFORT] = found["effort"][0]
 
     def followed(self, saved: Saved, ratio: float) -> float:
         """Return the initial effort of a solve: the last one plus ``ratio`` times the last change."""
