@@ -9,7 +9,7 @@ from gdfe_ros.errors import CommandError, GdfeError
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.solver.equilibrium.energy import EquilibriumSolver
 from gdfe_ros.solver.motion.stepper import MotionStepper
-from gdfe_ros.solver.sensitivity.columns import EquilibriumColumns, Outputs, Sensitivities, Tangents, joined
+from gdfe_ros.solver.sensitivity.columns import Outputs, Sensitivities, Tangents, joined
 from gdfe_ros.solver.sensitivity.motion import Trail
 from gdfe_ros.solver.sensitivity.parameter import MaterialVariant, Parameter, Parameters
 from gdfe_ros.solver.state import State
@@ -46,7 +46,7 @@ class Derivatives:
         self._usual = tuple(f"actuators.{actuator.name}" for actuator in scene.actuators)
         self._stepper = stepper
         self._tangents: dict[int, Tangents] = {}
-        self._columns = EquilibriumColumns(stepper.equilibrium)
+        self._own = Tangents(stepper.equilibrium)
 
     def found(
         self,
@@ -58,7 +58,7 @@ class Derivatives:
     ) -> Sensitivities:
         """Return d(output)/d(parameter) at an equilibrium. The arguments are those of `Simulation.sensitivities`."""
         names, chosen = self._outputs.named(outputs), self.named(parameters)
-        return self._columns.found(state, self._outputs, names, chosen, interrupted=interrupted)
+        return self._own.found(state, self._outputs, names, chosen, interrupted=interrupted)
 
     def named(self, parameters: Sequence[str] | None) -> list[Parameter]:
         """Return the parameters with these names; None: those of all actuators."""

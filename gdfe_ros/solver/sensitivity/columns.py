@@ -134,17 +134,6 @@ class Tangents:
         self._last = start, end, made
         return made
 
-
-class EquilibriumColumns:
-    """Derivatives of equilibria.
-
-    Args:
-        equilibrium: the equilibrium solver.
-    """
-
-    def __init__(self, equilibrium: EquilibriumSolver) -> None:
-        self._tangents, self._body = Tangents(equilibrium), equilibrium.body
-
     def found(
         self,
         state: State,
@@ -160,11 +149,11 @@ class EquilibriumColumns:
             GdfeError: the state is no equilibrium, has no derivative, or the computation was interrupted.
         """
         with one_blas_thread():
-            solve, columns = self._tangents.at(state, state), []
+            solve, columns = self.at(state, state), []
             solve.interrupted = interrupted
             try:
                 for parameter in parameters:
-                    pair = pair_of(parameter, own_side(self._body, state))
+                    pair = pair_of(parameter, own_side(solve.body, state))
                     columns.append(rows_of(Column(solve, [pair]), outputs, names))
             finally:
                 solve.restore()

@@ -78,17 +78,15 @@ class ConjugateResiduals:
 
     def _extend(self, vector: Array) -> bool:
         """Store ``vector`` as a direction, its image made orthogonal to all stored images; return whether it is new."""
-        direction = vector / np.linalg.norm(vector)
-        image = self._precondition(self._product(direction))
+        back = -vector / np.linalg.norm(vector)
+        image = self._precondition(self._product(-back))
         for _ in range(2):  # a single pass leaves rounding, which matters if the matrix is close to the preconditioner
-            for known, seen in self._known:
-                share = float(seen @ image)
-                image -= share * seen
-                direction -= share * known
+            for known in self._known:
+                _reduce(image, back, *known)
         length = float(np.linalg.norm(image))
         if not length > self.EXHAUSTED:
             return False
-        self._known.append((direction / length, image / length))
+        self._known.append((-back / length, image / length))
         return True
 
 

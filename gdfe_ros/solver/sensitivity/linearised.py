@@ -10,15 +10,14 @@ element.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import NamedTuple
+from collections.abc import Callable, Mapping
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.errors import ENDED, GdfeError
 from gdfe_ros.materials.table import MaterialTable
-from gdfe_ros.solver.descent.workspace import Problem
 from gdfe_ros.solver.elements.blocks import Operators
 from gdfe_ros.solver.elements.measures import update_hourglass_scales
 from gdfe_ros.solver.elements.response import evaluate
@@ -26,13 +25,15 @@ from gdfe_ros.solver.equilibrium.energy import EquilibriumSolver
 from gdfe_ros.solver.equilibrium.solve import Solve
 from gdfe_ros.solver.forces.pressures import with_bulk
 from gdfe_ros.solver.forces.reactions import vertex_forces
-from gdfe_ros.solver.matrix.unknowns import HandlePositions, gather_rigid_rows, place
+from gdfe_ros.solver.matrix.unknowns import HandlePositions, gather_rigid_rows, generalise, place
 from gdfe_ros.solver.minimise.level import TangentLevel
 from gdfe_ros.solver.sensitivity.krylov import ConjugateResiduals
-from gdfe_ros.solver.sensitivity.volumes import Volumes
+from gdfe_ros.solver.sensitivity.volumes import Volumes, elastic
 from gdfe_ros.solver.state import State
 from gdfe_ros.solver.terms.multiplier import Multipliers
 from gdfe_ros.solver.terms.term import terms_energy
+
+T = TypeVar("T")
 
 
 class StateDerivative(NamedTuple):
@@ -47,6 +48,25 @@ class StateDerivative(NamedTuple):
     unknowns: NDArray[np.float64]
     positions: NDArray[np.float64]
     multipliers: NDArray[np.float64]
+
+
+def mapped(function: Callable[..., object], *values: object) -> object:
+    """Return ``function`` of arrays; for tuples or mappings of arrays, the tuple or dict of its results."""
+    first = values[0]
+    if isinstance(first, Mapping):
+        return {name: mapped(function, *(each[name] for each in values)) for name in first}
+    if isinstance(first, tuple):
+        return tuple(mapped(function, *each) for each in zip(*values, strict=True))
+    return function(*values)
+
+
+def difference(above: T, below: T, twice: float) -> T:
+    """Return the difference of arrays, or of tuples or mappings of arrays, divided by ``twice``."""
+
+    def subtract(high: NDArray[np.float64], low: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.subtract(high, low, out=np.zeros_like(high), where=high != low) / twice  # some limits are infinite
+
+    return mapped(subtract, above, below)
 
 
 class Linearised:
@@ -101,7 +121,8 @@ class Linearised:
         self.table = with_bulk(self.body.table, end.elements.bulk)
         given = end.operators.shape, self.body.material, self.table, end.elements.pressures
         self.volumes, self.scale = Volumes(self.x, *given), end.elements.hourglass_scale
-        problem = self._problem()
+        tables = {"table": self.volumes.table, "pressure": self.volumes.pressures(self.volumes.table)}
+        problem = task.problem._replace(blocks=end.operators.blocks, scale=self.scale, **tables)
         tangent = level.take(problem, self.u, self.x)
         if tangent.shift > 0.0:
             raise GdfeError(
@@ -111,7 +132,6 @@ class Linearised:
         self._motion, self._stiffness = tangent.motion, level.stiffness
         self._soften(equilibrium)
         self.forces = self.element_forces(self.table) + self.term_forces(self.x)
-        self._turning = self._turned_stiffness()
 
     def resume(self) -> None:
         """Restore the commands and states of all terms at the end of the solve; other solves may have changed them."""
@@ -142,16 +162,16 @@ class Linearised:
         self, table: MaterialTable, *, operators: Operators | None = None, scale: NDArray[np.float64] | None = None
     ) -> NDArray[np.float64]:
         """Return dE/dx (n, 3) [N] of the elements with the materials of ``table``, at their pressures."""
-        body, found = self.body, operators or self.end.operators
-        force, energies = self.no_forces(), np.zeros(len(body.material))
-        if found is self.end.operators:
-            material, pressure = body.material, self.volumes.pressed(body.material, self.table, table)
-        else:  # growth changes the volumes
-            material, pressure, table = self.volumes.material, self.volumes.pressure, self.volumes.table
-        scale = self.scale if scale is None else scale
-        given = self.x, found.shape, found.blocks, material, pressure, scale, table, self._watch.watched
-        evaluate(*given, force, energies, None)
-        return self._summed(force)
+        return self._summed(self._corner_forces(elastic(table), operators, self.scale if scale is None else scale))
+
+    def _corner_forces(
+        self, table: MaterialTable, operators: Operators | None, scale: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Return dE/dx (m, c, 3) [N] of the elements with `elastic` materials; None for the operators of the state."""
+        force, energies, found = self.no_forces(), np.zeros(len(self.body.material)), operators or self.end.operators
+        given = self.body.material, self.volumes.pressures(table), scale, table, self._watch.watched
+        evaluate(self.x, found.shape, found.blocks, *given, force, energies, None)
+        return force
 
     def no_forces(self) -> NDArray[np.float64]:
         """Return zero forces (m, c, 3) [N] of the elements on their nodes."""
@@ -164,19 +184,14 @@ class Linearised:
 
     def moved(self, unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the displacements (n, 3) [m] of all vertices for a displacement (3 r,) of the unknowns."""
-        motion, count = np.zeros_like(self.x), len(self._unknowns.free)
-        motion[self._unknowns.free] = unknowns[: 3 * count].reshape(-1, 3)
-        if self._motion.size:
-            motion[self._unknowns.members] = (self._motion @ unknowns[3 * count :]).reshape(-1, 3)
+        motion, count = np.zeros_like(self.x), 3 * len(self._unknowns.free)
+        motion[self._unknowns.free] = unknowns[:count].reshape(-1, 3)
+        motion[self._unknowns.members] = (self._motion @ unknowns[count:]).reshape(-1, 3)
         return motion
 
     def gathered(self, forces: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return forces (n, 3) [N] as generalised forces (3 r,) on the unknowns."""
-        own = forces[self._unknowns.free].ravel()
-        own[self._unknowns.fixed] = 0.0
-        if not self._motion.size:
-            return own
-        return np.concatenate([own, self._motion.T @ forces[self._unknowns.members].ravel()])
+        return generalise(forces, self._unknowns, self._motion)
 
     def product(
         self, motion: NDArray[np.float64], multipliers: NDArray[np.float64]
@@ -227,36 +242,18 @@ class Linearised:
         gather_rigid_rows(u, x, self.no_forces(), self.forces, True, frame, self._unknowns, gradient)
         return gradient[3 * len(self._unknowns.free) :]
 
-    def _problem(self) -> Problem:
-        end, volumes = self.end, self.volumes
-        return Problem(
-            end.operators.shape,
-            end.operators.blocks,
-            volumes.material,
-            volumes.pressure,
-            self.scale,
-            volumes.table,
-            self._watch,
-            self._unknowns,
-            self.frame,
-            self.actuation.table,
-            None,
-        )
-
     def _soften(self, equilibrium: EquilibriumSolver) -> None:
         """Compute d(element forces)/d(hourglass scale), if the hourglass scales depend on strains."""
         self.softening = equilibrium.whole.softening if equilibrium.model.softening else np.zeros(0, np.int32)
         if not len(self.softening):
             return
-        body, shape = self.body, self.end.operators.shape
-        forces = []
-        for side in (0.5, -0.5):  # the force is linear in the scale
-            force, energies = self.no_forces(), np.zeros(len(body.material))
-            given = self.x, shape, self.end.operators.blocks, self.volumes.material, self.volumes.pressure
-            none = np.zeros(0, np.int32)
-            evaluate(*given, self.scale + side, self.volumes.table, none, force, energies, None)
-            forces.append(force)
-        self._softened = forces[0] - forces[1]
+        # the force is linear in the scale
+        sides = [self._corner_forces(self.volumes.table, None, self.scale + half) for half in (0.5, -0.5)]
+        self._softened = sides[0] - sides[1]
+
+    def reach(self, motion: NDArray[np.float64], multipliers: NDArray[np.float64]) -> float:
+        """Return the largest displacement [m] of a motion (n, 3) [m] and a change of the multipliers (k,)."""
+        return max(np.abs(motion).max(initial=0.0), self.joint.metres(multipliers))
 
     def _scale_change(self, motion: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the derivative (m,) of the hourglass scales along a displacement (n, 3) [m]."""
@@ -265,20 +262,13 @@ class Linearised:
             sides.append(self.scale.copy())
             given = self.softening, self.end.operators.shape, self.body.material, self.body.table
             update_hourglass_scales(self.x + sign * motion, *given, sides[-1])
-        return (sides[0] - sides[1]) / (2.0 * step)
+        return difference(*sides, 2.0 * step)
 
-    def _turned_stiffness(self) -> NDArray[np.float64]:
-        """Return d(rigid rows' generalised forces)/d(rigid rows) (3 q, 3 q) at constant vertex forces."""
-        first, count = 3 * len(self._unknowns.free), 3 * self._unknowns.rigid_rows
-        stiffness, step = np.zeros((count, count)), self.TURN * self.body.size
-        for column in range(count if self._motion.size else 0):
-            sides = []
-            for sign in (step, -step):
-                u = self.u.copy()
-                u[first + column] += sign
-                sides.append(self.rigid_part(u, self.frame))
-            stiffness[:, column] = (sides[0] - sides[1]) / (2.0 * step)
-        return stiffness
+    def _turned(self, unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the change (3 q,) of the rigid rows' generalised forces by ``unknowns`` at constant vertex forces."""
+        step = self.TURN * self.body.size / max(np.abs(unknowns).max(initial=0.0), 1e-300)
+        sides = [self.rigid_part(self.u + sign * unknowns, self.frame) for sign in (step, -step)]
+        return difference(*sides, 2.0 * step)
 
     def _multiplied(self, vector: NDArray[np.float64]) -> NDArray[np.float64]:
         if self.interrupted is not None and self.interrupted():
@@ -288,7 +278,7 @@ class Linearised:
         forces, change = self.product(self.moved(unknowns), multipliers)
         gradient = self.gathered(forces)
         if self._motion.size:
-            gradient[3 * len(self._unknowns.free) :] += self._turning @ unknowns[3 * len(self._unknowns.free) :]
+            gradient[3 * len(self._unknowns.free) :] += self._turned(unknowns)
         return np.concatenate([gradient, (multipliers - change) / self._weights])
 
     def _preconditioned(self, vector: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -306,7 +296,7 @@ class Linearised:
         self, motion: NDArray[np.float64], multipliers: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the result of `product` without the contribution of the elements."""
-        largest = max(np.abs(motion).max(initial=0.0), self.joint.metres(multipliers))
+        largest = self.reach(motion, multipliers)
         if largest == 0.0 or not len(self.actuation.table.address):
             return np.zeros_like(motion), np.zeros_like(multipliers)
         step, sides = self.spacing / largest, []
@@ -315,8 +305,7 @@ class Linearised:
             self.joint.hold(self.multipliers + sign * multipliers)
             sides.append((self.term_forces(x), self.joint.updated(x)))
         self.joint.hold(self.multipliers)
-        (first, found), (second, lost) = sides
-        return (first - second) / (2.0 * step), (found - lost) / (2.0 * step)
+        return difference(*sides, 2.0 * step)
 
     def _summed(self, force: NDArray[np.float64]) -> NDArray[np.float64]:
         return vertex_forces(self.body, np.arange(len(self.x), dtype=np.int32), force)

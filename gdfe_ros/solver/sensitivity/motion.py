@@ -105,7 +105,7 @@ class Trail:
                 if (history := self._history(own, parameter, column)) is not None:
                     pairs.append(history)
                 made = Column(solve, pairs)
-                terms = _summed(made.after(lambda side, x: self._left(stage, side, x), _difference))
+                terms = made.after(lambda side, x: self._left(stage, side, x))
                 struck = terms.pop(REACTIONS)
                 touched = [contact.name for contact in equilibrium.actuation.contacts if contact.on_body]
                 reactions = {**made.reactions(), **{name: struck[name] for name in touched}}
@@ -184,15 +184,3 @@ def _beside(state: State, parameter: Parameter, column: Carried, step: float) ->
         commands=parameter.commanded(state.commands, column.share * step),
         terms=terms,
     )
-
-
-def _difference(above: Kept, below: Kept, twice: float) -> Kept:
-    """Return the difference of two stored states divided by ``twice``; a difference of NaN counts as zero."""
-    return {
-        name: {key: np.nan_to_num((array - below[name][key]) / twice) for key, array in kept.items()}
-        for name, kept in above.items()
-    }
-
-
-def _summed(parts: Sequence[Kept]) -> dict[str, Mapping[str, NDArray[np.float64]]]:
-    return {name: {key: sum(part[name][key] for part in parts) for key in kept} for name, kept in parts[0].items()}

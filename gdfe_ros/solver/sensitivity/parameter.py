@@ -65,7 +65,7 @@ class Variant:
         changed = materials != tuple(own.materials.values())
         self.table: MaterialTable = body.cell_type.table(pack(materials)) if changed else body.table
         self._body = replace(body, materials=materials, table=self.table)
-        self._own, self._model, self.dynamics = own, model, model.dynamics
+        self._model, self.dynamics = model, model.dynamics
         self._heavier = [each.density for each in materials] != [each.density for each in own.materials.values()]
 
     def terms(self, h: float | None = None, scheme: Dynamics | None = None) -> dict[str, Term]:

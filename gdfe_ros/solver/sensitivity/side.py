@@ -16,7 +16,7 @@ from gdfe_ros.solver.elements.measures import update_hourglass_scales
 from gdfe_ros.solver.forces.reactions import handle_reactions
 from gdfe_ros.solver.matrix.unknowns import HandlePositions, place
 from gdfe_ros.solver.minimise.curvature import TangentProducts
-from gdfe_ros.solver.sensitivity.linearised import Linearised
+from gdfe_ros.solver.sensitivity.linearised import Linearised, difference, mapped
 from gdfe_ros.solver.state import State
 from gdfe_ros.solver.terms.term import Term
 
@@ -56,6 +56,10 @@ class Pair(NamedTuple):
     middle: VariedInputs
     step: float
 
+    def difference(self, value: Callable[[VariedInputs], T]) -> T:
+        """Return the derivative of what ``value`` returns, an array or a mapping or tuple of arrays."""
+        return difference(value(self.above), value(self.below), 2.0 * self.step)
+
 
 class Column:
     """Derivative of a solve with respect to one parameter: the sum of the derivatives for several pairs of inputs.
@@ -77,12 +81,11 @@ class Column:
         change, driven = np.zeros(len(solve.multipliers)), np.zeros_like(solve.x)
         turned = np.zeros(3 * body.unknowns.rigid_rows)
         for pair in pairs:
-            (above, first), (below, second) = self._placed(pair.above), self._placed(pair.below)
-            pulled, updated = self._terms_part(pair, above, below)
+            pulled, updated = self._terms_part(pair)
             forces, change = forces + pulled + self._elements_part(pair), change + updated
-            driven += (above - below) / (2.0 * pair.step)
-            if len(turned) and first is not second:
-                turned += (solve.rigid_part(solve.u, first) - solve.rigid_part(solve.u, second)) / (2.0 * pair.step)
+            driven += pair.difference(lambda side: self._placed(side)[0])
+            if len(turned):
+                turned += pair.difference(lambda side: solve.rigid_part(solve.u, self._placed(side)[1]))
         if driven.any():
             answer, followed = solve.product(driven, np.zeros_like(solve.multipliers))
             forces, change = forces + answer, change + followed
@@ -93,8 +96,7 @@ class Column:
         """Return a dict from handle or obstacle name to the derivative (6,) of its reaction on the body."""
         solve, change = self._solve, self.change
         forces = self._forces + solve.product(solve.moved(change.unknowns), change.multipliers)[0]
-        largest = max(np.abs(change.positions).max(initial=0.0), solve.joint.metres(change.multipliers))
-        step, found = solve.spacing / max(largest, 1e-300), []
+        step, found = solve.spacing / max(solve.reach(change.positions, change.multipliers), 1e-300), []
         for sign in (step, -step):
             solve.actuation.table.reals[...] = solve.numbers + sign * self._numbers
             solve.joint.hold(solve.multipliers + sign * change.multipliers)
@@ -104,33 +106,27 @@ class Column:
             others = solve.actuation.contacts, solve.actuation.grips
             found.append(handle_reactions(solve.body, *given, outside, *others))
         solve.restore()
-        return {name: (value - found[1][name]) / (2.0 * step) for name, value in found[0].items()}
+        return difference(*found, 2.0 * step)
 
-    def after(
-        self, made: Callable[[VariedInputs, NDArray[np.float64]], T], difference: Callable[[T, T, float], T]
-    ) -> list[T]:
-        """Return the derivative of ``made(side, positions)`` at the end of the solve, as a list of summands.
+    def after(self, made: Callable[[VariedInputs, NDArray[np.float64]], T]) -> T:
+        """Return the derivative of ``made(side, positions)``, a mapping of arrays, at the end of the solve.
 
-        Before each call, the terms are set to the inputs ``side``. ``difference(above, below, step)`` returns the
-        difference of two results, divided by ``step``.
+        Before each call, the terms are set to the inputs ``side``. A derivative that is NaN counts as zero.
         """
-        solve, change, parts = self._solve, self.change, []
-        for pair in self._pairs:
-            found = []
-            for side in (pair.above, pair.below):
-                self._varied(side, solve.x)
-                found.append(made(side, solve.x))
-            parts.append(difference(*found, 2.0 * pair.step))
-        largest = max(np.abs(change.positions).max(initial=0.0), solve.joint.metres(change.multipliers), 1e-300)
-        step, found, own = TangentProducts.SPACING * solve.body.size / largest, [], self._pairs[0].middle
-        for sign in (step, -step):
-            x = solve.x + sign * change.positions
-            self._varied(own, x)
-            solve.joint.hold(solve.multipliers + sign * change.multipliers)
-            found.append(made(own, x))
-        parts.append(difference(*found, 2.0 * step))
+        solve, change, own = self._solve, self.change, self._pairs[0].middle
+
+        def value(side: VariedInputs, step: float = 0.0) -> T:
+            x = solve.x + step * change.positions
+            self._varied(side, x)
+            solve.joint.hold(solve.multipliers + step * change.multipliers)
+            return made(side, x)
+
+        largest = max(solve.reach(change.positions, change.multipliers), 1e-300)
+        step = TangentProducts.SPACING * solve.body.size / largest
+        parts = [pair.difference(value) for pair in self._pairs]
+        parts.append(difference(value(own, step), value(own, -step), 2.0 * step))
         solve.restore()
-        return parts
+        return mapped(lambda *each: np.nan_to_num(sum(each)), *parts)
 
     def _placed(self, side: VariedInputs) -> tuple[NDArray[np.float64], HandlePositions]:
         """Return positions (n, 3) [m] and the frame with the handles at the poses of ``side``."""
@@ -155,38 +151,37 @@ class Column:
                 term.reals[...] = own.reals
         solve.joint.hold(solve.multipliers)
 
-    def _terms_part(self, pair: Pair, *places: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def _terms_part(self, pair: Pair) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the derivatives of the terms' forces (n, 3) and updated multipliers (k,) at constant positions."""
-        solve, numbers = self._solve, []
-        first, own = pair.above, pair.middle
+        solve, first, own = self._solve, pair.above, pair.middle
         if not first.terms and (first.commands, first.poses, first.start) == (own.commands, own.poses, own.start):
             return np.zeros_like(solve.x), np.zeros_like(solve.multipliers)
-        for side, x in zip((pair.above, pair.below), places, strict=True):
+
+        def numbers(side: VariedInputs) -> NDArray[np.float64]:
             solve.restore()
-            self._varied(side, x)
-            numbers.append(solve.actuation.table.reals.copy())
-        half, found = np.zeros(len(solve.numbers)), []  # some entries, such as limits, are infinite
-        np.subtract(0.5 * numbers[0], 0.5 * numbers[1], out=half, where=numbers[0] != numbers[1])
-        self._numbers += half / pair.step
-        for sign in (1.0, -1.0):
-            solve.actuation.table.reals[...] = solve.numbers + sign * half
+            self._varied(side, self._placed(side)[0])
+            return solve.actuation.table.reals.copy()
+
+        slope, found = pair.difference(numbers), []
+        self._numbers += slope
+        for sign in (pair.step, -pair.step):
+            solve.actuation.table.reals[...] = solve.numbers + sign * slope
             found.append((solve.term_forces(solve.x), solve.joint.updated(solve.x)))
         solve.restore()
-        (first, above), (second, below) = found
-        return (first - second) / (2.0 * pair.step), (above - below) / (2.0 * pair.step)
+        return difference(*found, 2.0 * pair.step)
 
     def _elements_part(self, pair: Pair) -> NDArray[np.float64]:
         """Return the derivative of the elements' forces (n, 3) at constant positions."""
-        solve, growths, found = self._solve, self._solve.actuation.growths, []
-        before = solve.end.operators
-        grown = [growths.at(side.commands, before) for side in (pair.above, pair.below)]
-        same = all(operators is before for operators in grown)
+        solve, growths, before = self._solve, self._solve.actuation.growths, self._solve.end.operators
+        same = all(growths.at(side.commands, before) is before for side in (pair.above, pair.below))
         if same and pair.above.table is pair.below.table:
             return np.zeros_like(solve.x)
-        for side, operators in zip((pair.above, pair.below), grown, strict=True):
-            scale = solve.scale.copy()
+
+        def forces(side: VariedInputs) -> NDArray[np.float64]:
+            operators, scale = growths.at(side.commands, before), solve.scale.copy()
             if len(solve.softening):
                 given = solve.softening, operators.shape, solve.body.material, side.table
                 update_hourglass_scales(solve.x, *given, scale)
-            found.append(solve.element_forces(side.table, operators=operators, scale=scale))
-        return (found[0] - found[1]) / (2.0 * pair.step)
+            return solve.element_forces(side.table, operators=operators, scale=scale)
+
+        return pair.difference(forces)
