@@ -22,7 +22,7 @@ from gdfe_ros.paper.shape_factor import shape_factors
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.elements.barrier import flattened
 from gdfe_ros.solver.elements.blocks import Operators
-from gdfe_ros.solver.elements.cell_type import mean_gradient
+from gdfe_ros.solver.elements.corners import mean_gradient
 from gdfe_ros.solver.equilibrium.predictor import Prediction, Predictor
 from gdfe_ros.solver.forces.actuation import Actuation
 from gdfe_ros.solver.forces.pressures import store_energies

@@ -21,7 +21,7 @@ from gdfe_ros.mesh.filling import Filling
 from gdfe_ros.mesh.operators import ShapeOperators
 from gdfe_ros.mesh.tet_operators import TetOperators
 from gdfe_ros.mesh.touching import Touching
-from gdfe_ros.solver.elements.blocks import Blocks, TetBlocks
+from gdfe_ros.solver.elements.blocks import Blocks
 from gdfe_ros.solver.elements.cell_type import CellType, cell_type_of, cell_type_with
 from gdfe_ros.solver.matrix.unknowns import Unknowns, number_unknowns
 from gdfe_ros.solver.settings import Torsion
@@ -50,7 +50,7 @@ class Body:
 
     rest: NDArray[np.float64]
     shape: ShapeOperators | TetOperators
-    blocks: Blocks | TetBlocks
+    blocks: Blocks
     materials: tuple[Material, ...]
     material: NDArray[np.int32]
     table: MaterialTable
@@ -119,7 +119,7 @@ class Body:
         """The cell type of the elements."""
         return cell_type_of(self.shape)
 
-    def blocks_of(self, elements: NDArray[np.int32]) -> Blocks | TetBlocks:
+    def blocks_of(self, elements: NDArray[np.int32]) -> Blocks:
         """Return the elements with the indices ``elements`` (k,), in the layout of the kernels."""
         return self.cell_type.blocks(self.shape, self.material, self.table, elements)
 

@@ -14,7 +14,7 @@ from gdfe_ros.materials.material import Law
 from gdfe_ros.materials.table import CARRIED
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.descent.workspace import Workspace, allocate, numbers
-from gdfe_ros.solver.elements.blocks import Blocks, TetBlocks
+from gdfe_ros.solver.elements.blocks import Blocks
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.matrix.unknowns import Unknowns
 from gdfe_ros.solver.outcome import Outcome
@@ -46,7 +46,7 @@ class ActiveSet:
     elements: NDArray[np.int32]
     carried: NDArray[np.int32]
     softening: NDArray[np.int32]
-    blocks: Blocks | TetBlocks
+    blocks: Blocks
     skipped: Mapping[str, int]
     workspace: Workspace
 

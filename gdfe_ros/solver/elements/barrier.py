@@ -32,8 +32,9 @@ from numpy.typing import NDArray
 from gdfe_ros.compiled import inlined, internal
 from gdfe_ros.materials.table import SHEAR
 from gdfe_ros.mesh.quality import list_ids
-from gdfe_ros.mesh.triples import combine, corner, cross, dot, minus
+from gdfe_ros.mesh.triples import combine, corner, cross, dot
 from gdfe_ros.solver.elements.cell_type import add_slopes, load_points
+from gdfe_ros.solver.elements.hexahedra import SIDES
 
 THRESHOLD = 0.2
 """Threshold J_0. A value of 0.3 would act in sound scenes: the least volume ratios of a corner are 0.256 in
@@ -49,20 +50,10 @@ NONE = np.zeros(0, dtype=np.int32)
 """No watched elements."""
 
 
-HEX_EDGES = np.array(
-    [
-        [[0, 1], [0, 3], [0, 4]],
-        [[0, 1], [1, 2], [1, 5]],
-        [[3, 2], [1, 2], [2, 6]],
-        [[3, 2], [0, 3], [3, 7]],
-        [[4, 5], [4, 7], [0, 4]],
-        [[4, 5], [5, 6], [1, 5]],
-        [[7, 6], [5, 6], [2, 6]],
-        [[7, 6], [4, 7], [3, 7]],
-    ],
-    dtype=np.int32,
-)
-"""First and last corner of the three edges that meet in each corner (8, 3, 2), along xi, eta and zeta."""
+_CODES, _BITS = SIDES @ (1, 2, 4), np.array((1, 2, 4))
+_HIGH, _LOW = (np.argsort(_CODES)[codes] for codes in (_CODES[:, None] | _BITS, _CODES[:, None] & ~_BITS))
+HEX_EDGES = np.stack([_HIGH, _LOW, _LOW], axis=2).astype(np.int32)
+"""Last, first and again first corner of the three edges that meet in each corner (8, 3, 3), along xi, eta and zeta."""
 TET_EDGES = np.array(
     [
         [[4, 1, 0], [6, 2, 0], [7, 3, 0]],
@@ -75,6 +66,8 @@ TET_EDGES = np.array(
 """Middle, other end and corner of the three edges that meet in each corner (4, 3, 3), in right-handed order. The edge's
 slope at corner c is dx/dL_k - dx/dL_c = 4 x_ck - x_k - 3 x_c.
 """
+HEX_WEIGHTS, TET_WEIGHTS = (1.0, -1.0, 0.0), (4.0, -1.0, -3.0)
+"""Weights of these points in an edge."""
 
 
 @inlined
@@ -90,24 +83,25 @@ def wall(s):
 @inlined
 def edge_at(points, c, k):
     """Return edge ``k`` (3,) [m] at corner ``c`` of a cell with ``points`` (n, 3) [m]."""
-    if len(points) == 8:
-        return minus(corner(points, HEX_EDGES[c, k, 1]), corner(points, HEX_EDGES[c, k, 0]))
-    middle, end, own = TET_EDGES[c, k]
-    return combine(4.0, corner(points, middle), -1.0, corner(points, end), -3.0, corner(points, own))
+    i, j, m = HEX_EDGES[c, k] if len(points) == 8 else TET_EDGES[c, k]
+    u, v, w = HEX_WEIGHTS if len(points) == 8 else TET_WEIGHTS
+    return combine(u, corner(points, i), v, corner(points, j), w, corner(points, m))
 
 
 @inlined
 def add_edge(slopes, c, k, share, derivative):
     """Add ``share`` times the derivative with respect to an edge to the derivatives ``slopes`` (n, 3) at its points."""
-    for i in range(3):
-        pull = share * derivative[i]
-        if len(slopes) == 8:
-            slopes[HEX_EDGES[c, k, 1], i] += pull
-            slopes[HEX_EDGES[c, k, 0], i] -= pull
-        else:
-            slopes[TET_EDGES[c, k, 0], i] += 4.0 * pull
-            slopes[TET_EDGES[c, k, 1], i] -= pull
-            slopes[TET_EDGES[c, k, 2], i] -= 3.0 * pull
+    nodes, weights = (HEX_EDGES[c, k], HEX_WEIGHTS) if len(slopes) == 8 else (TET_EDGES[c, k], TET_WEIGHTS)
+    for a in range(3):
+        for i in range(3):
+            slopes[nodes[a], i] += weights[a] * share * derivative[i]
+
+
+@inlined
+def edges_at(points, shape, e, c):
+    """Return the volume ratio det F at corner ``c`` of element ``e``, and the three edges [m] there."""
+    a, b, d = edge_at(points, c, 0), edge_at(points, c, 1), edge_at(points, c, 2)
+    return shape.corner_ratio[e, c] * dot(a, cross(b, d)), a, b, d
 
 
 @internal
@@ -122,8 +116,7 @@ def least_corners(x, shape, elements, out):
         load_points(x, shape, e, points)
         least, total = math.inf, 0.0
         for c in range(shape.corner_ratio.shape[1]):
-            a, b, d = edge_at(points, c, 0), edge_at(points, c, 1), edge_at(points, c, 2)
-            ratio = shape.corner_ratio[e, c] * dot(a, cross(b, d))
+            ratio = edges_at(points, shape, e, c)[0]
             least, total = min(least, ratio), total + ratio
         out[e] = least if math.isfinite(total) else math.nan
 
@@ -138,8 +131,7 @@ def room(x, shape, e, points):
     load_points(x, shape, e, points)
     found = math.inf
     for c in range(shape.corner_ratio.shape[1]):
-        a, b, d = edge_at(points, c, 0), edge_at(points, c, 1), edge_at(points, c, 2)
-        ratio = shape.corner_ratio[e, c] * dot(a, cross(b, d))
+        ratio, a, b, d = edges_at(points, shape, e, c)
         if not ratio >= NEARLY_FOLDED:
             return 0.0
         first, second, third = math.sqrt(dot(a, a)), math.sqrt(dot(b, b)), math.sqrt(dot(d, d))
@@ -159,18 +151,16 @@ def add_walls(x, watched, shape, material, table, force, energy):
         scale = WEIGHT / corners * shape.volume[e] * table.parameters[material[e], SHEAR]
         pressed = False
         for c in range(corners):
-            a, b, d = edge_at(points, c, 0), edge_at(points, c, 1), edge_at(points, c, 2)
-            over_a, over_b, over_d = cross(b, d), cross(d, a), cross(a, b)
-            ratio = shape.corner_ratio[e, c] * dot(a, over_a)
+            ratio, a, b, d = edges_at(points, shape, e, c)
             if not ratio < THRESHOLD:
                 continue
             pressed = True
             value, slope = wall(ratio / THRESHOLD)
             energy[e] += scale * value
             slope *= scale * shape.corner_ratio[e, c] / THRESHOLD
-            add_edge(slopes, c, 0, slope, over_a)
-            add_edge(slopes, c, 1, slope, over_b)
-            add_edge(slopes, c, 2, slope, over_d)
+            add_edge(slopes, c, 0, slope, cross(b, d))
+            add_edge(slopes, c, 1, slope, cross(d, a))
+            add_edge(slopes, c, 2, slope, cross(a, b))
         if pressed:
             add_slopes(slopes, shape, e, force)
 

@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.compiled import inlined
-from gdfe_ros.materials.table import MaterialTable
 from gdfe_ros.mesh.operators import ShapeOperators
 from gdfe_ros.mesh.tet_operators import TetOperators
 from gdfe_ros.solver.elements.hourglass import couplings
@@ -24,7 +23,7 @@ from gdfe_ros.solver.value import NEGLIGIBLE
 LANES = 8
 """Number of elements in a block. The innermost loops run over the elements of a block."""
 REFERENCE, AXES, EDGES, VOLUME, COUPLING, GEOMETRY_ROWS = 0, 9, 18, 21, 22, 23
-"""First rows in ``Blocks.geometry`` of five fields: the inverse of dX/dxi (9), edge directions (9), 2 / edge length
+"""First rows in the ``Blocks.geometry`` of hexahedra: the inverse of dX/dxi (9), edge directions (9), 2 / edge length
 (3), volume (1), and coupling of shear strains in torsion (1). The last number counts all rows.
 """
 
@@ -36,9 +35,9 @@ class Blocks(NamedTuple):
         element: (b, LANES) int32 element of each lane.
         used: (b,) int32 number of lanes in use; the other lanes repeat the first lane.
         law: (b,) int32 law of the block's elements.
-        parallel: (b,) bool, whether all elements of the block are parallelepipeds.
-        geometry: (b * GEOMETRY_ROWS * LANES,) float64, the rows from `REFERENCE` to `COUPLING` of each block; a row
-            has one number for each lane.
+        parallel: (b,) bool, whether all elements of the block are parallelepipeds; not if they are tetrahedra.
+        geometry: (b * g * LANES,) float64, the g rows of each block (`CellType.geometry`); a row has one number for
+            each lane.
     """
 
     element: NDArray[np.int32]
@@ -49,18 +48,20 @@ class Blocks(NamedTuple):
 
 
 def make_blocks(
-    shape: ShapeOperators, material: NDArray[np.int32], table: MaterialTable, elements: NDArray[np.int32]
+    geometry: NDArray[np.float64], law: NDArray[np.int32], parallel: NDArray[np.bool_], elements: NDArray[np.int32]
 ) -> Blocks:
-    """Return the ``elements`` (k,) in blocks, sorted by law and shape; within a kind the order is kept."""
-    kind = (2 * table.law[material] + shape.parallel)[elements]
-    element, used = lanes_of(kind, elements)
-    return Blocks(
-        element,
-        used,
-        table.law[material[element[:, 0]]],
-        shape.parallel[element[:, 0]],
-        block_geometry(shape, element),
-    )
+    """Return the ``elements`` (k,) in blocks, sorted by law and shape; within a kind the order is kept.
+
+    ``geometry`` (m, g), ``law`` (m,) and ``parallel`` (m,) are those of all elements.
+    """
+    element, used = lanes_of((2 * law + parallel)[elements], elements)
+    first = element[:, 0]
+    return Blocks(element, used, law[first], parallel[first], in_lanes(geometry, element))
+
+
+def in_lanes(rows: NDArray[np.float64], element: NDArray[np.int32]) -> NDArray[np.float64]:
+    """Return the ``rows`` (m, g) of the elements (b, LANES) in the layout of ``Blocks.geometry``."""
+    return np.ascontiguousarray(rows[element].transpose(0, 2, 1)).ravel()
 
 
 def lanes_of(kind: NDArray[np.int32], elements: NDArray[np.int32]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
@@ -78,19 +79,11 @@ def lanes_of(kind: NDArray[np.int32], elements: NDArray[np.int32]) -> tuple[NDAr
     return np.array(rows, dtype=np.int32).reshape(-1, LANES), np.array(used, dtype=np.int32)
 
 
-def block_geometry(shape: ShapeOperators, element: NDArray[np.int32]) -> NDArray[np.float64]:
-    """Return the array ``Blocks.geometry`` for elements (b, LANES)."""
-    geometry = np.concatenate(
-        [
-            shape.reference.reshape(-1, 9),
-            shape.edge_axes.reshape(-1, 9),
-            2.0 / shape.edge_lengths,
-            shape.volume[:, None],
-            couplings(shape.across)[:, None],
-        ],
-        axis=1,
-    )
-    return np.ascontiguousarray(geometry[element].transpose(0, 2, 1)).ravel()
+def hex_geometry(shape: ShapeOperators) -> NDArray[np.float64]:
+    """Return the rows from `REFERENCE` to `COUPLING` of hexahedra (m, GEOMETRY_ROWS)."""
+    directions, lengths = shape.edge_axes.reshape(-1, 9), 2.0 / shape.edge_lengths
+    across = shape.volume[:, None], couplings(shape.across)[:, None]
+    return np.concatenate([shape.reference.reshape(-1, 9), directions, lengths, *across], axis=1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,11 +145,40 @@ def store9(b, row, lane, v):
     store3(b, row + 6, lane, v[6:])
 
 
+@inlined
+def load_geometry(b, geometry, block, first, count):
+    """Copy the ``count`` rows of a block's geometry into the rows from ``first`` on."""
+    for i in range(count * LANES):
+        b[first * LANES + i] = geometry[block * count * LANES + i]
+
+
+@inlined
+def load_nodes(b, x, cells, elements, first, count):
+    """Copy the x, then the y, then the z coordinates of a block's ``count`` nodes into the rows from ``first`` on."""
+    for lane in range(LANES):
+        e = elements[lane]
+        for a in range(count):
+            v = cells[e, a]
+            for axis in range(3):
+                b[(first + count * axis + a) * LANES + lane] = x[v, axis]
+
+
+@inlined
+def store_nodes(b, force, elements, used, first, count):
+    """Copy the node forces of a block's ``used`` lanes from the rows from ``first`` on to ``force`` (m, c, 3) [N]."""
+    for lane in range(used):
+        e = elements[lane]
+        for a in range(count):
+            for axis in range(3):
+                force[e, a, axis] = b[(first + count * axis + a) * LANES + lane]
+
+
 INVERSE, WEIGHT, TET_GEOMETRY_ROWS = 0, 36, 40
-"""First rows in ``TetBlocks.geometry`` of the inverses of dX/dxi (4 x 9) and the weights (4) of the integration points;
-and the number of rows."""
+"""First rows in the ``Blocks.geometry`` of tetrahedra: the inverses of dX/dxi (4 x 9) and the weights (4) of the
+integration points. The last number counts all rows.
+"""
 NODES, TOTAL, GRADIENTS = ROWS, ROWS + 30, ROWS + 60
-"""First rows of the node coordinates (10 x 3), of the node forces (10 x 3), and of F at the points (4 x 9). The rows of
+"""First rows of the node coordinates (3 x 10), of the node forces (3 x 10), and of F at the points (4 x 9). The rows of
 hexahedra come before them, because the laws are evaluated in the rows of hexahedra.
 """
 SLOPE, STORED_ENERGY, GEOMETRY_OF_TET = GRADIENTS + 36, GRADIENTS + 37, GRADIENTS + 38
@@ -164,36 +186,10 @@ SLOPE, STORED_ENERGY, GEOMETRY_OF_TET = GRADIENTS + 36, GRADIENTS + 37, GRADIENT
 TET_ROWS = GEOMETRY_OF_TET + TET_GEOMETRY_ROWS
 
 
-class TetBlocks(NamedTuple):
-    """The elements in blocks, sorted by law; the last block of a law is padded.
-
-    Attributes:
-        element: (b, LANES) int32 element of each lane.
-        used: (b,) int32 number of lanes in use; the other lanes repeat the first lane.
-        law: (b,) int32 law of the block's elements.
-        geometry: (b * TET_GEOMETRY_ROWS * LANES,) float64, the rows `INVERSE` and `WEIGHT` of each block; a row has one
-            number for each lane.
-    """
-
-    element: NDArray[np.int32]
-    used: NDArray[np.int32]
-    law: NDArray[np.int32]
-    geometry: NDArray[np.float64]
-
-
-def make_tet_blocks(
-    shape: TetOperators, material: NDArray[np.int32], table: MaterialTable, elements: NDArray[np.int32]
-) -> TetBlocks:
-    """Return the ``elements`` (k,) in blocks, sorted by law; within a law the order is kept."""
-    element, used = lanes_of(table.law[material][elements], elements)
-    return TetBlocks(element, used, table.law[material[element[:, 0]]], tet_geometry(shape, element))
-
-
-def tet_geometry(shape: TetOperators, element: NDArray[np.int32]) -> NDArray[np.float64]:
-    """Return the array ``TetBlocks.geometry`` for elements (b, LANES)."""
+def tet_geometry(shape: TetOperators) -> NDArray[np.float64]:
+    """Return the rows `INVERSE` and `WEIGHT` of tetrahedra (m, TET_GEOMETRY_ROWS)."""
     inverse = shape.inverse.reshape(-1, 4, 9)
     bend = np.abs(inverse - inverse[:, :1]).max(axis=(1, 2), keepdims=True)
     straight = bend <= NEGLIGIBLE * np.abs(inverse[:, :1]).max(axis=2, keepdims=True)
     inverse = np.where(straight, inverse[:, :1], inverse)  # without its rounding
-    geometry = np.concatenate([inverse.reshape(-1, 36), shape.weight], axis=1)
-    return np.ascontiguousarray(geometry[element].transpose(0, 2, 1)).ravel()
+    return np.concatenate([inverse.reshape(-1, 36), shape.weight], axis=1)

@@ -22,7 +22,7 @@ from gdfe_ros.mesh.tet_faces import tet_boundary
 from gdfe_ros.mesh.tet_operators import TetOperators, gradients, grown_tet_operators, tet_operators
 from gdfe_ros.mesh.tetrahedra import EDGES, PARTS
 from gdfe_ros.solver.elements import hexahedra, tangent_rows, tetrahedra
-from gdfe_ros.solver.elements.blocks import block_geometry, make_blocks, make_tet_blocks, tet_geometry
+from gdfe_ros.solver.elements.blocks import Blocks, hex_geometry, make_blocks, tet_geometry
 
 _INLINED = {"nogil": True, "error_model": "numpy", "forceinline": True, "no_cpython_wrapper": True}
 
@@ -34,7 +34,6 @@ class CellKernels(NamedTuple):
         evaluate_blocks: writes node forces (m, c, 3) [N] and energies (m,) [J] of a range of blocks.
         load_points: writes the nodes (c, 3) [m] of ``e``, or of the box that the material of a cut cell fills.
         add_slopes: adds the derivatives of an energy with respect to these points to the node forces of ``e``.
-        mean_gradient: volume average of the deformation gradient of ``e``.
         volume_ratio: current volume of ``e`` divided by its undeformed volume. If ``e`` has a pressure, it is the
             multiplier of this ratio.
     """
@@ -42,7 +41,6 @@ class CellKernels(NamedTuple):
     evaluate_blocks: Callable
     load_points: Callable
     add_slopes: Callable
-    mean_gradient: Callable
     volume_ratio: Callable
 
 
@@ -74,7 +72,7 @@ def _kernels(classes: list[type | None]) -> CellKernels:
     return next(KERNELS[each] for each in classes if each in KERNELS)
 
 
-evaluate_blocks, load_points, add_slopes, mean_gradient, volume_ratio = map(_of_cell_type, CellKernels._fields)
+evaluate_blocks, load_points, add_slopes, volume_ratio = map(_of_cell_type, CellKernels._fields)
 
 
 class CellType(NamedTuple):
@@ -85,12 +83,10 @@ class CellType(NamedTuple):
         corners: number of nodes c.
         operators: function that returns the constant operators, from vertices (n, 3) [m], cells (m, c) and the filling
             of cut cells.
-        blocks: function that returns elements in the layout of the kernels, from operators, material indices (m,),
-            material table and element indices (k,).
         table: function that returns the material table for the kernels of this type, from the packed material table.
         grown: function that returns the operators of grown rest shapes, from operators, cells (k,) and their growths
             (k, 3, 3).
-        geometry: function that returns the geometry of blocks for other operators, from these and `Blocks.element`.
+        geometry: function that returns the rows of each element's geometry (m, g) for the kernels, from the operators.
         matrix_blocks: function that returns the blocks (m, c, c) [N/m] of the constant matrix, from operators, weights
             (m,) [Pa] and hourglass stiffnesses (m,) [N/m].
         tangents: compiled function that writes d(node force)/d(node position) (m, 3 c, 3 c) [N/m].
@@ -103,7 +99,6 @@ class CellType(NamedTuple):
     noun: str
     corners: int
     operators: Callable
-    blocks: Callable
     table: Callable[[MaterialTable], MaterialTable]
     grown: Callable
     geometry: Callable[..., NDArray[np.float64]]
@@ -113,6 +108,17 @@ class CellType(NamedTuple):
     boundary: Callable[[NDArray[np.int32]], Faces]
     edges: tuple[tuple[int, int], ...]
     simple: NDArray[np.int32]
+
+    def blocks(
+        self,
+        shape: ShapeOperators | TetOperators,
+        material: NDArray[np.int32],
+        table: MaterialTable,
+        elements: NDArray[np.int32],
+    ) -> Blocks:
+        """Return the ``elements`` (k,) of a body with materials (m,) in the layout of the kernels."""
+        parallel = getattr(shape, "parallel", np.zeros(len(material), dtype=bool))
+        return make_blocks(self.geometry(shape), table.law[material], parallel, elements)
 
 
 def _hex_matrix(
@@ -140,10 +146,9 @@ HEXAHEDRA = CellType(
     "hexahedra",
     8,
     shape_operators,
-    make_blocks,
     lambda table: table,
     grown_operators,
-    block_geometry,
+    hex_geometry,
     _hex_matrix,
     tangent_rows.element_tangents,
     True,
@@ -155,7 +160,6 @@ TETRAHEDRA = CellType(
     "tetrahedra",
     10,
     lambda vertices, cells, filling=None: tet_operators(vertices, cells),
-    make_tet_blocks,
     with_local_share,
     grown_tet_operators,
     tet_geometry,

@@ -9,6 +9,7 @@ products.
 from __future__ import annotations
 
 from gdfe_ros.compiled import inlined
+from gdfe_ros.mesh.triples import along, corner
 from gdfe_ros.solver.elements.blocks import (
     COORDINATES,
     FORCES,
@@ -21,23 +22,22 @@ from gdfe_ros.solver.elements.blocks import (
     STRESS,
     load3,
     load9,
+    load_geometry,
+    load_nodes,
     store3,
+    store_nodes,
 )
 from gdfe_ros.solver.elements.hourglass import AMPLITUDE as UNIT
 
 
 @inlined
-def gradient_over(x, shape, e, corners):
-    """Return the mean deformation gradient (9,) of element ``e`` with this number of corners at ``x`` (n, 3) [m]."""
-    f0, f1, f2, f3, f4, f5, f6, f7, f8 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    for a in range(corners):
-        v = shape.cells[e, a]
-        x0, x1, x2 = x[v, 0], x[v, 1], x[v, 2]
-        g0, g1, g2 = shape.gradient[e, a, 0], shape.gradient[e, a, 1], shape.gradient[e, a, 2]
-        f0, f1, f2 = f0 + x0 * g0, f1 + x0 * g1, f2 + x0 * g2
-        f3, f4, f5 = f3 + x1 * g0, f4 + x1 * g1, f5 + x1 * g2
-        f6, f7, f8 = f6 + x2 * g0, f7 + x2 * g1, f8 + x2 * g2
-    return f0, f1, f2, f3, f4, f5, f6, f7, f8
+def mean_gradient(x, shape, e):
+    """Return the volume average (9,) of the deformation gradient of element ``e`` at positions ``x`` (n, 3) [m]."""
+    p, q, r = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    for a in range(shape.cells.shape[1]):
+        (x0, x1, x2), g = corner(x, shape.cells[e, a]), corner(shape.gradient[e], a)
+        p, q, r = along(1.0, p, x0, g), along(1.0, q, x1, g), along(1.0, r, x2, g)
+    return p + q + r
 
 
 @inlined
@@ -150,38 +150,10 @@ def scatter_general(b, shape, elements):
 
 
 @inlined
-def load_corners(b, x, shape, elements):
-    """Copy a block's corner coordinates into rows of ``b``."""
-    for lane in range(LANES):
-        for a in range(8):
-            v = shape.cells[elements[lane], a]
-            for axis in range(3):
-                b[(COORDINATES + 8 * axis + a) * LANES + lane] = x[v, axis]
-
-
-@inlined
-def store_corners(b, force, elements, used):
-    """Copy the corner forces of a block's used lanes to their elements (m, 8, 3) [N]."""
-    for lane in range(used):
-        e = elements[lane]
-        for a in range(8):
-            for axis in range(3):
-                force[e, a, axis] = b[(COORDINATES + 8 * axis + a) * LANES + lane]
-
-
-@inlined
-def load_geometry(b, geometry, block):
-    """Copy a block's geometry into rows of ``b``."""
-    first = block * GEOMETRY_ROWS * LANES
-    for i in range(GEOMETRY_ROWS * LANES):
-        b[GEOMETRY * LANES + i] = geometry[first + i]
-
-
-@inlined
 def gather(b, x, shape, blocks, block):
     """Write the rows of F (9), hourglass vectors q (4 x 3) [m] and geometry of a block at positions ``x`` (n, 3)."""
-    load_geometry(b, blocks.geometry, block)
-    load_corners(b, x, shape, blocks.element[block])
+    load_geometry(b, blocks.geometry, block, GEOMETRY, GEOMETRY_ROWS)
+    load_nodes(b, x, shape.cells, blocks.element[block], COORDINATES, 8)
     if blocks.parallel[block]:
         gather_parallel(b)
     else:
@@ -195,4 +167,4 @@ def scatter(b, force, shape, blocks, block):
         scatter_parallel(b)
     else:
         scatter_general(b, shape, blocks.element[block])
-    store_corners(b, force, blocks.element[block], blocks.used[block])
+    store_nodes(b, force, blocks.element[block], blocks.used[block], COORDINATES, 8)

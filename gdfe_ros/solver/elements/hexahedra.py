@@ -34,18 +34,12 @@ from gdfe_ros.solver.elements.blocks import (
     store3,
     store9,
 )
-from gdfe_ros.solver.elements.corners import gather, gradient_over, scatter
+from gdfe_ros.solver.elements.corners import gather, mean_gradient, scatter
 from gdfe_ros.solver.elements.hourglass import hourglass
 from gdfe_ros.solver.elements.stress_rows import stress_rows
 
 SIDES = np.array([[0, 1, 1, 0, 0, 1, 1, 0], [0, 0, 1, 1, 0, 0, 1, 1], [0, 0, 0, 0, 1, 1, 1, 1]], dtype=np.int32).T
 """Coordinates xi, eta and zeta, each 0 or 1, of the corners (8, 3) of a cell."""
-
-
-@inlined
-def mean_gradient(x, shape, e):
-    """Return the mean deformation gradient (9,) of element ``e`` at positions ``x`` (n, 3) [m]."""
-    return gradient_over(x, shape, e, 8)
 
 
 @inlined
@@ -116,22 +110,10 @@ def hourglass_rows(b):
     """
     for lane in range(LANES):
         volume = b[(GEOMETRY + VOLUME) * LANES + lane]
-        q = (
-            load3(b, MODES, lane),
-            load3(b, MODES + 3, lane),
-            load3(b, MODES + 6, lane),
-            load3(b, MODES + 9, lane),
-        )
-        energy, h, s = hourglass(
-            load9(b, GRADIENT, lane),
-            q,
-            load9(b, GEOMETRY + AXES, lane),
-            load3(b, GEOMETRY + EDGES, lane),
-            b[(GEOMETRY + COUPLING) * LANES + lane],
-            volume * b[YOUNG_ROW * LANES + lane],
-            volume * b[SCALED_SHEAR * LANES + lane],
-            b[POISSON_ROW * LANES + lane],
-        )
+        q = load3(b, MODES, lane), load3(b, MODES + 3, lane), load3(b, MODES + 6, lane), load3(b, MODES + 9, lane)
+        f, axes, rates = load9(b, GRADIENT, lane), load9(b, GEOMETRY + AXES, lane), load3(b, GEOMETRY + EDGES, lane)
+        coupling, (young, shear, poisson) = b[(GEOMETRY + COUPLING) * LANES + lane], load3(b, YOUNG_ROW, lane)
+        energy, h, s = hourglass(f, q, axes, rates, coupling, volume * young, volume * shear, poisson)
         p = load9(b, STRESS, lane)
         store9(b, STRESS, lane, corotated(p, p, 0.0, volume, 1.0, s))
         for mode in range(4):

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from gdfe_ros.compiled import inlined
 from gdfe_ros.materials.tensor import scaled, times
-from gdfe_ros.mesh.triples import combine, dot
+from gdfe_ros.mesh.triples import along, combine, dot
 
 OWN_SHEAR = (6.0 * 0.14057702, 0.37384848, 0.22901768, 0.15517115)
 """Weight 1 - chi of the uncoupled shear strains in a twisted element, by the number of cells across a square bar. With
@@ -102,13 +102,8 @@ def edge_direction(f, axis):
 @inlined
 def turning(t, q, d, inverse):
     """Return the part of dE / d(F d_i) that comes from the rotation of the unit direction ``d`` of F d_i."""
-    m = (
-        t[0] * q[0][0] + t[1] * q[1][0] + t[2] * q[2][0] + t[3] * q[3][0],
-        t[0] * q[0][1] + t[1] * q[1][1] + t[2] * q[2][1] + t[3] * q[3][1],
-        t[0] * q[0][2] + t[1] * q[1][2] + t[2] * q[2][2] + t[3] * q[3][2],
-    )
-    along = dot(m, d)
-    return (m[0] - along * d[0]) * inverse, (m[1] - along * d[1]) * inverse, (m[2] - along * d[2]) * inverse
+    m = along(1.0, combine(t[0], q[0], t[1], q[1], t[2], q[2]), t[3], q[3])
+    return scaled(along(1.0, m, -dot(m, d), d), inverse)
 
 
 def couplings(across: NDArray[np.int32]) -> NDArray[np.float64]:

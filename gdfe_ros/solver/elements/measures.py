@@ -13,7 +13,8 @@ from gdfe_ros.materials.stress import curve_state
 from gdfe_ros.materials.table import BULK, CARRIED, PENALTY, POISSON, SHEAR
 from gdfe_ros.materials.tensor import cofactor, determinant, squared_norm, stretch_sum
 from gdfe_ros.solver.elements.barrier import least_corners
-from gdfe_ros.solver.elements.cell_type import mean_gradient, volume_ratio
+from gdfe_ros.solver.elements.cell_type import volume_ratio
+from gdfe_ros.solver.elements.corners import mean_gradient
 
 LEAST_SCALE, MOST_SCALE = 0.25, 4.0
 """Bounds of the hourglass stiffness divided by its initial value. The lower bound prevents hourglassing of elements

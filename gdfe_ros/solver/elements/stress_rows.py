@@ -41,11 +41,9 @@ from gdfe_ros.solver.elements.blocks import (
     ENERGY,
     FORCES,
     GRADIENT,
-    LAME_ROW,
     LANES,
     PENALTY_ROW,
     PRESSURE,
-    SHEAR_ROW,
     STRESS,
     load3,
     load6,
@@ -71,7 +69,9 @@ STRETCHES, DERIVATIVES = TENSOR, TENSOR + 3
 def stress_rows(b, law, elements, material, table):
     """Write the rows of the energy density [J/m^3] and of P [Pa] of a block from its rows of F."""
     if law == Law.NEO_HOOKEAN:
-        neo_hookean_rows(b)
+        for lane in range(LANES):
+            pressure, mu, lame, kappa = load4(b, PRESSURE, lane)
+            store_law(b, lane, neo_hookean(load9(b, GRADIENT, lane), pressure, mu, lame, kappa))
     elif law == Law.STABLE_NEO_HOOKEAN:
         stable_neo_hookean_rows(b)
     elif law == Law.OGDEN:
@@ -96,21 +96,6 @@ def stress_rows(b, law, elements, material, table):
         corotated_stress_rows(b)
 
 
-@inlined
-def neo_hookean_rows(b):
-    """Write the rows of the energy density and of P for the neo-Hookean law."""
-    for lane in range(LANES):
-        w, p = neo_hookean(
-            load9(b, GRADIENT, lane),
-            b[PRESSURE * LANES + lane],
-            b[SHEAR_ROW * LANES + lane],
-            b[LAME_ROW * LANES + lane],
-            b[PENALTY_ROW * LANES + lane],
-        )
-        b[ENERGY * LANES + lane] = w
-        store9(b, STRESS, lane, p)
-
-
 @internal
 def stable_neo_hookean_rows(b):
     """Write the rows of the energy density and of P for the stable neo-Hookean law.
@@ -118,14 +103,22 @@ def stable_neo_hookean_rows(b):
     It is not inlined: bodies of other laws would compile it once in each of their element kernels.
     """
     for lane in range(LANES):
-        w, p = stable_neo_hookean(
-            load9(b, GRADIENT, lane),
-            b[PRESSURE * LANES + lane],
-            b[SHEAR_ROW * LANES + lane],
-            b[PENALTY_ROW * LANES + lane],
-        )
-        b[ENERGY * LANES + lane] = w
-        store9(b, STRESS, lane, p)
+        pressure, mu, _, kappa = load4(b, PRESSURE, lane)
+        store_law(b, lane, stable_neo_hookean(load9(b, GRADIENT, lane), pressure, mu, kappa))
+
+
+@inlined
+def store_law(b, lane, found):
+    """Write the lane's energy density and P, ``found``."""
+    b[ENERGY * LANES + lane] = found[0]
+    store9(b, STRESS, lane, found[1])
+
+
+@inlined
+def load4(b, row, lane):
+    """Return the lane's four numbers in the rows from ``row`` on."""
+    i = row * LANES + lane
+    return b[i], b[i + LANES], b[i + 2 * LANES], b[i + 3 * LANES]
 
 
 @inlined
@@ -140,13 +133,9 @@ def deviator_rows(b):
         b[STRETCH_SUM * LANES + lane], b[SIZE * LANES + lane] = math.sqrt(3.0 * first), 1.0
     for _ in range(NEWTON_STEPS):
         for lane in range(LANES):
-            s, going = stretch_sum_step(
-                b[STRETCH_SUM * LANES + lane],
-                b[FIRST * LANES + lane],
-                b[SECOND * LANES + lane],
-                b[DETERMINANT * LANES + lane],
-            )
-            last, follows = b[STRETCH_SUM * LANES + lane], b[SIZE * LANES + lane] != 0.0
+            first, second, j, last = load4(b, FIRST, lane)
+            s, going = stretch_sum_step(last, first, second, j)
+            follows = b[SIZE * LANES + lane] != 0.0
             b[STRETCH_SUM * LANES + lane] = s if follows else last
             b[SIZE * LANES + lane] = 1.0 if going & follows else 0.0
         left = 0

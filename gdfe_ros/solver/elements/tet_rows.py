@@ -29,7 +29,6 @@ from gdfe_ros.solver.elements.blocks import (
     SLOPE,
     STORED_ENERGY,
     STRESS,
-    TET_GEOMETRY_ROWS,
     TOTAL,
     WEIGHT,
     load3,
@@ -41,22 +40,6 @@ from gdfe_ros.solver.elements.stress_rows import stress_rows
 
 L = tuple(tuple(float(value) for value in point) for point in POINTS)
 """Barycentric coordinates of the integration points, as constants of the kernels."""
-
-
-@inlined
-def load_nodes(b, x, shape, elements):
-    """Copy the node coordinates of a block into its rows."""
-    for lane in range(LANES):
-        for a in range(10):
-            v = shape.cells[elements[lane], a]
-            store3(b, NODES + 3 * a, lane, (x[v, 0], x[v, 1], x[v, 2]))
-
-
-@inlined
-def load_geometry(b, blocks, block):
-    """Copy the geometry of a block into its rows."""
-    for i in range(TET_GEOMETRY_ROWS * LANES):
-        b[GEOMETRY_OF_TET * LANES + i] = blocks.geometry[block * TET_GEOMETRY_ROWS * LANES + i]
 
 
 @inlined
@@ -88,7 +71,7 @@ def point_slopes(place, corners, middles):
 @inlined
 def node(b, a, axis, lane):
     """Return a coordinate of the lane's node ``a``."""
-    return b[(NODES + 3 * a + axis) * LANES + lane]
+    return b[(NODES + 10 * axis + a) * LANES + lane]
 
 
 @inlined
@@ -117,19 +100,19 @@ def scatter_point(b, place, inverse):
     for lane in range(LANES):
         m = load9(b, inverse, lane)
         for axis in range(3):
-            s, i = load3(b, STRESS + 3 * axis, lane), TOTAL + axis
+            s, i = load3(b, STRESS + 3 * axis, lane), TOTAL + 10 * axis
             g1, g2, g3 = times(m, s)
             g0 = -(g1 + g2 + g3)
             add(b, i, lane, (4.0 * l0 - 1.0) * g0)
-            add(b, i + 3, lane, (4.0 * l1 - 1.0) * g1)
-            add(b, i + 6, lane, (4.0 * l2 - 1.0) * g2)
-            add(b, i + 9, lane, (4.0 * l3 - 1.0) * g3)
-            add(b, i + 12, lane, 4.0 * (l1 * g0 + l0 * g1))
-            add(b, i + 15, lane, 4.0 * (l2 * g1 + l1 * g2))
-            add(b, i + 18, lane, 4.0 * (l2 * g0 + l0 * g2))
-            add(b, i + 21, lane, 4.0 * (l3 * g0 + l0 * g3))
-            add(b, i + 24, lane, 4.0 * (l3 * g1 + l1 * g3))
-            add(b, i + 27, lane, 4.0 * (l3 * g2 + l2 * g3))
+            add(b, i + 1, lane, (4.0 * l1 - 1.0) * g1)
+            add(b, i + 2, lane, (4.0 * l2 - 1.0) * g2)
+            add(b, i + 3, lane, (4.0 * l3 - 1.0) * g3)
+            add(b, i + 4, lane, 4.0 * (l1 * g0 + l0 * g1))
+            add(b, i + 5, lane, 4.0 * (l2 * g1 + l1 * g2))
+            add(b, i + 6, lane, 4.0 * (l2 * g0 + l0 * g2))
+            add(b, i + 7, lane, 4.0 * (l3 * g0 + l0 * g3))
+            add(b, i + 8, lane, 4.0 * (l3 * g1 + l1 * g3))
+            add(b, i + 9, lane, 4.0 * (l3 * g2 + l2 * g3))
 
 
 @inlined

@@ -8,10 +8,34 @@ import numpy as np
 from gdfe_ros.compiled import inlined, internal, kernel
 from gdfe_ros.materials.tensor import cofactor, determinant
 from gdfe_ros.mesh.triples import combine, corner
-from gdfe_ros.solver.elements.blocks import LANES, NODES, STORED_ENERGY, TET_ROWS, TOTAL
-from gdfe_ros.solver.elements.corners import gradient_over
+from gdfe_ros.solver.elements.blocks import (
+    GEOMETRY_OF_TET,
+    LANES,
+    NODES,
+    STORED_ENERGY,
+    TET_GEOMETRY_ROWS,
+    TET_ROWS,
+    TOTAL,
+    load_geometry,
+    load_nodes,
+    store_nodes,
+)
 from gdfe_ros.solver.elements.tangent_rows import SPACING
-from gdfe_ros.solver.elements.tet_rows import L, load_geometry, load_nodes, load_shares, point_slopes, respond
+from gdfe_ros.solver.elements.tet_rows import L, load_shares, point_slopes, respond
+
+
+@inlined
+def load_block(b, x, shape, blocks, block, material, table):
+    """Write the rows of geometry, node coordinates and moduli of a block at positions ``x`` (n, 3) [m]."""
+    load_geometry(b, blocks.geometry, block, GEOMETRY_OF_TET, TET_GEOMETRY_ROWS)
+    load_nodes(b, x, shape.cells, blocks.element[block], NODES, 10)
+    load_shares(b, blocks.law[block], blocks.element[block], material, table)
+
+
+@inlined
+def place_of(number):
+    """Return the row, after the first, of a component of a node: 3 node + axis."""
+    return 10 * (number % 3) + number // 3
 
 
 @internal
@@ -23,16 +47,11 @@ def evaluate_blocks(first, last, x, shape, blocks, material, pressure, scale, ta
     b = np.empty(TET_ROWS * LANES)
     for block in range(first, last):
         elements = blocks.element[block]
-        load_geometry(b, blocks, block)
-        load_nodes(b, x, shape, elements)
-        load_shares(b, blocks.law[block], elements, material, table)
+        load_block(b, x, shape, blocks, block, material, table)
         respond(b, blocks.law[block], elements, material, pressure, table)
         for lane in range(blocks.used[block]):
-            e = elements[lane]
-            energy[e] = b[STORED_ENERGY * LANES + lane]
-            for a in range(10):
-                for axis in range(3):
-                    force[e, a, axis] = b[(TOTAL + 3 * a + axis) * LANES + lane]
+            energy[elements[lane]] = b[STORED_ENERGY * LANES + lane]
+        store_nodes(b, force, elements, blocks.used[block], TOTAL, 10)
 
 
 @kernel
@@ -42,11 +61,9 @@ def element_tangents(x, shape, blocks, material, pressure, scale, table, out):
     for block in range(len(blocks.element)):
         elements = blocks.element[block]
         spacing = SPACING * np.cbrt(shape.volume[elements[0]])
-        load_geometry(b, blocks, block)
-        load_nodes(b, x, shape, elements)
-        load_shares(b, blocks.law[block], elements, material, table)
+        load_block(b, x, shape, blocks, block, material, table)
         for column in range(30):
-            row = (NODES + column) * LANES
+            row = (NODES + place_of(column)) * LANES
             for side in range(2):
                 step = spacing if side == 0 else -spacing
                 for lane in range(LANES):
@@ -57,14 +74,8 @@ def element_tangents(x, shape, blocks, material, pressure, scale, table, out):
                 for lane in range(blocks.used[block]):
                     e = elements[lane]
                     for i in range(30):
-                        part = 0.5 * b[(TOTAL + i) * LANES + lane] / step
+                        part = 0.5 * b[(TOTAL + place_of(i)) * LANES + lane] / step
                         out[e, column, i] = part if side == 0 else out[e, column, i] + part
-
-
-@inlined
-def mean_gradient(x, shape, e):
-    """Return the volume average (9,) of the deformation gradient of element ``e`` at positions ``x`` (n, 3) [m]."""
-    return gradient_over(x, shape, e, 10)
 
 
 @inlined

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from gdfe_ros.compiled import inlined, internal, kernel
 from gdfe_ros.materials.tensor import cofactor, determinant, rotation, times
 from gdfe_ros.mesh.triples import combine, cross
-from gdfe_ros.solver.elements.cell_type import mean_gradient
+from gdfe_ros.solver.elements.corners import mean_gradient
 from gdfe_ros.solver.vectors import clear_part
 
 SMALL = 1e-4

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from gdfe_ros.actuators.actuator import Actuator, ActuatorState, Growth
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.elements.blocks import Operators
+from gdfe_ros.solver.elements.blocks import Operators, in_lanes
 
 
 class Growths:
@@ -53,7 +53,7 @@ class Growths:
             return self.ungrown
         kind = self._body.cell_type
         grown, blocks = kind.grown(self._body.shape, self.cells, stretch), self._body.blocks
-        return Operators(grown, blocks._replace(geometry=kind.geometry(grown, blocks.element)), stretch)
+        return Operators(grown, blocks._replace(geometry=in_lanes(kind.geometry(grown), blocks.element)), stretch)
 
     def state(self, growth: Growth, commands: Mapping[str, float], grown: Operators) -> ActuatorState:
         """Return the state of a growth: its command and the mean det G of its cells."""
