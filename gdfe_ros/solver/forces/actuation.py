@@ -64,17 +64,11 @@ class Actuation:
         self.grips = [GripTerm(item, body) for item in self.actuators if isinstance(item, Grip)]
         self.contacts = contacts_of(body)
         self._more = tuple(terms)
-        self.terms: tuple[Term, ...] = (
-            *self._loads,
-            *self._cables,
-            *self._chambers,
-            *self.grips,
-            *self.contacts,
-            *self._more,
-        )
+        self._commanded = *self._loads, *self._cables, *self._chambers, *self.grips
+        self.terms: tuple[Term, ...] = *self._commanded, *self.contacts, *self._more
         self.table = TermTable.pack(self.terms)
         self.growths = Growths(body, self.actuators)
-        self._driven = {term.name: term for term in (*self._cables, *self._chambers, *self.grips)}
+        self._driven = {term.name: term for term in self._commanded[len(self._loads) :]}
         self.loaded = tuple(item.name for item in self._loads)
         self.neutral = {item.name: 0.0 for item in (*self.actuators, *self._loads)}
         self.neutral.update({name: term.neutral_command for name, term in self._driven.items()})
@@ -212,10 +206,7 @@ class Actuation:
         The potential is zero while the body is undeformed. A length or volume that a multiplier keeps has no potential.
         The derivative with respect to such a command is the multiplier. For a length, it is minus the multiplier.
         """
-        found = {
-            term.name: term.potential(positions, commands[term.name])
-            for term in (*self._loads, *self._cables, *self._chambers, *self.grips)
-        }
+        found = {term.name: term.potential(positions, commands[term.name]) for term in self._commanded}
         more = sum(term.energy(positions) for term in self._more)
         return Balance(
             potential=more + sum(potential for potential, _ in found.values()),

@@ -30,7 +30,7 @@ from gdfe_ros.solver.contact.overlap import Placed
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.state import Saved, State
 from gdfe_ros.solver.terms.multiplier import UpdatedTerm
-from gdfe_ros.solver.terms.term import as_arrays, term_kernel
+from gdfe_ros.solver.terms.term import as_arrays, spread, term_kernel, weighted
 
 ACTS, STIFFNESS, HEAD = range(3)
 """Offsets in ``reals`` of 1 for a grip with forces (0 without), of s [N/m], and of the rows of the points."""
@@ -53,18 +53,17 @@ def grip_energy(x, reals, integers, force, size):
     if reals[ACTS] == 0.0:
         return energy
     for i in range(len(integers) // POINT):
-        row, own = HEAD + ROW * i, integers[POINT * i]
+        row, own, carriers = HEAD + ROW * i, integers[POINT * i], POINT * i + 1
+        place = weighted(x, integers, carriers, reals, row + WEIGHTS, 4)
         for axis in range(3):
-            gap = x[own, axis] - reals[row + PLACE + axis]
-            for a in range(4):
-                gap -= reals[row + WEIGHTS + a] * x[integers[POINT * i + 1 + a], axis]
+            gap = x[own, axis] - place[axis] - reals[row + PLACE + axis]
             held = reals[row + PULL + axis]
             pull = held + stiffness * gap
             energy += gap * (held + 0.5 * stiffness * gap)
             size[0] += abs(gap * pull)
             force[own, axis] += pull
             for a in range(4):
-                force[integers[POINT * i + 1 + a], axis] -= reals[row + WEIGHTS + a] * pull
+                force[integers[carriers + a], axis] -= reals[row + WEIGHTS + a] * pull
     return energy
 
 
@@ -104,11 +103,8 @@ class GripTerm(UpdatedTerm):
         carriers = np.repeat(self._points[:, None], 4, axis=1)
         if self._carried:
             carriers[:] = self._holder.vertices
-        super().__init__(
-            grip.name,
-            np.zeros(HEAD + ROW * len(self._points)),
-            np.concatenate([self._points[:, None], carriers], axis=1).ravel().astype(np.int32),
-        )
+        vertices = np.concatenate([self._points[:, None], carriers], axis=1).ravel().astype(np.int32)
+        super().__init__(grip.name, np.zeros(HEAD + ROW * len(self._points)), vertices)
         self._hold, self._command, self._penalty = Hold.OFF, 0.0, 0.0
         self._poses, self._last = {grip.holder: Pose()}, None
         self._kept, self._updated, self.errors = self.neutral(), None, []
@@ -159,8 +155,7 @@ class GripTerm(UpdatedTerm):
         """Return the constant tangents s [1, -w]^T [1, -w] of the points (k, 3 c, 3 c) [N/m]."""
         signed = np.ones((len(self._points), self.couplings().shape[1]))
         signed[:, 1:] = -self._rows[:, WEIGHTS:PLACE][:, : signed.shape[1] - 1]
-        blocks = self.reals[STIFFNESS] * signed[:, :, None, None, None] * signed[:, None, None, :, None]
-        return (blocks * np.eye(3)[:, None, :]).reshape(len(signed), 3 * signed.shape[1], -1)
+        return spread(signed, self.reals[STIFFNESS] * np.tile(np.eye(3), (len(signed), 1, 1)))
 
     def neutral(self) -> Saved:
         """Return the stored state of a grip that holds nothing."""

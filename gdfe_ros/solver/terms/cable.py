@@ -21,11 +21,13 @@ from numpy.typing import NDArray
 from gdfe_ros.actuators.actuator import ActuatorState, Cable, Mode
 from gdfe_ros.compiled import inlined, kernel
 from gdfe_ros.materials.table import YOUNG
+from gdfe_ros.materials.tensor import scaled
+from gdfe_ros.mesh.triples import dot, minus, plus
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.state import Saved
 from gdfe_ros.solver.terms.multiplier import EFFORT, STIFFNESS, TARGET, EffortTerm
-from gdfe_ros.solver.terms.term import as_arrays, term_kernel
+from gdfe_ros.solver.terms.term import as_arrays, share, spread, term_kernel, weighted
 from gdfe_ros.solver.value import NEGLIGIBLE
 
 EYELET, EXCESS, CARRIERS, WEIGHTS = range(STIFFNESS + 1, STIFFNESS + 5)
@@ -38,21 +40,15 @@ and the weights of these vertices; the places of points in the world [m] follow 
 def point(x, reals, integers, i):
     """Return the position [m] of cable point ``i``."""
     count, anchor = int(reals[CARRIERS]), WEIGHTS + len(integers) + 3 * i
-    p0, p1, p2 = reals[anchor], reals[anchor + 1], reals[anchor + 2]
-    for a in range(count):
-        v, w = integers[count * i + a], reals[WEIGHTS + count * i + a]
-        p0 += w * x[v, 0]
-        p1 += w * x[v, 1]
-        p2 += w * x[v, 2]
-    return p0, p1, p2
+    place = reals[anchor], reals[anchor + 1], reals[anchor + 2]
+    return plus(place, weighted(x, integers, count * i, reals, WEIGHTS + count * i, count))
 
 
 @inlined
 def segment(x, reals, integers, i):
     """Return the vector (3,) [m] from cable point ``i`` to the next one, and the length sqrt(d^2 + e^2) [m]."""
-    a, b = point(x, reals, integers, i), point(x, reals, integers, i + 1)
-    d0, d1, d2 = b[0] - a[0], b[1] - a[1], b[2] - a[2]
-    return d0, d1, d2, np.sqrt(d0 * d0 + d1 * d1 + d2 * d2 + reals[EYELET] * reals[EYELET])
+    d = minus(point(x, reals, integers, i + 1), point(x, reals, integers, i))
+    return d, np.sqrt(dot(d, d) + reals[EYELET] * reals[EYELET])
 
 
 @kernel
@@ -60,7 +56,7 @@ def cable_length(x, reals, integers):
     """Return the length [m] of a cable at positions ``x`` (n, 3) [m]."""
     total = -reals[EXCESS]
     for i in range(len(integers) // int(reals[CARRIERS]) - 1):
-        total += segment(x, reals, integers, i)[3]
+        total += segment(x, reals, integers, i)[1]
     return total
 
 
@@ -75,17 +71,10 @@ def pull(x, reals, integers, tension, force):
     """Add ``tension`` times dL/dx to ``force`` (n, 3)."""
     count = int(reals[CARRIERS])
     for i in range(len(integers) // count - 1):
-        d0, d1, d2, length = segment(x, reals, integers, i)
-        scale = tension / length if length > 0.0 else 0.0
-        for corner in range(count):
-            near, far = integers[count * i + corner], integers[count * (i + 1) + corner]
-            w, u = scale * reals[WEIGHTS + count * i + corner], scale * reals[WEIGHTS + count * (i + 1) + corner]
-            force[near, 0] -= w * d0
-            force[near, 1] -= w * d1
-            force[near, 2] -= w * d2
-            force[far, 0] += u * d0
-            force[far, 1] += u * d1
-            force[far, 2] += u * d2
+        d, length = segment(x, reals, integers, i)
+        along = scaled(d, tension / length if length > 0.0 else 0.0)
+        share(force, integers, count * i, reals, WEIGHTS + count * i, count, scaled(along, -1.0))
+        share(force, integers, count * (i + 1), reals, WEIGHTS + count * (i + 1), count, along)
 
 
 @kernel
@@ -203,8 +192,7 @@ class CableTerm(EffortTerm):
         bent = np.eye(3) - along[:, :, None] * along[:, None, :]
         bent *= (tension / np.where(length > 0.0, length, np.inf))[:, None, None]
         signed = np.concatenate([-weights[:-1], weights[1:]], axis=1)
-        spread = (signed[:, :, None] * signed[:, None, :])[:, :, None, :, None] * bent[:, None, :, None, :]
-        return spread.reshape(len(bent), 6 * self._carriers, -1)
+        return spread(signed, bent)
 
     def springs(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return a taut cable with a stiffness or a penalty k as a spring: k dL/dx dL/dx^T."""

@@ -15,11 +15,12 @@ from numpy.typing import NDArray
 
 from gdfe_ros.actuators.actuator import ActuatorState, Chamber
 from gdfe_ros.compiled import kernel
+from gdfe_ros.mesh.triples import corner
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.state import Saved
 from gdfe_ros.solver.terms.multiplier import EFFORT, STIFFNESS, TARGET, EffortTerm
-from gdfe_ros.solver.terms.term import as_arrays, term_kernel
+from gdfe_ros.solver.terms.term import as_arrays, share, term_kernel, weighted
 from gdfe_ros.solver.terms.volume import FACES, PRODUCTS, face_forces, pack_faces, volume_curvature
 
 LIMIT = STIFFNESS + 1
@@ -62,16 +63,10 @@ def carried_energy(x, reals, integers, force, size):
     count = integers[0]
     points, pulls = np.zeros((count, 3)), np.zeros((count, 3))
     for p in range(count):
-        for a in range(8):
-            vertex, weight = integers[1 + 8 * p + a], reals[LIMIT + 1 + 8 * p + a]
-            for i in range(3):
-                points[p, i] += weight * x[vertex, i]
+        points[p, 0], points[p, 1], points[p, 2] = weighted(x, integers, 1 + 8 * p, reals, LIMIT + 1 + 8 * p, 8)
     energy = chamber_energy(points, reals, integers[1 + 8 * count :], pulls, size)
     for p in range(count):
-        for a in range(8):
-            vertex, weight = integers[1 + 8 * p + a], reals[LIMIT + 1 + 8 * p + a]
-            for i in range(3):
-                force[vertex, i] += weight * pulls[p, i]
+        share(force, integers, 1 + 8 * p, reals, LIMIT + 1 + 8 * p, 8, corner(pulls, p))
     return energy
 
 

@@ -11,27 +11,17 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from gdfe_ros.compiled import inlined, kernel
+from gdfe_ros.compiled import kernel
 from gdfe_ros.materials.fibre_layer import FibreLayer
+from gdfe_ros.materials.tensor import scaled
+from gdfe_ros.mesh.triples import dot
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.matrix.constant_matrix import scattered
-from gdfe_ros.solver.terms.term import Term, as_arrays, term_kernel
+from gdfe_ros.solver.terms.term import Term, as_arrays, share, term_kernel, weighted
 
 NODES, POINTS, SLACK, HEAD = range(4)
 """Offsets in ``integers``: nodes of a face, points of a face, whether compressed fibres are slack; then the nodes of
 all faces. In ``reals``, each point has its k A [N m] and then the factors of the nodes [1/m]."""
-
-
-@inlined
-def fibre(x, reals, integers, face, start):
-    """Return the present vector of the fibre point of ``face`` whose data begin at ``start`` in ``reals``."""
-    d0, d1, d2, nodes = 0.0, 0.0, 0.0, integers[NODES]
-    for a in range(nodes):
-        v, factor = integers[HEAD + face * nodes + a], reals[start + 1 + a]
-        d0 += factor * x[v, 0]
-        d1 += factor * x[v, 1]
-        d2 += factor * x[v, 2]
-    return d0, d1, d2
 
 
 @kernel
@@ -40,16 +30,12 @@ def fibre_energy(x, reals, integers, force, size):
     nodes, points, slack, energy, start = integers[NODES], integers[POINTS], integers[SLACK], 0.0, 0
     for face in range((len(integers) - HEAD) // nodes):
         for _ in range(points):
-            d0, d1, d2 = fibre(x, reals, integers, face, start)
-            strain = 0.5 * (d0 * d0 + d1 * d1 + d2 * d2 - 1.0)
+            d = weighted(x, integers, HEAD + face * nodes, reals, start + 1, nodes)
+            strain = 0.5 * (dot(d, d) - 1.0)
             if strain > 0.0 or not slack:
                 pull = reals[start] * strain
                 energy += 0.5 * pull * strain
-                for a in range(nodes):
-                    v, share = integers[HEAD + face * nodes + a], pull * reals[start + 1 + a]
-                    force[v, 0] += share * d0
-                    force[v, 1] += share * d1
-                    force[v, 2] += share * d2
+                share(force, integers, HEAD + face * nodes, reals, start + 1, nodes, scaled(d, pull))
             start += 1 + nodes
     size[0] += energy
     return energy

@@ -83,11 +83,8 @@ class PressureTerm(UpdatedTerm):
         beside = np.abs(areas - self._pushed(body.rest, 1.0, 0.0)).max(axis=1) > NEGLIGIBLE * self._area
         self._edge = np.flatnonzero(beside).astype(np.int32)
         middle = body.rest[self._edge if len(self._edge) else own].mean(axis=0)
-        super().__init__(
-            load.name,
-            np.concatenate([[0.0, 0.0], middle, np.zeros(3 * len(self._edge))]),
-            np.concatenate([head, self._edge]).astype(np.int32),
-        )
+        numbers = np.concatenate([[0.0, 0.0], middle, np.zeros(3 * len(self._edge))])
+        super().__init__(load.name, numbers, np.concatenate([head, self._edge]).astype(np.int32))
         self.exact = self.conservative = not len(self._edge)
         self._rest, self._size, self._softness, self._last = body.rest, body.size, 0.0, None
 

@@ -23,6 +23,7 @@ from scipy import sparse
 from gdfe_ros.compiled import inlined, kernel
 from gdfe_ros.constraints import Pose
 from gdfe_ros.linked import linked_entry
+from gdfe_ros.mesh.triples import along, corner
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.state import Saved, State
 
@@ -71,6 +72,32 @@ def term_kernel(entry: Callable[..., float]) -> TermKernel:
 def as_arrays(x, n, reals, k, integers, i, force, size):
     """Return the pointers of an entry's arguments as arrays: positions, reals, integers, force and size."""
     return carray(x, (n, 3)), carray(reals, (k,)), carray(integers, (i,)), carray(force, (n, 3)), carray(size, (1,))
+
+
+@inlined
+def weighted(x, vertices, at, weights, first, count):
+    """Return the sum of ``count`` positions: of ``vertices`` from ``at`` on, times ``weights`` from ``first`` on."""
+    total = 0.0, 0.0, 0.0
+    for a in range(count):
+        total = along(1.0, total, weights[first + a], corner(x, vertices[at + a]))
+    return total
+
+
+@inlined
+def share(force, vertices, at, weights, first, count, pull):
+    """Add ``pull`` (3,), the derivative of an energy with respect to a `weighted` sum, to ``force`` (n, 3)."""
+    for a in range(count):
+        for axis in range(3):
+            force[vertices[at + a], axis] += weights[first + a] * pull[axis]
+
+
+def spread(weights: NDArray[np.float64], blocks: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the tangents (k, 3 c, 3 c) of energies of sums of positions with ``weights`` (k, c).
+
+    ``blocks`` (k, 3, 3) are the second derivatives with respect to the sums.
+    """
+    found = weights[:, :, None, None, None] * weights[:, None, None, :, None] * blocks[:, None, :, None, :]
+    return found.reshape(len(found), 3 * weights.shape[1], 3 * weights.shape[1])
 
 
 class Term:
@@ -258,17 +285,8 @@ def terms_energy(x, table, force, size):
     size[0] = 0.0
     energy = 0.0
     for t in range(len(table.address)):
-        first, last = table.real_start[t], table.real_start[t + 1]
-        low, high = table.integer_start[t], table.integer_start[t + 1]
-        energy += call_term(
-            table.address[t],
-            x.ctypes,
-            len(x),
-            table.reals[first:].ctypes,
-            last - first,
-            table.integers[low:].ctypes,
-            high - low,
-            force.ctypes,
-            size.ctypes,
-        )
+        reals = table.reals[table.real_start[t] : table.real_start[t + 1]]
+        integers = table.integers[table.integer_start[t] : table.integer_start[t + 1]]
+        own = reals.ctypes, len(reals), integers.ctypes, len(integers)
+        energy += call_term(table.address[t], x.ctypes, len(x), *own, force.ctypes, size.ctypes)
     return energy

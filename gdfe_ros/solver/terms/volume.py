@@ -11,32 +11,22 @@ With [w] the matrix of the cross product w x ., the second derivative of one tri
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.actuators.load import GAUSS
 from gdfe_ros.compiled import inlined, internal, kernel
 from gdfe_ros.mesh.tetrahedra import face_slopes, face_weights, triangle_rule
-from gdfe_ros.mesh.triples import cross, dot
+from gdfe_ros.mesh.triples import along, corner, cross, dot, minus, plus
 
 NODES, COUNT, FACES = range(3)
 """Offsets in ``integers`` of the number of nodes of a face, the number of faces, and the nodes of all faces."""
 
 
-class Products(NamedTuple):
-    """The triple products of a face with c nodes.
-
-    Attributes:
-        n, g, h: (p, c) weights of the nodes in u, v and w.
-        share: (p,) weight of each product in the volume.
-    """
-
-    n: NDArray[np.float64]
-    g: NDArray[np.float64]
-    h: NDArray[np.float64]
-    share: NDArray[np.float64]
+Products = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
+"""The triple products of a face with c nodes: the weights (p, c) of the nodes in u, v and w, and the weight (p,) of
+each product in the volume.
+"""
 
 
 def _four() -> Products:
@@ -44,14 +34,14 @@ def _four() -> Products:
     signs = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
     factors = 1.0 + signs[None] * (GAUSS * signs)[:, None]
     along = [0.25 * signs[:, i] * factors[:, :, 1 - i] for i in (0, 1)]
-    return Products(0.25 * factors.prod(axis=2), *map(np.ascontiguousarray, along), np.full(4, 1.0 / 3.0))
+    return 0.25 * factors.prod(axis=2), *map(np.ascontiguousarray, along), np.full(4, 1.0 / 3.0)
 
 
 def _six() -> Products:
     """Return the products of a six-node face at its integration points."""
     places, shares = triangle_rule(3)
     slopes = np.ascontiguousarray(np.moveaxis(face_slopes(places), -1, 0))
-    return Products(face_weights(places), *slopes, shares / 6.0)
+    return face_weights(places), *slopes, shares / 6.0
 
 
 PRODUCTS = {4: _four(), 6: _six()}
@@ -68,13 +58,10 @@ def pack_faces(faces: NDArray[np.int32]) -> NDArray[np.int32]:
 @inlined
 def combined(x, apex, integers, first, weights, p):
     """Return the sum of the weights ``weights[p]`` times the nodes from ``first`` on, relative to ``apex``."""
-    s0, s1, s2 = 0.0, 0.0, 0.0
+    total = 0.0, 0.0, 0.0
     for a in range(weights.shape[1]):
-        weight, v = weights[p, a], integers[first + a]
-        s0 += weight * (x[v, 0] - apex[0])
-        s1 += weight * (x[v, 1] - apex[1])
-        s2 += weight * (x[v, 2] - apex[2])
-    return s0, s1, s2
+        total = along(1.0, total, weights[p, a], minus(corner(x, integers[first + a]), apex))
+    return total
 
 
 @inlined
@@ -87,19 +74,13 @@ def add_faces(x, integers, apex, n, g, h, share, of_volume, of_area, force):
             u = combined(x, apex, integers, first, n, p)
             v, w = combined(x, apex, integers, first, g, p), combined(x, apex, integers, first, h, p)
             across, over, under = cross(v, w), cross(w, u), cross(u, v)
-            total += share[p] * (u[0] * across[0] + u[1] * across[1] + u[2] * across[2])
+            total += share[p] * dot(u, across)
             for a in range(nodes if pushes else 0):
                 normal = (of_volume + 3.0 * of_area) * share[p] * n[p, a]
                 slope, rise = of_volume * share[p] * g[p, a], of_volume * share[p] * h[p, a]
                 for i in range(3):
                     force[integers[first + a], i] += normal * across[i] + slope * over[i] + rise * under[i]
     return total
-
-
-@inlined
-def corner(x, apex, v):
-    """Return the position (3,) of vertex ``v`` relative to ``apex``."""
-    return x[v, 0] - apex[0], x[v, 1] - apex[1], x[v, 2] - apex[2]
 
 
 @internal
@@ -110,20 +91,17 @@ def add_quads(x, integers, apex, scale, force):
     """
     total, share = 0.0, scale / 12.0
     for q in range(integers[COUNT]):
-        i, j, k, m = (
-            integers[FACES + 4 * q],
-            integers[FACES + 4 * q + 1],
-            integers[FACES + 4 * q + 2],
-            integers[FACES + 4 * q + 3],
-        )
-        a, b, c, d = corner(x, apex, i), corner(x, apex, j), corner(x, apex, k), corner(x, apex, m)
+        first = FACES + 4 * q
+        i, j, k, m = integers[first], integers[first + 1], integers[first + 2], integers[first + 3]
+        a, b = minus(corner(x, i), apex), minus(corner(x, j), apex)
+        c, d = minus(corner(x, k), apex), minus(corner(x, m), apex)
         bc, cd, bd = cross(b, c), cross(c, d), cross(b, d)
-        total += a[0] * (bc[0] + cd[0] + bd[0]) + a[1] * (bc[1] + cd[1] + bd[1]) + a[2] * (bc[2] + cd[2] + bd[2])
-        total += dot(b, cd)
+        beside = plus(plus(bc, cd), bd)
+        total += dot(a, beside) + dot(b, cd)
         if scale != 0.0:
             ab, ac, ad = cross(a, b), cross(a, c), cross(a, d)
             for axis in range(3):
-                force[i, axis] += share * (bc[axis] + cd[axis] + bd[axis])
+                force[i, axis] += share * beside[axis]
                 force[j, axis] += share * (cd[axis] - ac[axis] - ad[axis])
                 force[k, axis] += share * (ab[axis] - ad[axis] - bd[axis])
                 force[m, axis] += share * (ac[axis] + ab[axis] + bc[axis])
@@ -147,13 +125,13 @@ def face_forces(x, integers, apex, of_volume, of_area, force):
 def volume_curvature(x, integers, apex, products, scale, out):
     """Write ``scale`` times the second derivative of the volume between faces and ``apex`` to ``out`` (k, 3 c, 3 c)."""
     out[...] = 0.0
-    nodes = integers[NODES]
+    nodes, (normal, along_g, along_h, shares) = integers[NODES], products
     for q in range(integers[COUNT]):
-        for p in range(len(products.share)):
-            n, g, h, share = products.n[p], products.g[p], products.h[p], scale * products.share[p]
-            u = combined(x, apex, integers, FACES + nodes * q, products.n, p)
-            v = combined(x, apex, integers, FACES + nodes * q, products.g, p)
-            w = combined(x, apex, integers, FACES + nodes * q, products.h, p)
+        for p in range(len(shares)):
+            n, g, h, share, first = normal[p], along_g[p], along_h[p], scale * shares[p], FACES + nodes * q
+            u = combined(x, apex, integers, first, normal, p)
+            v = combined(x, apex, integers, first, along_g, p)
+            w = combined(x, apex, integers, first, along_h, p)
             for a in range(nodes):
                 for b in range(nodes):
                     of_w = share * (g[a] * n[b] - n[a] * g[b])
