@@ -37,6 +37,11 @@ vector_kernel = linked(cache=True, **_COMMON, fastmath={"reassoc", "contract"})
 vector_internal = linked(cache=True, **_COMMON, fastmath={"reassoc", "contract"}, no_cpython_wrapper=True)
 """Decorator of `vector_kernel` for functions that only other kernels call."""
 
+vector_inlined = linked(
+    cache=False, **_COMMON, fastmath={"reassoc", "contract"}, forceinline=True, no_cpython_wrapper=True
+)
+"""Decorator of the parts of a `vector_kernel` that are always inlined."""
+
 parallel_kernel = linked(cache=True, **_EXACT, forceinline=False, parallel=True)
 """Decorator of a loop whose iterations run in several threads."""
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -196,32 +197,20 @@ def merge(parent, height, slack, narrow):
     return starts, rows[:found].copy()
 
 
-class Supernodes(NamedTuple):
-    """Supernodes of a matrix (f, f) before their rows are known.
+def supernodes(
+    graph: sparse.csr_matrix, order: NDArray[np.int64], slack: float
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+    """Return the supernodes of a symmetric graph (f, f) whose vertices are eliminated in an order (f,).
 
-    Attributes:
-        order: (f,) vertices in the order of their elimination.
-        parent: (f,) parent of each column in the elimination tree; -1 for a root.
-        first: (s + 1,) position in the order at which each supernode begins.
-        heights: (s,) number of each supernode's rows.
+    Returns:
+        The order, in which subtrees of the elimination tree are now consecutive; the parent (f,) of each column in this
+        tree, -1 for a root; the position (s + 1,) at which each supernode begins; the number (s,) of its rows.
     """
-
-    order: NDArray[np.int64]
-    parent: NDArray[np.int64]
-    first: NDArray[np.int64]
-    heights: NDArray[np.int64]
-
-    @classmethod
-    def of(cls, graph: sparse.csr_matrix, order: NDArray[np.int64], slack: float) -> Supernodes:
-        """Return the supernodes of a symmetric graph (f, f) whose vertices are eliminated in an order (f,).
-
-        Subtrees of the elimination tree become consecutive in it.
-        """
-        indptr, indices = graph.indptr.astype(np.int64), graph.indices.astype(np.int64)
-        order = order[postorder(elimination_tree(indptr, indices, order, np.argsort(order)))]
-        rank = np.argsort(order)
-        parent = elimination_tree(indptr, indices, order, rank)
-        return cls(order, parent, *merge(parent, column_heights(indptr, indices, order, rank, parent), slack, NARROW))
+    indptr, indices = graph.indptr.astype(np.int64), graph.indices.astype(np.int64)
+    order = order[postorder(elimination_tree(indptr, indices, order, np.argsort(order)))]
+    rank = np.argsort(order)
+    parent = elimination_tree(indptr, indices, order, rank)
+    return order, parent, *merge(parent, column_heights(indptr, indices, order, rank, parent), slack, NARROW)
 
 
 def eliminated(graph: sparse.csr_matrix, orders: Sequence[NDArray[np.int64]], *, slack: float = SLACK) -> Elimination:
@@ -229,21 +218,21 @@ def eliminated(graph: sparse.csr_matrix, orders: Sequence[NDArray[np.int64]], *,
 
     Two supernodes are merged if at most the fraction ``slack`` of the merged entries are zeros.
     """
-    known = [Supernodes.of(graph, order, slack) for order in orders]
-    found = min(known, key=lambda each: int(np.diff(each.first) @ each.heights**2))
-    rank, ends, sorted_graph = np.argsort(found.order), found.first[1:], graph[found.order]
-    upper = found.parent[ends - 1]
+    known = [supernodes(graph, order, slack) for order in orders]
+    order, parent, first, heights = min(known, key=lambda each: int(np.diff(each[2]) @ each[3] ** 2))
+    rank, ends, sorted_graph = np.argsort(order), first[1:], graph[order]
+    upper = parent[ends - 1]
     above = np.where(upper < 0, -1, np.searchsorted(ends, upper, side="right"))
     rows: list[NDArray[np.int64]] = []
     children: dict[int, list[int]] = defaultdict(list)
-    for node, (begin, end) in enumerate(zip(found.first, ends, strict=False)):
+    for node, (begin, end) in enumerate(pairwise(first)):
         near = sorted_graph.indices[sorted_graph.indptr[begin] : sorted_graph.indptr[end]]
         below = [rows[child] for child in children.pop(node, [])]
         own = np.unique(np.concatenate([np.arange(begin, end), rank[near], *below]))
         rows.append(own[own >= begin])
         children[int(above[node])].append(node)
-    row_start = np.concatenate([[0], np.cumsum(found.heights)])
-    return Elimination(found.order, found.first, np.concatenate([np.zeros(0, np.int64), *rows]), row_start, above)
+    row_start = np.concatenate([[0], np.cumsum(heights)])
+    return Elimination(order, first, np.concatenate([np.zeros(0, np.int64), *rows]), row_start, above)
 
 
 LEAF = 60
@@ -254,24 +243,23 @@ cross-section thus have equal coordinates.
 """
 
 
-def narrow_order(graph: sparse.csr_matrix, points: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Return an order (f,) of the vertices with a small bandwidth.
+def cross_sections(points: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Return an order (f,) of the vertices ``points`` (f, 3) [m] by cross-sections along the longest principal axis.
 
-    Two kinds of orders are compared, and the order of least bandwidth is returned: by cross-sections along a principal
-    axis, and reverse Cuthill-McKee. For straight bodies, the first has half the bandwidth of the second.
-
-    Args:
-        graph: (f, f), an entry for every two vertices that share an element.
-        points: (f, 3) [m].
+    For straight bodies, it has half the bandwidth of the order by reverse Cuthill-McKee.
     """
     if not len(points):
         return np.zeros(0, np.int64)
     centred = points - points.mean(axis=0)
     along = centred @ np.linalg.svd(centred, full_matrices=False)[2].T
-    along = np.round(along / max(float(np.abs(along).max()), 1e-300), DIGITS)
-    orders = [np.lexsort((along[:, (k + 2) % 3], along[:, (k + 1) % 3], along[:, k])) for k in range(3)]
-    orders.append(reverse_cuthill_mckee(graph, symmetric_mode=True).astype(np.int64))
-    return min(orders, key=lambda order: spread(graph, order))
+    return np.lexsort(np.round(along / max(float(np.abs(along).max()), 1e-300), DIGITS).T[::-1])
+
+
+def narrow_order(graph: sparse.csr_matrix) -> NDArray[np.int64]:
+    """Return the order (f,) of a graph by reverse Cuthill-McKee, which has a small bandwidth."""
+    if not graph.shape[0]:
+        return np.zeros(0, np.int64)
+    return reverse_cuthill_mckee(graph, symmetric_mode=True).astype(np.int64)
 
 
 def least_degree(graph: sparse.csr_matrix) -> NDArray[np.int64]:
@@ -320,11 +308,3 @@ def dissected(graph: sparse.csr_matrix, points: NDArray[np.float64]) -> NDArray[
         order[end - len(middle) : end] = middle
         parts += [(lower, begin), (upper, begin + len(lower))]
     return order
-
-
-def spread(graph: sparse.csr_matrix, order: NDArray[np.int64]) -> int:
-    """Return the half bandwidth of an order: the largest difference of the positions of two neighbours in it."""
-    rank = np.empty(len(order), np.int64)
-    rank[order] = np.arange(len(order))
-    rows = np.repeat(np.arange(len(order)), np.diff(graph.indptr))
-    return int(np.abs(rank[rows] - rank[graph.indices]).max(initial=0))

@@ -15,8 +15,15 @@ from numpy import uint64
 from numpy.typing import NDArray
 
 from gdfe_ros.compiled import inlined, internal, kernel, vector_internal
-from gdfe_ros.solver.matrix.elimination import SLACK, dissected, eliminated, least_degree, narrow_order
-from gdfe_ros.solver.matrix.panels import PANEL
+from gdfe_ros.solver.matrix.elimination import (
+    SLACK,
+    cross_sections,
+    dissected,
+    eliminated,
+    least_degree,
+    narrow_order,
+)
+from gdfe_ros.solver.matrix.panels import PANEL, dot_six, six
 from gdfe_ros.solver.matrix.rotation import unrotated
 from gdfe_ros.solver.matrix.substitution import Kept, Plan, solve_columns, solve_unturned
 from gdfe_ros.solver.vectors import clear_part, copy_part
@@ -114,28 +121,13 @@ def subtract(front, width, first, last, panel):
                 clear_part(panel, k * TILE, end - begin)
         for i in range(last, end, 2):
             at, pair = first * width + i, i + 1 < end
-            a, b, c, d, e, f = column(front, at, width, count)
-            u, v, w, x, y, z = column(front, at + pair, width, count)
+            upper, under = column(front, at, width, count), column(front, at + pair, width, count)
             row = front[i * width + begin : i * width + end]
             low = front[(i + 1) * width + begin : (i + 1) * width + end] if pair else panel[PANEL * TILE :]
             for j in range(uint64(max(i, begin) - begin), uint64(end - begin)):
-                k, p = j + next_row, panel[j]
-                taken, lower = a * p, u * p
-                p = panel[k]
-                k += next_row
-                taken, lower = taken + b * p, lower + v * p
-                p = panel[k]
-                k += next_row
-                taken, lower = taken + c * p, lower + w * p
-                p = panel[k]
-                k += next_row
-                taken, lower = taken + d * p, lower + x * p
-                p = panel[k]
-                k += next_row
-                taken, lower = taken + e * p, lower + y * p
-                p = panel[k]
-                row[j] -= taken + f * p
-                low[j] -= lower + z * p
+                taken = six(panel, j, next_row)
+                row[j] -= dot_six(upper, taken)
+                low[j] -= dot_six(under, taken)
 
 
 @kernel
@@ -200,7 +192,7 @@ class Fronts:
         slack: float = SLACK,
         kind: type[np.floating] = np.float32,
     ) -> None:
-        orders = narrow_order(graph, points), least_degree(graph), dissected(graph, points)
+        orders = cross_sections(points), narrow_order(graph), least_degree(graph), dissected(graph, points)
         found = eliminated(graph, orders, slack=slack)
         widths, heights = found.widths, found.heights
         self.price = round(size * found.work / max(1, 8 * found.entries))
@@ -234,16 +226,12 @@ class Fronts:
         )
         self._fronts = self._panel = self._stack = np.empty(0)
 
-    def _allocate(self) -> None:
-        """Allocate the factor and all scratch arrays."""
-        self._fronts, self._panel = np.empty((2, self._room**2)), np.empty((PANEL + 1) * TILE)
-        self._stack = np.empty(self._height)
-        self.kept = self.kept._replace(values=np.empty(self._plan.value_start[-1], self._kind))
-
     def factor(self, blocks: NDArray[np.float64]) -> bool:
         """Factor a matrix of blocks (k, s, s); return whether it is positive definite. Otherwise it has no factor."""
         if not len(self.kept.values):
-            self._allocate()
+            self._fronts, self._panel = np.empty((2, self._room**2)), np.empty((PANEL + 1) * TILE)
+            self._stack = np.empty(self._height)
+            self.kept = self.kept._replace(values=np.empty(self._plan.value_start[-1], self._kind))
         return factor_fronts(
             blocks, self._parts, self._plan, self._fronts, self._panel, self._ends, self._stack, self.kept.values
         )

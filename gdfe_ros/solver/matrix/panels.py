@@ -8,12 +8,40 @@ from __future__ import annotations
 
 from numpy import uint64
 
-from gdfe_ros.compiled import inlined, vector_internal
+from gdfe_ros.compiled import inlined, vector_inlined, vector_internal
 
 PANEL = 6
 """Rows of the factor that are eliminated, or solved, together: two vertices."""
 TAKEN = 4
 """Rows that are solved together for three right-hand sides: more do not fit into the registers."""
+
+
+@vector_inlined
+def six(rows, j, n):
+    """Return the numbers in column ``j`` of six rows of length ``n``."""
+    a = j + n
+    b = a + n
+    c = b + n
+    d = c + n
+    return rows[j], rows[a], rows[b], rows[c], rows[d], rows[d + n]
+
+
+@vector_inlined
+def dot_six(a, b):
+    """Return the inner product of six numbers each."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3] + a[4] * b[4] + a[5] * b[5]
+
+
+@vector_inlined
+def add_four(sums, factor, a):
+    """Return four ``sums`` plus ``factor`` times four numbers."""
+    return sums[0] + factor * a[0], sums[1] + factor * a[1], sums[2] + factor * a[2], sums[3] + factor * a[3]
+
+
+@vector_inlined
+def add_six(sums, factor, a):
+    """Return six ``sums`` plus ``factor`` times six numbers."""
+    return (*add_four(sums, factor, a), sums[4] + factor * a[4], sums[5] + factor * a[5])
 
 
 @inlined
@@ -43,20 +71,13 @@ def reduce_rows(values, at, local, width, own):
         last = min(first + PANEL, own)
         rows = values[at + first * width : at + last * width]
         reduce_panel(rows, width, first, last, local)
-        p, q, r, n = local[first], local[first + 1], local[first + 2], uint64(width)
+        n = uint64(width)
         if last - first == PANEL:
-            s, t, u = local[first + 3], local[first + 4], local[first + 5]
+            known = six(local, first, 1)
             for j in range(uint64(last), n):
-                k = j + n
-                total = p * rows[j] + q * rows[k]
-                k += n
-                total += r * rows[k]
-                k += n
-                total += s * rows[k]
-                k += n
-                total += t * rows[k]
-                local[j] -= total + u * rows[k + n]
+                local[j] -= dot_six(known, six(rows, j, n))
         else:
+            p, q, r = local[first], local[first + 1], local[first + 2]
             for j in range(uint64(last), n):
                 local[j] -= p * rows[j] + q * rows[j + n] + r * rows[j + n + n]
 
@@ -67,31 +88,15 @@ def expand_rows(values, at, local, width, own):
     for first in range((own - 1) // PANEL * PANEL, -1, -PANEL):
         last, none, n = min(first + PANEL, own), local.dtype.type(0.0), uint64(width)
         rows = values[at + first * width : at + last * width]
-        p, q, r, s, t, u = none, none, none, none, none, none
+        sums = none, none, none, none, none, none
         if last - first == PANEL:
             for j in range(uint64(last), n):
-                k, known = j + n, local[j]
-                p += rows[j] * known
-                q += rows[k] * known
-                k += n
-                r += rows[k] * known
-                k += n
-                s += rows[k] * known
-                k += n
-                t += rows[k] * known
-                u += rows[k + n] * known
-            local[first + 3] -= s
-            local[first + 4] -= t
-            local[first + 5] -= u
+                sums = add_six(sums, local[j], six(rows, j, n))
         else:
             for j in range(uint64(last), n):
-                known = local[j]
-                p += rows[j] * known
-                q += rows[j + n] * known
-                r += rows[j + n + n] * known
-        local[first] -= p
-        local[first + 1] -= q
-        local[first + 2] -= r
+                sums = add_six(sums, local[j], (rows[j], rows[j + n], rows[j + n + n], none, none, none))
+        for i in range(first, last):
+            local[i] -= sums[i - first]
         expand_panel(rows, width, first, last, local)
 
 
@@ -136,23 +141,12 @@ def expand_three(values, at, u, v, w, width, own):
     for first in range((own - 1) // TAKEN * TAKEN, -1, -TAKEN):
         last, none = min(first + TAKEN, own), u.dtype.type(0.0)
         rows, (b, c, d) = values[at + first * width : at + last * width], places_of(last - first, width)
-        u0, u1, u2, u3, v0, v1 = none, none, none, none, none, none
-        v2, v3, w0, w1, w2, w3 = none, none, none, none, none, none
+        sums = none, none, none, none
+        of_u, of_v, of_w = sums, sums, sums
         for j in range(uint64(last), uint64(width)):
-            p, q, r, s = rows[j], rows[j + b], rows[j + c], rows[j + d]
-            u0 += p * u[j]
-            u1 += q * u[j]
-            u2 += r * u[j]
-            u3 += s * u[j]
-            v0 += p * v[j]
-            v1 += q * v[j]
-            v2 += r * v[j]
-            v3 += s * v[j]
-            w0 += p * w[j]
-            w1 += q * w[j]
-            w2 += r * w[j]
-            w3 += s * w[j]
-        for local, taken in ((u, (u0, u1, u2, u3)), (v, (v0, v1, v2, v3)), (w, (w0, w1, w2, w3))):
+            taken = rows[j], rows[j + b], rows[j + c], rows[j + d]
+            of_u, of_v, of_w = add_four(of_u, u[j], taken), add_four(of_v, v[j], taken), add_four(of_w, w[j], taken)
+        for local, taken in ((u, of_u), (v, of_v), (w, of_w)):
             for i in range(first, last):
                 local[i] -= taken[i - first]
             expand_panel(rows, width, first, last, local)
