@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from gdfe_ros.compiled import internal, kernel
 from gdfe_ros.solver.descent.loop import precondition
 from gdfe_ros.solver.descent.pairs import inner
-from gdfe_ros.solver.matrix.constant_matrix import apply_inverse
 from gdfe_ros.solver.matrix.rotation import left_jacobian_transposed
 from gdfe_ros.solver.matrix.unknowns import rigid_part
 
@@ -135,8 +134,8 @@ def turn_blocks(chosen, rows, blocks, counts, frames):
 
 
 @kernel
-def join(chosen, rows, blocks, counts, number, between, frames, scale, out):
-    """Write scale J M^-1 J^T (3 c, 3 c) [m/N] of the ``chosen`` points; ``frames`` (f, 9) rotate the vertices.
+def join(chosen, rows, blocks, counts, number, between, frames, out):
+    """Write J M^-1 J^T (3 c, 3 c) [m/N] of the ``chosen`` points; ``frames`` (f, 9) rotate the vertices.
 
     ``number`` (r,) is the place of each row in C, which is ``between`` (3 m, 3 m).
     """
@@ -147,7 +146,7 @@ def join(chosen, rows, blocks, counts, number, between, frames, scale, out):
             half[:] = 0.0
             for e in range(counts[chosen[c]]):
                 at = 3 * number[rows[chosen[c], e]]
-                t0, t1, t2 = scale * turned[c, e, k, 0], scale * turned[c, e, k, 1], scale * turned[c, e, k, 2]
+                t0, t1, t2 = turned[c, e, k, 0], turned[c, e, k, 1], turned[c, e, k, 2]
                 for n in range(len(half)):
                     half[n] += t0 * between[at, n] + t1 * between[at + 1, n] + t2 * between[at + 2, n]
             for d in range(c, len(chosen)):
@@ -184,11 +183,7 @@ def add_history(work, metric, images, known, chosen, rows, blocks, counts, soft,
         if known[at] == work.curvature[at]:
             continue
         known[at] = work.curvature[at]
-        if status.wild == 1:
-            apply_inverse(work.changes[at], metric.coupling, images[at])
-            images[at] *= status.scale
-        else:
-            precondition(metric, work.changes[at], images[at])
+        precondition(metric, work.changes[at], images[at])
     if status.count > 0:
         add_pairs(work, images, chosen, rows, blocks, counts, w)
     for c in range(len(chosen)):

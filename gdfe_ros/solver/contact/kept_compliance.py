@@ -12,7 +12,7 @@ from gdfe_ros.solver.contact.compliance import add_history, join
 from gdfe_ros.solver.contact.field import PointField
 from gdfe_ros.solver.contact.kept_columns import ConstantColumns, HalvedColumns, KeptColumns
 from gdfe_ros.solver.descent.loop import Metric
-from gdfe_ros.solver.descent.workspace import MEMORY, Problem, Workspace, numbers
+from gdfe_ros.solver.descent.workspace import MEMORY, Problem, Workspace
 
 
 class Numbered(NamedTuple):
@@ -62,19 +62,17 @@ class Compliance:
         count: int,
     ) -> NDArray[np.float64]:
         """Return W (3 c, 3 c) [m/N] of the points that take part; the next call overwrites it."""
-        status, chosen = numbers(work), field.chosen[:count].copy()
-        constant = bool(status["wild"]) or not len(metric.kept.order)
-        scale = float(status["scale"]) if status["wild"] else 1.0
+        chosen, constant = field.chosen[:count].copy(), not len(metric.kept.order)
         kept = self._kept("constant" if constant else "tangent", problem, metric, key)
         numbered, blocks = self._number_rows(field, chosen, kept), field.blocks[chosen]
         frames = np.zeros((0, 9)) if constant else metric.kept.frames
         given, between = (chosen, field.rows, field.blocks, field.used), kept.between(numbered.rows)
-        turned, matrix, source = not np.array_equal(frames, self._frames), (between, scale), (*key, constant, scale)
+        turned, matrix, source = not np.array_equal(frames, self._frames), (between,), (*key, constant)
         if turned or not (_same(matrix, self._matrix) and np.array_equal(blocks, self._blocks)):
             self._matrix, self._blocks = matrix, blocks
             if len(self._joined) != 3 * count:
                 self._joined, self._w = np.empty((2, 3 * count, 3 * count))
-            join(*given, numbered.number, between, frames, scale, self._joined)
+            join(*given, numbered.number, between, frames, self._joined)
         if turned or not _same(source, self._source):
             self._known[...], self._source, self._frames = np.nan, source, frames.copy()
         self._w[...] = self._joined

@@ -58,7 +58,6 @@ def energy_and_gradient(u, problem, work, moved):
         problem.threads,
     )
     gather(work, problem.unknowns, problem.threads)
-    work.status[0].evaluations += 1
     pushed = len(problem.terms.address) > 0
     if pushed:
         total += terms_energy(work.x, problem.terms, work.outside, work.size)
@@ -111,7 +110,6 @@ def search(problem, work, first):
         if cut == MAX_CUTS - 1 or status.blocked > MOST_BLOCKED:
             length = 0.0
     status.absolute, problem.watch.room[0] = absolute_sum(work.energies), problem.watch.room[1]
-    status.length = length
     for n in range(len(work.u)):
         work.u[n] = work.trial[n]
         work.direction[n] = length * (work.direction[n] + length * work.curve[n])

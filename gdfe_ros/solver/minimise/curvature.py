@@ -16,27 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh_tridiagonal
 
-from gdfe_ros.compiled import kernel
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.descent.search import advance
 from gdfe_ros.solver.descent.workspace import allocate, numbers
 from gdfe_ros.solver.minimise.minimiser import Task
 from gdfe_ros.solver.vectors import largest
-
-
-@kernel
-def multiply(problem, u, gradient, beside, direction, spacing, image):
-    """Write the product K d (3 r,) [N] of the tangent and ``direction`` to ``image``.
-
-    The product is a finite difference of two gradients: ``gradient`` at the unknowns ``u``, and a second one that is
-    evaluated in the workspace ``beside``. The largest displacement between the two points is ``spacing`` [m].
-    """
-    step, first = spacing / largest(direction), len(u) > 0
-    for n in range(len(u)):
-        beside.u[n] = u[n] + step * direction[n]
-    advance(problem, beside, first)
-    for n in range(len(u)):
-        image[n] = (beside.gradient[n] - gradient[n]) / step
 
 
 class TangentProducts:
@@ -75,9 +59,10 @@ class TangentProducts:
 
     def __call__(self, direction: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the product K d (3 r,) [N] of the tangent and a ``direction`` d (3 r,)."""
-        image = np.empty_like(direction)
-        multiply(self._problem, self._u, self._gradient, self._beside, direction, self._spacing, image)
-        return image
+        step = self._spacing / largest(direction)
+        self._beside.u[...] = self._u + step * direction
+        advance(self._problem, self._beside, True)
+        return (self._beside.gradient - self._gradient) / step
 
 
 Apply = Callable[[NDArray[np.float64], NDArray[np.float64]], None]

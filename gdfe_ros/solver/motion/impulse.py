@@ -139,7 +139,7 @@ class ContactImpulses:
             found -= led
         speeds[:, 0] += restitution * np.minimum(np.maximum(came[:, 0], speeds[:, 0]), 0.0)
         between, every = self._mass.inverse(now.positions, vertices), np.arange(count)
-        join(every, *given, np.arange(len(vertices)), between, np.zeros((0, 9)), 1.0, w)
+        join(every, *given, np.arange(len(vertices)), between, np.zeros((0, 9)), w)
         w[3 * every, 3 * every] += np.concatenate([part.soft for part in parts]) / h**2
         impulses, scale = time * np.concatenate([part.first for part in parts]).ravel(), float(np.abs(speeds).max())
         left = solve_laws(w, speeds.ravel(), friction, impulses, self.EXACT * scale, self.FAINT * scale)
