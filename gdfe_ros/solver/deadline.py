@@ -41,13 +41,11 @@ class Deadline:
         If ``by_clock`` is False, the clock is ignored: only an interruption, or in a replay the recorded number of
         queries, makes the deadline pass.
         """
-        if self.after is not None:
-            return True
-        self.reason = self._ended(by_clock)
-        if self.reason:
-            self.after = self._asked
-        self._asked += 1
-        return bool(self.reason)
+        if self.after is None:
+            self.reason = self._ended(by_clock)
+            self.after = self._asked if self.reason else None
+            self._asked += 1
+        return self.after is not None
 
     def _ended(self, by_clock: bool) -> str:
         """Return the reason to end the solve now, or an empty string."""

@@ -9,7 +9,6 @@ and the minimisation goes on from there.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import partial
 from typing import NamedTuple
 
@@ -128,20 +127,22 @@ class Stability:
             return known
         for count in range(self.ROUNDS):
             proof = self._factor(task)
-            found = _with(found, tangent=self._minimiser.tangent)
+            found = changed(found, state=found.state.with_(tangent=self._minimiser.tangent))
             near = proof.distance <= self._nearest * solve.aim
-            if _is_late(solve, found) or (near and proof.counts):
-                return _tell(_at(found, proof.distance), stable=proof.stable)
+            late = past(solve.problem.deadline) or found.iterations >= solve.problem.limit
+            if late or (near and proof.counts):
+                return _tell(found, stable=proof.stable, distance=proof.distance)
             solve.go_on_from(found.state)
             leaves = count or not (proof.stable and proof.counts)  # in a nearly flat valley, or beside a saddle
             if leaves and not self._leave(solve, found, task, proof.direction) and near:
-                return _tell(_at(found, proof.distance), stable=proof.stable)
+                return _tell(found, stable=proof.stable, distance=proof.distance)
             again = solve.descend(spent=found.iterations)
             total = found.iterations + again.iterations
             if not (again.converged and again.min_det > 0.0):
                 return _tell(changed(found, iterations=total), stable=proof.stable)
             found = changed(again, iterations=total, began=found.began)
-            if self._holds(proof, again, solve.aim):
+            lasting = proof.distance <= Minimiser.SHARE * solve.aim and again.iterations <= self.NEAR
+            if proof.stable and lasting:
                 return _tell(found, stable=True)
             task = solve.task_at(found.state)
         return self._conclude(found, proof, solve.problem.tolerance)
@@ -149,14 +150,9 @@ class Stability:
     def _conclude(self, found: Solution, proof: Proof, tolerance: float) -> Solution:
         """Return a solution that is as near as its multipliers' updates allow, or whose energy is nearly flat."""
         if proof.measured and proof.distance <= tolerance:
-            return _tell(_at(found, proof.distance), stable=proof.stable)
-        defect = {"converged": False, "error_estimate": proof.distance, "message": tell(Outcome.NEUTRAL)}
-        return changed(_with(found, summary=changed(found.state.summary, **defect)), ended=Outcome.NEUTRAL)
-
-    def _holds(self, proof: Proof, again: Solution, aim: float) -> bool:
-        """Return whether a proof still holds after the minimisation ``again`` from where it was made."""
-        near = proof.distance <= Minimiser.SHARE * aim and again.iterations <= self.NEAR
-        return bool(proof.stable) and near
+            return _tell(found, stable=proof.stable, distance=proof.distance)
+        state = found.state.flawed(tell(Outcome.NEUTRAL), error_estimate=proof.distance)
+        return changed(found, state=state, ended=Outcome.NEUTRAL)
 
     def _factor(self, task: Task) -> Proof:
         """Factor the tangent at the unknowns of ``task``; return what it shows."""
@@ -167,13 +163,17 @@ class Stability:
         return Proof(stable, step if direction is None else direction, distance, measured)
 
     def _prove_with_kept(self, task: Task, solve: Solve, found: Solution) -> Solution | None:
-        """Return a solution that the kept tangent proves to be a near minimum; None if it does not."""
-        least = self._least_curvature(task)
-        if not least > self.SURE:
+        """Return a solution that the kept tangent M proves to be a near minimum; None if it does not, or is cheap."""
+        minimiser = self._minimiser
+        if minimiser.tangent is None or minimiser.level.price <= self.DEAR:
             return None
-        distance, _ = self._minimiser.newton_step(task)
-        near = distance <= min(Minimiser.SHARE, least) * solve.aim
-        return _tell(_at(found, distance / least), stable=True) if near else None
+        minimiser.level.turn(task.active.workspace.x)
+        seen = self.look(task)
+        if not (seen.known and seen.value > self.SURE):
+            return None
+        distance, _ = minimiser.newton_step(task)
+        near = distance <= min(Minimiser.SHARE, seen.value) * solve.aim
+        return _tell(found, stable=True, distance=distance / seen.value) if near else None
 
     def _leave(self, solve: Solve, found: Solution, task: Task, direction: NDArray[np.float64]) -> bool:
         """Let the solve go on from the point of least energy along a direction (3 r,); return whether there is one."""
@@ -183,15 +183,6 @@ class Stability:
         slides, turns = task.active.rigid_motion()
         solve.go_on_from(found.state.with_(positions=positions, slides=slides, turns=turns))
         return True
-
-    def _least_curvature(self, task: Task) -> float:
-        """Return the least eigenvalue of M^-1 K, 0 if it is unknown, or if K is factored instead."""
-        minimiser = self._minimiser
-        if minimiser.tangent is None or minimiser.level.price <= self.DEAR:
-            return 0.0
-        minimiser.level.turn(task.active.workspace.x)
-        seen = self.look(task)
-        return seen.value if seen.known else 0.0
 
     def _examine(self, task: Task, *, definite: bool) -> tuple[bool | None, NDArray[np.float64] | None]:
         """Return whether the energy has positive curvature in every direction, None if that is unknown.
@@ -213,14 +204,11 @@ class Stability:
         body would not contain the buckling mode.
         """
         with task.turn:
-            apply = partial(self._minimiser.precondition, task)
-            return self.LANCZOS.lowest(self._products(task), apply, self._noise)
-
-    def _products(self, task: Task) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
-        """Return the product with the tangent at the unknowns of ``task``, supported by its contacts."""
-        self._product.begin(task)
-        forces = self._minimiser.contact_forces
-        return forces.supported(task.problem, task.active.workspace, self._product) if forces else self._product
+            self._product.begin(task)
+            product, forces = self._product, self._minimiser.contact_forces
+            if forces is not None:
+                product = forces.supported(task.problem, task.active.workspace, product)
+            return self.LANCZOS.lowest(product, partial(self._minimiser.precondition, task), self._noise)
 
     def leave(
         self, task: Task, direction: NDArray[np.float64]
@@ -252,28 +240,18 @@ class Stability:
         return found
 
 
-def _is_late(solve: Solve, found: Solution) -> bool:
-    """Return whether a solve has no time or no iterations left."""
-    return past(solve.problem.deadline) or found.iterations >= solve.problem.limit
-
-
-def _with(found: Solution, **changes: object) -> Solution:
-    """Return a solution with other attributes of its state."""
-    return changed(found, state=found.state.with_(**changes))
-
-
-def _at(found: Solution, distance: float) -> Solution:
-    """Return a solution at another estimated ``distance`` to the equilibrium, divided by the body's size."""
-    return _with(found, summary=changed(found.state.summary, error_estimate=distance))
-
-
-def _tell(found: Solution, *, stable: bool | None, proved: float | None = None) -> Solution:
+def _tell(
+    found: Solution, *, stable: bool | None, proved: float | None = None, distance: float | None = None
+) -> Solution:
     """Return a solution with its stability, and a message if it is unstable.
 
-    ``proved`` is the strain energy [J] of the last proof; None stands for that of this solution.
+    ``proved`` is the strain energy [J] of the last proof; None stands for that of this solution. ``distance`` is a
+    better estimate of the distance to the equilibrium, divided by the body's size.
     """
     if not found.converged:
         return found
     message = join("" if stable is not False else tell(Outcome.UNSTABLE), found.message)
-    summary = changed(found.state.summary, stable=stable, message=message)
-    return _with(found, summary=summary, proved=summary.energy if proved is None else proved)
+    estimate = found.error_estimate if distance is None else distance
+    summary = changed(found.state.summary, stable=stable, message=message, error_estimate=estimate)
+    proved = summary.energy if proved is None else proved
+    return changed(found, state=found.state.with_(summary=summary, proved=proved))
