@@ -257,8 +257,6 @@ class Inertia(Term):
 
     def finish(self, saved: Saved, positions: NDArray[np.float64]) -> Saved:
         """Return the state to store: the kinematics at ``positions`` (n, 3) [m]."""
-        if not saved["h"][0]:
-            return saved
         now, rule = Kinematics.of(saved), self._rule
         velocity, acceleration = rule.velocity(positions), rule.acceleration(positions)
         if len(self._rigid):  # differences of rotated positions stretch a little; undamped schemes would keep that

@@ -260,18 +260,15 @@ class MotionStepper:
         """
         found = put_elsewhere(self.body, self.equilibrium.handles, self.actuation, state, places)
         require_free(self.body, found, places)
-        return self._let_go(found, vertices_of(self.body, places), before=state)
+        return self.carried(self.released(found, vertices_of(self.body, places)), state)
 
     def carry(self, state: State, vertices: NDArray[np.int32], positions: NDArray[np.float64]) -> State:
         """Return a state with the vertices of soft bodies at their rows of ``positions`` (n, 3) [m], without velocity.
 
         The bodies have moved rigidly. The change of energy counts as work done on them.
         """
-        return self._let_go(stopped_at(self.body, self.actuation, state, vertices, positions), vertices, before=state)
-
-    def _let_go(self, found: State, vertices: NDArray[np.int32], *, before: State) -> State:
-        """Return ``found``, in which ``vertices`` are at other places than ``before``, with accelerations and work."""
-        return self.continued(self.released(found, vertices), self.unbalanced(before))
+        found = stopped_at(self.body, self.actuation, state, vertices, positions)
+        return self.carried(self.released(found, vertices), state)
 
     def released(self, state: State, vertices: NDArray[np.int32]) -> State:
         """Return ``state`` in which ``vertices``, which do not move, have the accelerations by their forces."""
@@ -293,8 +290,8 @@ class MotionStepper:
         return found.with_(ledger=changed(found.ledger, work=work))
 
     def carried(self, state: State, before: State) -> State:
-        """Return ``state`` with the account of energies of ``before``: the body was carried here without work."""
-        ledger = changed(state.ledger, work=before.ledger.work, lost=before.ledger.lost)
+        """Return ``state`` with the account of energies of ``before``: what has changed between them is work done."""
+        ledger = changed(state.ledger, lost=before.ledger.lost)
         return self.continued(state.with_(ledger=ledger), self.unbalanced(before))
 
     def completed(self, state: State) -> State:
