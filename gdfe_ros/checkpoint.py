@@ -30,8 +30,8 @@ from gdfe_ros.regular_file import LARGEST, read_bytes
 from gdfe_ros.simulation import Simulation
 from gdfe_ros.solver.state import TreeError, from_tree, to_tree
 
-FORMAT = 2
-"""Version of the archive's format; version 1 was a pickle."""
+FORMAT = 3
+"""Version of the archive's format; version 1 was a pickle, 2 left out what contacts push in motion."""
 _OLD_MAGIC = b"gdfe_ros state\n"
 _DAMAGED = (
     zipfile.BadZipFile, NotImplementedError, RuntimeError, LookupError, ValueError, TypeError, AttributeError, EOFError,

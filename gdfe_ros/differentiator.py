@@ -15,7 +15,7 @@ from gdfe_ros.constraints import Pose
 from gdfe_ros.errors import ENDED, CommandError, GdfeError
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.solver.deadline import Deadline
-from gdfe_ros.solver.motion.integrator import InternalStep
+from gdfe_ros.solver.motion.internal_step import InternalStep
 from gdfe_ros.solver.motion.stepper import MotionStepper
 from gdfe_ros.solver.settings import Policy
 from gdfe_ros.solver.state import State

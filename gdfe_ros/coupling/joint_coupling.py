@@ -19,8 +19,9 @@ from gdfe_ros.coupling.link_motion import LinkMotion
 from gdfe_ros.solver.contact.touch import Touch
 from gdfe_ros.solver.deadline import Deadline, past
 from gdfe_ros.solver.motion.dynamics import Dynamics
-from gdfe_ros.solver.motion.integrator import reduction
+from gdfe_ros.solver.motion.internal_step import reduction
 from gdfe_ros.solver.motion.stepper import MotionStepper
+from gdfe_ros.solver.outcome import join
 from gdfe_ros.solver.state import State
 from gdfe_ros.solver.stepping.march import March
 from gdfe_ros.solver.stepping.path import on_path
@@ -254,9 +255,7 @@ class JointCoupling:
 
 def _flawed(march: March, flaw: str) -> March:
     """Return an outcome that has not converged, with a further flaw in its message."""
-    message = f"{march.message}; {flaw}" if march.message else flaw
-    summary = changed(march.state.summary, converged=False, message=message)
-    return changed(march, state=march.state.with_(summary=summary), converged=False, message=message)
+    return march.told(join(march.message, flaw), converged=False)
 
 
 def _joined(first: March | None, second: March) -> March:
@@ -266,9 +265,7 @@ def _joined(first: March | None, second: March) -> March:
     if not first.converged and first.message != second.message:
         second = _flawed(second, f"in an earlier part of the step: {first.message}")
     return changed(
-        second,
-        iterations=first.iterations + second.iterations,
-        increments=first.increments + second.increments,
+        second.counting(first),
         snapped=first.snapped or second.snapped,
         restarts=max(first.restarts, second.restarts),
         simulated=None if second.simulated is None else first.simulated + second.simulated,

@@ -43,15 +43,16 @@ class LinkMotion(NamedTuple):
     def rule(self, dynamics: Dynamics, h: float) -> Rule:
         """Return the rule of the body's time scheme for a step of ``h`` [s]."""
         now = Kinematics(
+            positions=self.positions,
             velocity=self.velocities,
             acceleration=self.accelerations,
             balanced=self.balanced,
             before=self.before,
             velocity_before=self.velocities_before,
+            pushed=np.zeros_like(self.positions),
+            h=h,
         )
-        if h != self.step[0]:
-            now = now.restarted(self.positions, h)
-        return Rule.of(dynamics, h, self.positions, now)
+        return Rule.of(dynamics, h, now if h == self.step[0] else now.restarted(h))
 
     def after(self, rule: Rule, positions: Vector, h: float) -> LinkMotion:
         """Return the links after a step of ``h`` [s] to ``positions`` (y,)."""

@@ -23,7 +23,7 @@ from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.elements.barrier import flattened
 from gdfe_ros.solver.elements.blocks import Operators
 from gdfe_ros.solver.elements.corners import mean_gradient
-from gdfe_ros.solver.equilibrium.predictor import Prediction, Predictor
+from gdfe_ros.solver.equilibrium.predictor import Predictor
 from gdfe_ros.solver.forces.actuation import Actuation
 from gdfe_ros.solver.forces.pressures import store_energies
 from gdfe_ros.solver.forces.reactions import handle_reactions
@@ -175,9 +175,9 @@ class RelativeEquilibrium:
         """Find the equilibrium of shapes for ``problem`` from ``start``, which is not modified."""
         base = self.handles.base(problem.poses, start.poses, start.base)
         change = start.change_to(problem.commands)
-        prediction = self._predictor.predict(start, base, change)
+        predicted = self._predictor.predict(start, base, change).state
         operators = self._actuation.growths.at(problem.commands, start.operators)
-        x, slides, omega, strain, iteration, estimate, late = self._iterate(problem, start, base, prediction, operators)
+        x, slides, omega, strain, iteration, estimate, late = self._iterate(problem, start, predicted, operators)
         converged, shapes = estimate <= problem.tolerance, start.shapes
         shapes = ShapeState(captured=shapes.captured, strain=shapes.strain, omega=omega)
         message = ""
@@ -205,7 +205,7 @@ class RelativeEquilibrium:
             state=found,
             iterations=iteration,
             ended=Outcome.NEAR if converged else Outcome.CUT if late else Outcome.STALLED,
-            began=prediction.positions,
+            began=predicted.positions,
         )
 
     def accept(self, solution: Solution, previous: State) -> State:
@@ -221,8 +221,7 @@ class RelativeEquilibrium:
         self,
         problem: Increment,
         start: State,
-        base: NDArray[np.float64],
-        prediction: Prediction,
+        predicted: State,
         operators: Operators,
     ) -> tuple[NDArray, NDArray, NDArray, NDArray, int, float, bool]:
         """Iterate the shape factors, desired shapes and positions to a fixed point.
@@ -231,10 +230,10 @@ class RelativeEquilibrium:
             Positions, free translations, omega, strains, number of iterations, error estimate, and whether the deadline
             passed.
         """
-        body, unknowns, frame = self._body, self._body.unknowns, self.handles.frame(base)
-        count, x = len(unknowns.free), prediction.positions.copy()
-        x[unknowns.prescribed] = base[unknowns.prescribed]
-        u = np.vstack([prediction.positions[unknowns.free], prediction.slides * unknowns.slides])
+        body, unknowns, frame = self._body, self._body.unknowns, self.handles.frame(predicted.base)
+        count, x = len(unknowns.free), predicted.positions.copy()
+        x[unknowns.prescribed] = predicted.base[unknowns.prescribed]
+        u = np.vstack([predicted.positions[unknowns.free], predicted.slides * unknowns.slides])
         gradient, step, none = np.zeros_like(u), np.zeros_like(u), np.zeros((0, 3))
         rest, captured = self._stretched(self._rest, operators), self._stretched(start.shapes.captured, operators)
         anderson, estimate = Anderson(), np.inf

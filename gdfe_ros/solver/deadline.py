@@ -41,13 +41,11 @@ class Deadline:
         If ``by_clock`` is False, the clock is ignored: only an interruption, or in a replay the recorded number of
         queries, makes the deadline pass.
         """
-        if self.after is not None:
-            return True
-        self.reason = self._ended(by_clock)
-        if self.reason:
-            self.after = self._asked
-        self._asked += 1
-        return bool(self.reason)
+        if self.after is None:
+            self.reason = self._ended(by_clock)
+            self.after = self._asked if self.reason else None
+            self._asked += 1
+        return self.after is not None
 
     def _ended(self, by_clock: bool) -> str:
         """Return the reason to end the solve now, or an empty string."""
@@ -60,8 +58,8 @@ class Deadline:
 
     @property
     def interruption(self) -> Deadline:
-        """This deadline without the clock; its queries are counted as queries of this deadline."""
-        return _Interruption(self)
+        """A deadline without the clock; its queries are counted as queries of this one."""
+        return Deadline(interrupted=lambda: self.passed(by_clock=False))
 
     @classmethod
     def of(
@@ -80,27 +78,6 @@ class Deadline:
         if seconds is None and interrupted is None:
             return None
         return cls(None if seconds is None else started + seconds, interrupted=interrupted)
-
-
-class _Interruption(Deadline):
-    """View of another deadline that ignores its clock."""
-
-    def __init__(self, whole: Deadline) -> None:
-        self._whole = whole
-
-    def passed(self, *, by_clock: bool = False) -> bool:
-        """Return whether an interruption, or in a replay the recorded number of queries, has ended the solve."""
-        return self._whole.passed(by_clock=False)
-
-    @property
-    def after(self) -> int | None:
-        """Number of queries before the whole deadline passed; None if it has not passed."""
-        return self._whole.after
-
-    @property
-    def reason(self) -> str:
-        """Reason for ending the solve; empty if the deadline has not passed."""
-        return self._whole.reason
 
 
 def past(deadline: Deadline | None) -> bool:

@@ -71,11 +71,8 @@ class HandleMotions:
         pairs = [(poses[name], targets[name]) for name in self._bound]
         if not _turn_alike(pairs, self.APART):
             return {}
-        start, end = (
-            np.array([self._bound[name] + each[name].translation for name in self._bound]) for each in (poses, targets)
-        )
         rotations = np.array([new.turn_from(old) for old, new in pairs])
-        beside = (end - end[0]) - (start - start[0]) @ rotations[0].T
+        beside = find_deviation(poses, targets, self._bound)
         apart = max(np.ptp(rotations, axis=0).max(), np.abs(beside).max() / self._body.size)
         return self._bound if apart <= self.APART else {}
 
@@ -153,6 +150,14 @@ class HandleMotions:
         rotation = np.array(pose.rotation)
         rotation[list(handle.turning)] = 0.0
         return Pose(pose.translation, tuple(rotation))
+
+
+def find_deviation(began: Mapping[str, Pose], poses: Mapping[str, Pose], centres: Mapping[str, Vectors]) -> Vectors:
+    """Return how far handles at ``poses`` are (k, 3) [m] from a rigid rotation about the mean of their ``centres``."""
+    start, here = (np.array([centres[name] + each[name].translation for name in centres]) for each in (began, poses))
+    arms = start - start.mean(axis=0)
+    turned = np.array([poses[name].turn_from(began[name]) @ arm for name, arm in zip(centres, arms, strict=True)])
+    return here - here.mean(axis=0) - turned
 
 
 def _turn_alike(pairs: Sequence[tuple[Pose, Pose]], apart: float) -> bool:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Request and result of a solve."""
+"""Request and result of a solve, and what every result has."""
 
 from __future__ import annotations
 
@@ -48,37 +48,16 @@ class Increment:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Solution:
-    """Result of a solve; the equilibrium solver's `accept` completes its state.
+class Found:
+    """A state that a solve or a step has found.
 
     Attributes:
-        state: the final state, still without the motion that `accept` adds.
+        state: the state.
         iterations: number of iterations.
-        ended: how its last minimisation ended; `Outcome.NEAR` if it converged.
-        entered: whether surfaces of the body penetrate each other.
-        began: (n, 3) positions at the beginning of the solve [m].
     """
 
     state: State
-    iterations: int
-    ended: Outcome
-    entered: bool = False
-    began: NDArray[np.float64]
-
-    @property
-    def cut(self) -> bool:
-        """Whether the limit or the deadline ended the solve."""
-        return self.ended is Outcome.CUT
-
-    @property
-    def diverged(self) -> bool:
-        """Whether the energy has no lower bound."""
-        return self.ended is Outcome.RUNAWAY
-
-    @property
-    def exhausted(self) -> bool:
-        """Whether no further descent was possible, because of the energy's rounding or at a kink of the energy."""
-        return self.ended in (Outcome.EXHAUSTED, Outcome.NEUTRAL)
+    iterations: int = 0
 
     @property
     def converged(self) -> bool:
@@ -97,10 +76,41 @@ class Solution:
 
     @property
     def message(self) -> str:
-        """Reason why the solve did not converge; empty if it converged."""
+        """Description of the defect; empty if there is none."""
         return self.state.summary.message
 
     @property
     def min_det(self) -> float:
         """Least volume ratio det F at a corner of an element."""
         return self.state.summary.min_det
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Solution(Found):
+    """Result of a solve; the equilibrium solver's `accept` completes its state.
+
+    Attributes:
+        state: the final state, still without the motion that `accept` adds.
+        ended: how its last minimisation ended; `Outcome.NEAR` if it converged.
+        entered: whether surfaces of the body penetrate each other.
+        began: (n, 3) positions at the beginning of the solve [m].
+    """
+
+    ended: Outcome
+    entered: bool = False
+    began: NDArray[np.float64]
+
+    @property
+    def cut(self) -> bool:
+        """Whether the limit or the deadline ended the solve."""
+        return self.ended is Outcome.CUT
+
+    @property
+    def diverged(self) -> bool:
+        """Whether the energy has no lower bound."""
+        return self.ended is Outcome.RUNAWAY
+
+    @property
+    def exhausted(self) -> bool:
+        """Whether no further descent was possible, because of the energy's rounding or at a kink of the energy."""
+        return self.ended in (Outcome.EXHAUSTED, Outcome.NEUTRAL)

@@ -58,6 +58,10 @@ class Bound:
     least: float
     most: float
 
+    def raised(self, energy: float) -> Bound:
+        """Return extremes that allow an additional energy [J]."""
+        return changed(self, start=self.start + energy, least=self.least + energy)
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Ledger:
@@ -251,6 +255,10 @@ class State:
     def dissipated(self) -> float:
         """Energy that the terms have dissipated so far [J]: the sum of their ``lost``."""
         return sum(float(saved["lost"][0]) for saved in self.terms.values() if "lost" in saved)
+
+    def flawed(self, message: str, **changes: object) -> State:
+        """Return a copy of the state that is not converged, with a message and other changes of the summary."""
+        return changed(self, summary=changed(self.summary, converged=False, message=message, **changes))
 
     def with_(self, **changes: object) -> State:
         """Return a copy of the state with the named attributes replaced.

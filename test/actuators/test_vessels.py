@@ -14,7 +14,9 @@ from gdfe_ros import Simulation
 from gdfe_ros.errors import CommandError, SceneError
 from gdfe_ros.scene import scene_from_text
 from gdfe_ros.simulation import Command
-from gdfe_ros.solver.stepping.path import Attempt, Goal, LoadPath, Verdict
+from gdfe_ros.solver.solution import Increment
+from gdfe_ros.solver.stepping.path import Attempt, LoadPath, Verdict
+from gdfe_ros.solver.value import changed
 from test.written import advance
 
 SHEAR = 1e6 / (2 * 1.4999)
@@ -194,16 +196,13 @@ def test_the_cause_is_named_if_only_a_longer_increment_inflated_the_chamber() ->
 
     Whether the shortest increment ends in folds depends on rounding (in 2 of 40 shifts of the vertices by 1e-13).
     """
-    commands = {"air": 2e5}
-    goal = Goal(poses={}, commands=commands, tolerance=1e-6)
-    path = LoadPath(
-        poses={}, commands={"air": 1e5}, goal=goal, budget=1000, length=LoadPath.SHORTEST_SUBSTEP, unstable="air"
-    )
-    began = SimpleNamespace(sound=True, anchor=None, commands={"air": 1e5})
+    began = SimpleNamespace(sound=True, anchor=None, poses={}, commands={"air": 1e5})
+    goal = Increment(poses={}, commands={"air": 2e5}, tolerance=1e-6, limit=1000)
+    path = changed(LoadPath.over(began, goal, 1, budget=1000), size=1, unstable="air")
     folded = SimpleNamespace(
         converged=False, error_estimate=1.0, min_det=-0.1, entered=False, exhausted=True, lost=False, diverged=False,
         cut=False, message="elements folded",
     )  # fmt: skip
-    attempt = Attempt(path=path, began=began, solution=folded, jumps=False, unstable="", spent=False, patient=False)
+    attempt = Attempt(path=path, solution=folded, jumps=False, unstable="", spent=False, patient=False)
     assert attempt.verdict is Verdict.WITHDRAW
     assert attempt.reason_to_withdraw.startswith("chamber 'air' lost its stability between 100000 and")

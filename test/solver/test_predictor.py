@@ -91,7 +91,7 @@ def test_first_step_spreads_the_handles_motion(predictor: Predictor, unknowns: U
     """From the undeformed state, a lifted tip lifts every free vertex by less than the tip."""
     found = predictor.predict(rest, lifted(0.1), NO_COMMANDS)
     assert found.ratio == 0.0
-    rise = (found.positions - REST)[unknowns.free, 2]
+    rise = (found.state.positions - REST)[unknowns.free, 2]
     assert ((rise > 0.0) & (rise < 0.1)).all()
 
 
@@ -105,7 +105,7 @@ def turned(angle: float) -> NDArray[np.float64]:
 
 def test_a_turned_tip_turns_every_section(predictor: Predictor, unknowns: Unknowns, rest: State) -> None:
     """By the harmonic share of its angle, at full width; along chords, the middle section would shrink by 0.7."""
-    found = predictor.predict(rest, turned(np.pi / 2.0), NO_COMMANDS).positions
+    found = predictor.predict(rest, turned(np.pi / 2.0), NO_COMMANDS).state.positions
     for x in (0.1, 0.2, 0.3):
         rows = np.abs(REST[:, 0] - x) < 1e-9
         here, there = (place[rows] - place[rows].mean(axis=0) for place in (REST, found))
@@ -117,7 +117,7 @@ def test_handles_that_turn_together_turn_the_body(predictor: Predictor, rest: St
     """A motion that is common to all handles moves the body rigidly, also where rounding decides its sense."""
     for axis in np.random.default_rng(0).normal(size=(8, 3)):
         goal = Rotation.from_rotvec(angle / np.linalg.norm(axis) * axis).apply(REST)
-        assert predictor.predict(rest, goal, NO_COMMANDS).positions == pytest.approx(goal, abs=1e-12)
+        assert predictor.predict(rest, goal, NO_COMMANDS).state.positions == pytest.approx(goal, abs=1e-12)
 
 
 @pytest.mark.parametrize("ratio", [0.25, 1.0, 1.5])
@@ -126,7 +126,7 @@ def test_repeated_motion_is_extrapolated(predictor: Predictor, unknowns: Unknown
     found = predictor.predict(moved, lifted(0.1 * (1.0 + ratio)), NO_COMMANDS)
     assert found.ratio == pytest.approx(ratio)
     expected = bent(0.1) + ratio * (bent(0.1) - REST)
-    np.testing.assert_allclose(found.positions[unknowns.free], expected[unknowns.free], atol=1e-12)
+    np.testing.assert_allclose(found.state.positions[unknowns.free], expected[unknowns.free], atol=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -139,14 +139,14 @@ def test_other_motion_is_not_extrapolated(
     found = predictor.predict(moved, base, NO_COMMANDS)
     fresh = predictor.predict(rest.with_(base=lifted(0.1)), base, NO_COMMANDS)
     assert found.ratio == 0.0
-    np.testing.assert_allclose(found.positions - bent(0.1), fresh.positions - REST, atol=1e-12)
+    np.testing.assert_allclose(found.state.positions - bent(0.1), fresh.state.positions - REST, atol=1e-12)
 
 
 def test_nothing_moves_where_no_handle_moves(predictor: Predictor, moved: State) -> None:
     """Repeating the same poses leaves the state unchanged bit by bit."""
     found = predictor.predict(moved, lifted(0.1), NO_COMMANDS)
     assert found.ratio == 0.0
-    np.testing.assert_array_equal(found.positions, bent(0.1))
+    np.testing.assert_array_equal(found.state.positions, bent(0.1))
 
 
 @pytest.mark.exact("an exact ratio without a shift")
@@ -155,10 +155,10 @@ def test_commands_count_like_handles(predictor: Predictor, rest: State) -> None:
     pulled = after(rest, predictor, bent(0.1), REST, np.array([2.0]))
     on = predictor.predict(pulled, REST, np.array([2.0]))
     assert on.ratio == pytest.approx(1.0)
-    np.testing.assert_allclose(on.positions, bent(0.2), atol=1e-12)
+    np.testing.assert_allclose(on.state.positions, bent(0.2), atol=1e-12)
     back = predictor.predict(pulled, REST, np.array([-2.0]))
     assert back.ratio == 0.0
-    np.testing.assert_array_equal(back.positions, bent(0.1))
+    np.testing.assert_array_equal(back.state.positions, bent(0.1))
 
 
 @pytest.mark.parametrize("turn", [(0.0, 0.0, 0.0), (1e-5, 0.0, 2e-5), (0.3, -1.0, 2.0), (0.0, np.pi - 1e-3, 0.0)])

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -25,8 +26,7 @@ from gdfe_ros.solver.forces.reactions import vertex_forces
 from gdfe_ros.solver.handle_motions import HandleMotions
 from gdfe_ros.solver.matrix.constant_matrix import SINGULAR, ConstantMatrix, assemble
 from gdfe_ros.solver.minimise.level import TangentLevel
-from gdfe_ros.solver.minimise.minimiser import Minimiser, Observer, Task
-from gdfe_ros.solver.outcome import Outcome, tell
+from gdfe_ros.solver.minimise.minimiser import Minimiser, Observer
 from gdfe_ros.solver.settings import Skip
 from gdfe_ros.solver.solution import Increment, Solution
 from gdfe_ros.solver.state import State, Summary
@@ -43,7 +43,8 @@ class EquilibriumSolver:
         threads: largest number of threads among which the elements are divided.
         predictor: function that returns the predictor of a solve's start for given handle kinematics and constant
             matrix; None for the predictor of equilibria.
-        softening: whether hourglass scales follow the strain.
+        softening: whether hourglass scales follow the strain. With ``newmark`` they stay constant, because a change of
+            scale would create or remove energy.
 
     Attributes:
         matrix: the constant matrix.
@@ -67,7 +68,7 @@ class EquilibriumSolver:
         predictor: Callable[[HandleMotions, ConstantMatrix], Predictor] | None = None,
         softening: bool = True,
     ) -> None:
-        self.body, self._threads = body, threads
+        self.body = body
         if threads > 1:
             start_threads()
         self.actuation = actuation or Actuation(body)
@@ -82,24 +83,19 @@ class EquilibriumSolver:
         self.actuation.fit(self.matrix)
         self.handles = HandleMotions(body)
         self._predictor = (predictor or partial(Predictor, body))(self.handles, self.matrix)
-        self.whole = ActiveSet.whole(body, self.matrix, rigid=not self.actuation.growths, skip=skip)
+        whole = ActiveSet.whole(body, self.matrix, rigid=not self.actuation.growths, skip=skip)
+        self.whole = whole if softening else replace(whole, softening=whole.softening[:0])
         level = TangentLevel(body, self.matrix.assembled, self.actuation.terms)
-        moving = predictor is not None
-        touching = self.actuation.contacts
+        moving, touching = predictor is not None, self.actuation.contacts
         given = touching, self.actuation.held, body.unknowns, len(body.rest)
         forces = ContactForces(*given) if touching else None
         self.minimiser = Minimiser(body, stiffness, level, moving=moving, contact_forces=forces)
-        self.model = Model(body, self.actuation, self.handles, self.minimiser, softening=softening, moving=moving)
+        own = self.actuation, self.handles, self.minimiser
+        self.model = Model(body, *own, self.whole, self.whole.threads(threads), moving)
         if level.affordable:
             with one_blas_thread():
                 self._take_rest()
-        count = len(body.material)
-        self._stored, self._least = np.zeros(count), np.ones(count)
-        exact = all(term.exact for term in self.actuation.terms)
-        kinds = {"exact": exact, "smooth": not self.actuation.contacts}
-        kinds["free"] = not (self.actuation.contacts or self.actuation.updates)
-        kinds["conservative"] = all(term.conservative for term in self.actuation.terms)
-        self._stability = None if moving or not body.unknowns.rows else Stability(body, self.minimiser, **kinds)
+        self._stability = None if moving or not body.unknowns.rows else Stability(self.model)
 
     def _take_rest(self) -> None:
         """Give the minimiser the tangent of the undeformed body, unless the body is a mechanism.
@@ -110,7 +106,7 @@ class EquilibriumSolver:
         unknowns, level, work = self.whole.unknowns, self.minimiser.level, self.whole.workspace
         if not len(unknowns.free):
             return
-        task = Solve.at(self.model, self.at_rest()).evaluate(self.whole, threads=None)
+        task = Solve.at(self.model, self.at_rest()).evaluate()
         tangent = level.take(task.problem, work.u, work.x)
         if tangent.shift > 0.0:
             return
@@ -180,11 +176,20 @@ class EquilibriumSolver:
         self.minimiser.observer = observer
 
     def solve(self, problem: Increment, start: State) -> Solution:
-        """Find the equilibrium of ``problem`` from ``start``, which is not modified."""
+        """Find the equilibrium of ``problem`` from ``start``, which is not modified.
+
+        The solution has its stability, or in motion a new tangent if that lowers the cost of the next solves.
+        """
         base = self.handles.base(problem.poses, start.poses, start.base)
-        prediction = self._predictor.predict(start, base, start.change_to(problem.commands))
-        solve = Solve(self.model, problem, start, base, prediction)
-        return self._judge(solve, self.descend(solve))
+        predicted = self._predictor.predict(start, base, start.change_to(problem.commands))
+        solve = Solve(self.model, problem, start, predicted)
+        found = solve.descend()
+        if self._stability is not None:
+            return self._stability.judge(solve, found)
+        if found.converged and self.minimiser.is_overdue(found.state.tangent):
+            self.minimiser.renew(solve.task_at(found.state))
+            return changed(found, state=found.state.with_(tangent=self.minimiser.tangent))
+        return found
 
     def accept(self, solution: Solution, previous: State) -> State:
         """Return the complete state of ``solution``, which follows the state ``previous``."""
@@ -197,45 +202,10 @@ class EquilibriumSolver:
     def forces(self, state: State) -> NDArray[np.float64]:
         """Return dE/dx (n, 3) [N] of all terms at a state; zero for vertices inside handles."""
         work, vertices = self.whole.workspace, np.arange(len(self.body.rest), dtype=np.int32)
-        Solve.at(self.model, state).evaluate(self.whole, threads=self.whole.threads(self._threads))
+        Solve.at(self.model, state).evaluate()
         return vertex_forces(self.body, vertices, work.force) + work.outside
 
     def skipped(self) -> dict[str, int]:
         """Return a dict from kind of work to the count that each solve leaves out, as in `StepResult`."""
         counts = dict(self.whole.skipped)
         return counts if self.actuation.terms else {**counts, Skip.ACTUATORS.value: 1}
-
-    def task_at(self, solve: Solve, found: Solution) -> Task:
-        """Return the minimisation's task at a solution, with unchanged multipliers."""
-        solve.go_on_from(found.state)
-        return solve.evaluate(self.whole, threads=self.whole.threads(self._threads))
-
-    def _judge(self, solve: Solve, found: Solution) -> Solution:
-        """Return a solution with its stability, and with a new tangent if that lowers the cost of the next solves."""
-        if not found.converged:
-            return found
-        if self._stability is None:
-            if self.minimiser.is_overdue(found.state.tangent):
-                self.minimiser.renew(self.task_at(solve, found))
-                found = changed(found, state=found.state.with_(tangent=self.minimiser.tangent))
-            return found
-        return self._stability.judge(self, solve, found)
-
-    def descend(self, solve: Solve, *, spent: int = 0) -> Solution:
-        """Return the solution of minimisations and multiplier updates from the present positions of ``solve``.
-
-        ``spent`` is the number of iterations that the solve has made before.
-        """
-        active, limit = self.whole, solve.problem.limit - spent
-        solve.descend(active, threads=active.threads(self._threads), limit=limit)
-        if self.minimiser.ran_away(active):
-            summary = changed(
-                solve.start.summary, converged=False, error_estimate=np.inf, message=tell(Outcome.RUNAWAY)
-            )
-            return Solution(
-                state=solve.start.with_(summary=summary),
-                iterations=solve.iterations,
-                ended=Outcome.RUNAWAY,
-                began=solve.start.positions,
-            )
-        return solve.solution(active, self._stored, self._least)

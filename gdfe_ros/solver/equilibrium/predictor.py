@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,19 +30,15 @@ HALF_TURN = np.radians(178.0)
 """Beyond this angle [rad], tiny differences decide the sense of a rotation."""
 
 
-@dataclass(frozen=True, eq=False)
-class Prediction:
+class Prediction(NamedTuple):
     """Start of a solve.
 
     Attributes:
-        positions: (n, 3) [m].
-        slides, turns: (p, 3) free motions of handles [m], [rad].
+        state: the state before, with other positions of vertices and handles.
         ratio: multiple of the last step that was extrapolated.
     """
 
-    positions: NDArray[np.float64]
-    slides: NDArray[np.float64]
-    turns: NDArray[np.float64]
+    state: State
     ratio: float
 
 
@@ -85,13 +81,10 @@ class Predictor:
         motion = base[self._held] - state.base[self._held]
         ratio = _ratio(state.motion, motion, change)
         found = self._predicted(state, base, ratio)
-        if ratio != 0.0 and self._is_far(state, ratio) and least_volume_ratio(found.positions, self._shape) < THRESHOLD:
+        far = ratio != 0.0 and ratio * float(np.abs(state.motion.move).max()) > self.FAR * self._size
+        if far and least_volume_ratio(found.state.positions, self._shape) < THRESHOLD:
             return self._predicted(state, base, 0.0)
         return found
-
-    def _is_far(self, state: State, ratio: float) -> bool:
-        """Return whether the extrapolated motion is so long that it may fold elements."""
-        return ratio * float(np.abs(state.motion.move).max()) > self.FAR * self._size
 
     def _predicted(self, state: State, base: NDArray[np.float64], ratio: float) -> Prediction:
         """Return the start with the last motion extrapolated by ``ratio``."""
@@ -108,7 +101,7 @@ class Predictor:
         if np.abs(rest).max(initial=0.0) > self.STILL * self._size:
             start[self._free] += self._extended(start, rest)
         start[held] += rest
-        return Prediction(start, slides, turns, ratio)
+        return Prediction(state.with_(positions=start, base=base, slides=slides, turns=turns), ratio)
 
     def _extended(self, start: NDArray[np.float64], rest: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return how far the free vertices move (f, 3) [m] while the prescribed ones move by ``rest`` (b, 3) [m]."""
@@ -144,23 +137,14 @@ def _ratio(last: Motion | None, motion: NDArray[np.float64], change: NDArray[np.
     """
     if last is None:
         return 0.0
-    if len(change):
-        scale = np.maximum(np.abs(change), np.abs(last.change))
-        scale[scale == 0.0] = 1.0
-        reach = max(_norm(motion), _norm(last.base)) or 1.0
-        motion = np.concatenate([motion.ravel() / reach, change / scale])
-        return _repeated(np.concatenate([last.base.ravel() / reach, last.change / scale]), motion)
-    return _repeated(last.base, motion)
-
-
-def _repeated(last: NDArray[np.float64], motion: NDArray[np.float64]) -> float:
-    size = np.vdot(last, last)
-    if size == 0.0:
-        return 0.0
-    ratio = float(np.vdot(last, motion) / size)
-    rest = _norm(motion - ratio * last)
-    smooth = rest <= Predictor.SMOOTH * _norm(motion) and 0.0 < ratio <= Predictor.LARGEST_RATIO
-    return ratio if smooth else 0.0
+    scale = np.maximum(np.abs(change), np.abs(last.change))
+    scale[scale == 0.0] = 1.0
+    reach = max(_norm(motion), _norm(last.base)) or 1.0
+    before = np.concatenate([last.base.ravel() / reach, last.change / scale])
+    now = np.concatenate([motion.ravel() / reach, change / scale])
+    ratio = float(np.vdot(before, now) / (np.vdot(before, before) or np.inf))
+    smooth = _norm(now - ratio * before) <= Predictor.SMOOTH * _norm(now)
+    return ratio if smooth and 0.0 < ratio <= Predictor.LARGEST_RATIO else 0.0
 
 
 def _norm(vector: NDArray[np.float64]) -> float:

@@ -28,49 +28,13 @@ from gdfe_ros.solver.solution import Increment, Solution
 from gdfe_ros.solver.state import ElementState, State, Summary, Unfinished
 
 
-class DescentSchedule:
-    """Tolerances of the minimisations between which multipliers are updated: coarse at first, the solve's at the end.
-
-    Args:
-        tolerance: tolerance of the solve.
-        first: tolerance of the first minimisation.
-
-    Attributes:
-        present: tolerance of the present minimisation.
-    """
-
-    FIRST_TOLERANCE, TIGHTEN = 1e-2, 0.1
-    """If multipliers are updated: tolerance of the first minimisation, and factor from each tolerance to the next."""
-
-    def __init__(self, tolerance: float, *, first: float) -> None:
-        self._tolerance, self._finest, self._aim, self.present = tolerance, tolerance, first, first
-
-    def aim(self, *, confirms: bool) -> float:
-        """Return the tolerance of the next minimisation; if it only ``confirms`` the positions, that of the solve."""
-        self._aim = self._tolerance if confirms else self.present
-        return self._aim
-
-    @property
-    def exact(self) -> bool:
-        """Whether the last minimisation had the tolerance of the solve, or a finer one that was asked for."""
-        return self.present <= self._tolerance and self._aim <= self.present
-
-    def refine(self) -> None:
-        """Decrease the tolerance of the solve: multipliers still change, but by too little for another iteration."""
-        self._finest *= self.TIGHTEN
-
-    def tighten(self) -> None:
-        """Decrease the tolerance for the next minimisation, at most to that of the solve."""
-        self.present = max(self._finest, self.TIGHTEN * self.present)
-
-
 @dataclass(frozen=True, eq=False)
 class Model:
     """Data common to all solves of a body: body, external terms, kinematics of its handles, and minimiser.
 
     Attributes:
-        softening: whether hourglass scales follow the strain. With ``newmark`` they stay constant, because a change of
-            scale would create or remove energy.
+        active: the active set of the whole body.
+        threads: number of threads that evaluate the elements; None stands for the calling thread alone.
         moving: whether inertia is among the terms.
     """
 
@@ -78,8 +42,9 @@ class Model:
     actuation: Actuation
     handles: HandleMotions
     minimiser: Minimiser
-    softening: bool = True
-    moving: bool = False
+    active: ActiveSet
+    threads: int | None
+    moving: bool
 
 
 class Solve:
@@ -89,17 +54,16 @@ class Solve:
         model: data common to all solves.
         problem: the requested increment.
         start: state at the beginning.
-        base: (n, 3) [m]; rows of handle vertices are their commanded positions.
-        prediction: positions at the beginning.
+        predicted: positions at the beginning.
 
     Attributes:
         problem, start: the arguments.
-        anew: whether the solve continues no motion.
-        turns: (p, 3) free rotation vectors [rad] of the handles at the beginning.
         pressures: the elements' pressures, multipliers of their volumes.
         iterations: number of iterations of the last call of `descend`.
     """
 
+    FIRST_TOLERANCE, TIGHTEN = 1e-2, 0.1
+    """If multipliers are updated: tolerance of the first minimisation, and factor from each tolerance to the next."""
     LINEAR = 1e-4
     """Coarsest tolerance of the last minimisation in statics. Farther from the equilibrium, a step with the tangent
     does not measure the distance: the bending stiffness of a sheet or of a hanging bar changes within a thickness.
@@ -121,24 +85,20 @@ class Solve:
     most.
     """
 
-    def __init__(
-        self,
-        model: Model,
-        problem: Increment,
-        start: State,
-        base: NDArray[np.float64],
-        prediction: Prediction,
-    ) -> None:
+    def __init__(self, model: Model, problem: Increment, start: State, predicted: Prediction) -> None:
         self._minimiser, self._body, self._actuation = model.minimiser, model.body, model.actuation
-        self._softening, self._moving = model.softening, model.moving
-        self.problem, self.start = problem, start
-        self.anew = not prediction.ratio
-        self._base, self._frame, self._prediction = base, model.handles.frame(base), prediction
+        self._active, self._threads, self._moving = model.active, model.threads, model.moving
+        self.problem, self.start, self._predicted, self._from = problem, start, predicted, predicted.state
+        self._frame, self._watch = model.handles.frame(self._from.base), Watch.over(len(self._body.material))
         self._operators = self._actuation.growths.at(problem.commands, start.operators)
-        self.iterations, self._watch = 0, Watch.over(len(self._body.material))
         same = start.poses == problem.poses and start.commands == problem.commands
         self._resumed = start.unfinished if same else None
-        self._begin_anew()
+        self.iterations, ratio, elements = 0, predicted.ratio, start.elements
+        self.pressures = Pressures(self._body, elements, ratio)
+        last, before = elements.hourglass_scale, elements.hourglass_scale_before
+        self._scale = np.clip(last + ratio * (last - before), LEAST_SCALE, MOST_SCALE)
+        given = self._from.positions, problem.poses, start
+        self._actuation.begin(problem.commands, start.terms, *given, ratio=ratio)
 
     @property
     def aim(self) -> float:
@@ -154,38 +114,30 @@ class Solve:
     def at(cls, model: Model, state: State) -> Solve:
         """Return a solve that begins exactly at a state."""
         problem = Increment.at(state, tolerance=1.0, limit=0)
-        here = Prediction(state.positions, state.slides, state.turns, 0.0)
-        return cls(model, problem, state, state.base, here)
-
-    def _begin_anew(self) -> None:
-        """Start from the prediction, with extrapolated multipliers."""
-        start, here = self.start, self._prediction
-        self._positions, self._slides, self.turns = here.positions, here.slides, here.turns
-        self._tangent = start.tangent
-        self.pressures = Pressures(self._body, start.elements, here.ratio)
-        last, before = start.elements.hourglass_scale, start.elements.hourglass_scale_before
-        self._scale = np.clip(last + here.ratio * (last - before), LEAST_SCALE, MOST_SCALE)
-        given = here.positions, self.problem.poses, start
-        self._actuation.begin(self.problem.commands, start.terms, *given, ratio=here.ratio)
+        return cls(model, problem, state, Prediction(state, 0.0))
 
     def go_on_from(self, state: State) -> None:
         """Start from ``state``, which this solve has reached or left, with unchanged multipliers."""
-        self._positions, self._slides, self.turns = state.positions, state.slides, state.turns
-        self._tangent = state.tangent
+        self._from = state
         self.pressures.begin()
 
-    def evaluate(self, active: ActiveSet, *, threads: int | None) -> Task:
+    def task_at(self, state: State) -> Task:
+        """Go on from ``state`` and evaluate all terms there; return the minimisation's task."""
+        self.go_on_from(state)
+        return self.evaluate()
+
+    def evaluate(self) -> Task:
         """Set the unknowns to the start and evaluate all terms there; return the minimisation's task."""
-        task = self._placed(active, threads)
+        task = self._placed()
         task.evaluate()
         return task
 
-    def _placed(self, active: ActiveSet, threads: int | None) -> Task:
+    def _placed(self) -> Task:
         """Set the unknowns to the start; return the minimisation's task."""
-        blocks = self._operators.blocks if self._actuation.growths else active.blocks
+        active = self._active
         problem = Problem(
             self._operators.shape,
-            blocks,
+            self._operators.blocks if self._actuation.growths else active.blocks,
             self._body.material,
             self.pressures.values,
             self._scale,
@@ -194,9 +146,9 @@ class Solve:
             active.unknowns,
             self._frame,
             self._actuation.table,
-            threads,
+            self._threads,
         )
-        active.place(self._positions, self._base, self._slides, self.turns)
+        active.place(self._from.positions, self._from.base, self._from.slides, self._from.turns)
         self._watch.room[...] = -1.0
         gives_up = self._inflates if self.problem.divisible else None
         return Task(active, problem, self.problem.deadline, gives_up)
@@ -206,83 +158,84 @@ class Solve:
         last = self.start.anchor or self.start
         return bool(self._actuation.unstable(positions, last.positions, self.problem.commands))
 
-    def descend(self, active: ActiveSet, *, threads: int | None, limit: int) -> None:
-        """Minimise and update multipliers in turn, until the constraints are satisfied to the tolerance."""
-        self._begin_minimiser(active)
-        task = self._placed(active, threads)
-        updates = bool(len(active.carried) or self._actuation.updates or self._softens(active))
-        self._schedule = self._scheduled(updates=updates)
+    def descend(self, *, spent: int = 0) -> Solution:
+        """Minimise and update multipliers in turn, until the constraints are satisfied; return the solution.
+
+        It begins at the present start; ``spent`` is the number of iterations that the solve has made before.
+        """
+        active, limit = self._active, self.problem.limit - spent
+        self._begin_minimiser()
+        task = self._placed()
+        updates = bool(len(active.carried) or len(active.softening) or self._actuation.updates)
+        self._present, self._finest = self._first_tolerance(updates=updates), self.aim
         self._settled, self._exact, self.iterations, self._cut = not updates, 0, 0, False
         for _ in range(self.MOST_UPDATES):
-            aim, left = self._schedule.aim(confirms=self._settled and updates), limit - self.iterations
-            went = self._minimiser.descend(task, tolerance=aim, limit=left, proven=self._settled and updates)
+            confirms = updates and self._settled
+            aim, left = self.aim if confirms else self._present, limit - self.iterations
+            went = self._minimiser.descend(task, tolerance=aim, limit=left, proven=confirms)
             self.iterations, self._cut = self.iterations + went, active.ended is Outcome.CUT
-            if not updates or self._failed(active):
+            if not updates or self._failed():
                 break
-            if self._balanced(active, still=went == 0) or self._actuation.wanders:
+            if self._balanced(aim <= self._present <= self.aim, still=went == 0) or self._actuation.wanders:
                 break
-            self._schedule.tighten()
-            if self._is_late(limit):
+            self._present = max(self._finest, self.TIGHTEN * self._present)
+            if self.iterations >= limit or (self.iterations and past(self.problem.deadline)):
+                self._cut = True
                 break
+        return self._solution()
 
-    def _is_late(self, limit: int) -> bool:
-        """Return whether the limit of iterations or the deadline ends the solve, and remember it."""
-        self._cut = self.iterations >= limit or (self.iterations > 0 and past(self.problem.deadline))
-        return self._cut
+    def _first_tolerance(self, *, updates: bool) -> float:
+        """Return the tolerance of the first minimisation; an unfinished solve goes on with that where it ended."""
+        if self._resumed is not None:
+            return max(self._resumed.tolerance, self.aim)
+        return max(self.FIRST_TOLERANCE, self.aim) if updates and not self._predicted.ratio else self.aim
 
-    def _scheduled(self, *, updates: bool) -> DescentSchedule:
-        """Return the tolerances of the minimisations; those of an unfinished solve go on where it ended."""
-        tolerance, resumed = self.aim, self._resumed
-        first = max(DescentSchedule.FIRST_TOLERANCE, tolerance) if updates and self.anew else tolerance
-        if resumed is not None:
-            first = max(resumed.tolerance, tolerance)
-        return DescentSchedule(tolerance, first=first)
-
-    def _begin_minimiser(self, active: ActiveSet) -> None:
+    def _begin_minimiser(self) -> None:
         """Give the minimiser the tangent of the start, and at first the pairs of an unfinished solve."""
-        self._minimiser.begin(active, self._tangent)
+        self._minimiser.begin(self._active, self._from.tangent)
         if self._resumed is not None and not self.iterations:
-            load_history(active.workspace, self._resumed.steps, self._resumed.changes)
+            load_history(self._active.workspace, self._resumed.steps, self._resumed.changes)
 
-    def _failed(self, active: ActiveSet) -> bool:
+    def _failed(self) -> bool:
         """Return whether the last minimisation was cut, ran away or was given up, so that updates are useless."""
-        if active.ended in (Outcome.STALLED, Outcome.EXHAUSTED):
-            return bool(active.status["blocked"])
-        return active.ended in (Outcome.RUNAWAY, Outcome.GIVEN_UP, Outcome.CUT)
+        ended = self._active.ended
+        if ended in (Outcome.STALLED, Outcome.EXHAUSTED):
+            return bool(self._active.status["blocked"])
+        return ended in (Outcome.RUNAWAY, Outcome.GIVEN_UP, Outcome.CUT)
 
-    def _balanced(self, active: ActiveSet, *, still: bool) -> bool:
+    def _balanced(self, exact: bool, *, still: bool) -> bool:
         """Update pressures, multipliers and scales, unless the last update stands; return whether the solve ends.
 
         In statics, the solve ends if the last update was faint, or if the minimisation after it made no iteration
-        (``still``). In motion, it ends after the first update that keeps the constraints.
+        (``still``). In motion, it ends after the first update that keeps the constraints. ``exact`` states whether the
+        minimisation had the tolerance of the solve, or a finer one that was asked for.
         """
         if still and self._settled:  # the last update has not moved the equilibrium
             return True
         # Even if no further descent is possible, new pressures and scales may make one possible.
-        last = self._schedule.exact or active.ended is not Outcome.NEAR
-        error, change = self._update(active, still=still)
+        last = exact or self._active.ended is not Outcome.NEAR
+        error, change = self._update(still=still)
         kept = 1.0 if self._moving or self._actuation.contacts else self.FAINT
         self._settled = last and error <= kept
         self._exact += last
         if last and not self._settled and (still or self._exact % self.SLOW == 0):
-            self._schedule.refine()  # the positions are not accurate enough for the constraints
+            self._finest *= self.TIGHTEN  # the positions are not accurate enough for the constraints
         faint = max(error, change) <= self.FAINT and not self._actuation.contacts
         return self._settled and (still or faint or self._moving)
 
-    def measure(self, active: ActiveSet, stored: NDArray[np.float64], least: NDArray[np.float64]) -> None:
-        """Write energies [J] and least volume ratios of the active elements to ``stored`` and ``least`` (m,)."""
-        work, body, pressures = active.workspace, self._body, self.pressures
-        given = work.x, active.elements, self._operators.shape, body.material, pressures.table, pressures.values
-        store_energies(*given, work.energies, stored, least, True)
-
-    def solution(self, active: ActiveSet, stored: NDArray[np.float64], least: NDArray[np.float64]) -> Solution:
-        """Return the solution after `descend`; `measure` fills ``stored`` and ``least`` (m,)."""
-        work, start, problem = active.workspace, self.start, self.problem
-        self.measure(active, stored, least)
-        positions = work.x.copy()
-        slides, turns = active.rigid_motion()
-        outcome, estimate = self._judge(active)
-        flaw, message = self._actuation.flaw(positions), self._explain(outcome, estimate, active)
+    def _solution(self) -> Solution:
+        """Return the solution where the minimisation has ended."""
+        active, start, problem, body = self._active, self.start, self.problem, self._body
+        if self._minimiser.ran_away(active):
+            state = start.flawed(tell(Outcome.RUNAWAY), error_estimate=np.inf)
+            ended = {"ended": Outcome.RUNAWAY, "began": start.positions}
+            return Solution(state=state, iterations=self.iterations, **ended)
+        work, stored, least = active.workspace, np.zeros(len(body.material)), np.ones(len(body.material))
+        given = work.x, active.elements, self._operators.shape, body.material, self.pressures.table
+        store_energies(*given, self.pressures.values, work.energies, stored, least, True)
+        positions, (slides, turns) = work.x.copy(), active.rigid_motion()
+        outcome, estimate = self._judge()
+        flaw, message = self._actuation.flaw(positions), self._explain(outcome, estimate)
         converged = outcome is Outcome.NEAR and not flaw and bool(least.min() > 0.0)
         message = join(flaw, message, "" if converged else flattened(least))
         terms = self._actuation.finish(start.terms, positions)  # contacts give their reactions only after it
@@ -293,7 +246,7 @@ class Solve:
             error_estimate=estimate,
             energy=float(stored.sum()),
             min_det=float(least.min()),
-            reactions=handle_reactions(self._body, positions, work.force, outside, *others),
+            reactions=handle_reactions(body, positions, work.force, outside, *others),
             actuators=self._actuation.states(positions, problem.commands, self._operators),
             terms=self._actuation.reports(positions),
             message=message,
@@ -311,7 +264,7 @@ class Solve:
         return Solution(
             state=start.with_(
                 positions=positions,
-                base=self._base,
+                base=self._from.base,
                 poses=problem.poses,
                 commands=problem.commands,
                 slides=slides,
@@ -321,44 +274,42 @@ class Solve:
                 operators=self._operators,
                 balance=self._actuation.balance(positions, problem.commands) if energetic else None,
                 tangent=self._minimiser.used_tangent(),
-                unfinished=self._unfinished(active) if self._cut and not converged else None,
+                unfinished=self._unfinished() if self._cut and not converged else None,
                 summary=summary,
             ),
             iterations=self.iterations,
             ended=Outcome.NEAR if converged else Outcome.CUT if self._cut else active.ended,
             entered=bool(flaw),
-            began=self._prediction.positions,
+            began=self._predicted.state.positions,
         )
 
-    def _update(self, active: ActiveSet, *, still: bool) -> tuple[float, float]:
+    def _update(self, *, still: bool) -> tuple[float, float]:
         """Update pressures, multipliers and scales.
 
         Returns:
             The largest error of a constraint and the largest change of an hourglass scale, both divided by the
             tolerance.
         """
+        active, body, shape = self._active, self._body, self._operators.shape
         x, errors, change = active.workspace.x, [0.0], 0.0
         tolerance = self.problem.keeping or self.problem.tolerance
         if len(active.carried):
-            wrong = self.pressures.update(x, active.carried, self._operators.shape, still=still)
+            wrong = self.pressures.update(x, active.carried, shape, still=still)
             errors.append(wrong / (self.problem.volumes or tolerance * (self.LAGGING_VOLUME if self._moving else 1.0)))
         if self._actuation.updates:
             errors.append(self._actuation.update(x) / tolerance)
-        if self._softens(active):
-            given = x, active.softening, self._operators.shape, self._body.material, self._body.table, self._scale
+        if len(active.softening):
+            given = x, active.softening, shape, body.material, body.table, self._scale
             change = update_hourglass_scales(*given) / tolerance
         if self._moving:
             errors.append(change / self.LAGGING_SCALE)
         return float(np.max(errors)), change
 
-    def _softens(self, active: ActiveSet) -> bool:
-        """Return whether hourglass scales follow the strain."""
-        return self._softening and len(active.softening) > 0
-
-    def _judge(self, active: ActiveSet) -> tuple[Outcome, float]:
+    def _judge(self) -> tuple[Outcome, float]:
         """Return how the solve ended, `Outcome.NEAR` at an equilibrium, and the error estimate."""
-        tolerance, estimate = self.problem.tolerance, self._minimiser.error_estimate(active)
-        forces, drowned = self._minimiser.contact_forces, ROUNDING * float(active.status["outside"])
+        active, tolerance = self._active, self.problem.tolerance
+        estimate, forces = self._minimiser.error_estimate(active), self._minimiser.contact_forces
+        drowned = ROUNDING * float(active.status["outside"])
         left, settled = (forces.left, forces.settled) if forces else (0.0, True)
         cases = (
             (drowned > self._body.strain_energy_scale, Outcome.TOO_STRONG),
@@ -373,7 +324,7 @@ class Solve:
         outcome = next(each for holds, each in cases if holds)
         return outcome, np.inf if outcome in (Outcome.TOO_STRONG, Outcome.CUT) else estimate
 
-    def _explain(self, outcome: Outcome, estimate: float, active: ActiveSet) -> str:
+    def _explain(self, outcome: Outcome, estimate: float) -> str:
         """Return a message about the defect of a solve that ended with ``outcome``."""
         late, problem = self._cut and past(self.problem.deadline), self.problem
         return tell(
@@ -381,13 +332,12 @@ class Solve:
             estimate=estimate,
             tolerance=problem.tolerance,
             reason=problem.deadline.reason if late else f"stopped after {problem.limit} iterations",
-            far=float(active.status["step"]) / self._body.size,
+            far=float(self._active.status["step"]) / self._body.size,
             updates=self.MOST_UPDATES,
             where=self._minimiser.contact_forces.told() if outcome is Outcome.PUSHED else "",
         )
 
-    def _unfinished(self, active: ActiveSet) -> Unfinished:
+    def _unfinished(self) -> Unfinished:
         done = self._resumed.iterations if self._resumed else 0
-        steps, changes = history(active.workspace)
-        tolerance = self._schedule.present
-        return Unfinished(tolerance=tolerance, iterations=done + self.iterations, steps=steps, changes=changes)
+        steps, changes = history(self._active.workspace)
+        return Unfinished(tolerance=self._present, iterations=done + self.iterations, steps=steps, changes=changes)

@@ -9,37 +9,22 @@ and the minimisation goes on from there.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import partial
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.deadline import past
-from gdfe_ros.solver.descent.active_set import ActiveSet
 from gdfe_ros.solver.descent.loop import UNPROVEN
 from gdfe_ros.solver.descent.search import ROUNDING
-from gdfe_ros.solver.equilibrium.solve import Solve
+from gdfe_ros.solver.equilibrium.solve import Model, Solve
 from gdfe_ros.solver.minimise.curvature import Lanczos, Lowest, TangentProducts
 from gdfe_ros.solver.minimise.minimiser import Minimiser, Task
 from gdfe_ros.solver.outcome import Outcome, join, tell
 from gdfe_ros.solver.solution import Solution
 from gdfe_ros.solver.value import changed
 from gdfe_ros.solver.vectors import largest, largest_distance
-
-
-class Downhill(NamedTuple):
-    """A point of lower energy along a direction.
-
-    Attributes:
-        unknowns: (3 r,) unknowns.
-        positions: (n, 3) vertex positions [m].
-    """
-
-    unknowns: NDArray[np.float64]
-    positions: NDArray[np.float64]
 
 
 class Proof(NamedTuple):
@@ -64,33 +49,15 @@ class Proof(NamedTuple):
         return self.measured and self.stable is not False
 
 
-class Descents(Protocol):
-    """The part of the equilibrium solver that a proof needs."""
-
-    @property
-    def whole(self) -> ActiveSet:
-        """The active set of the whole body."""
-
-    def task_at(self, solve: Solve, found: Solution) -> Task:
-        """Return the minimisation's task at a solution, with unchanged multipliers."""
-
-    def descend(self, solve: Solve, *, spent: int = 0) -> Solution:
-        """Return the solution of minimisations and multiplier updates from the present positions of ``solve``."""
-
-
 class Stability:
     """Proves that equilibria are minima, and leaves saddles.
 
+    A factor proves a minimum only if the kept tangent of every term is the whole second derivative of its energy.
+    Otherwise the Lanczos method searches for negative curvature also where a factor exists. If the forces of a term
+    have no potential, a minimum is still an equilibrium, but its stability is not known.
+
     Args:
-        body: the discretised body.
-        minimiser: its minimiser.
-        exact: whether the kept tangent of every term is the whole second derivative of its energy. If not, a factor
-            proves nothing, and the Lanczos method searches for negative curvature also where a factor exists.
-        smooth: whether no term is a contact. After a proof with contact, a further descent would disturb forces that
-            have settled.
-        free: whether no term is a contact or has multipliers, so that nothing holds a soft motion of the tangent.
-        conservative: whether the forces of all terms have a potential. If not, a minimum is still an equilibrium, but
-            its stability is not known.
+        model: the data common to all solves of the body.
     """
 
     LANCZOS = Lanczos()
@@ -120,27 +87,27 @@ class Stability:
     are the largest numbers of doublings of this length and of its divisions by four.
     """
 
-    def __init__(
-        self, body: Body, minimiser: Minimiser, *, exact: bool, smooth: bool, free: bool, conservative: bool = True
-    ) -> None:
-        self._conservative, self._free = conservative, free
-        self._smooth, self._size, self._product, self._minimiser, self._exact = (
-            smooth,
-            body.size,
-            TangentProducts(body),
-            minimiser,
-            exact,
-        )
+    def __init__(self, model: Model) -> None:
+        body, actuation = model.body, model.actuation
+        self._size, self._product, self._minimiser = body.size, TangentProducts(body), model.minimiser
+        self._exact = all(term.exact for term in actuation.terms)
+        self._conservative = all(term.conservative for term in actuation.terms)
+        # After a proof with contact, a further descent would disturb forces that have settled.
+        self._nearest = Minimiser.SHARE * (1.0 if actuation.contacts else UNPROVEN)
+        # Contacts and multipliers hold soft motions of the tangent.
+        self._free = not (actuation.contacts or actuation.updates)
         self._noise = np.random.default_rng(0).standard_normal(3 * body.unknowns.rows)
         self._noise[body.unknowns.fixed] = 0.0
 
-    def judge(self, descents: Descents, solve: Solve, found: Solution) -> Solution:
-        """Return a converged solution with its stability, which is proved anew only where that is due.
+    def judge(self, solve: Solve, found: Solution) -> Solution:
+        """Return a solution with its stability, which is proved anew only where that is due.
 
         A saddle is left for a point of lower energy beside it.
         """
+        if not found.converged:
+            return found
         if self._is_due(solve, found):
-            proved = self._prove(descents, solve, found)
+            proved = self._prove(solve, found)
             return proved if self._conservative else _tell(proved, stable=None)
         return _tell(found, stable=solve.start.summary.stable, proved=solve.start.proved)
 
@@ -153,42 +120,39 @@ class Stability:
         overdue = self._minimiser.is_overdue(found.state.tangent)
         return costly or overdue or largest_distance(found.positions, start.positions) > self.LONG * self._size
 
-    def _prove(self, descents: Descents, solve: Solve, found: Solution) -> Solution:
+    def _prove(self, solve: Solve, found: Solution) -> Solution:
         """Return a solution with its stability, after leaving saddles and following nearly flat valleys."""
-        task = descents.task_at(solve, found)
+        task = solve.task_at(found.state)
         if known := self._prove_with_kept(task, solve, found):
             return known
         for count in range(self.ROUNDS):
             proof = self._factor(task)
-            found = _with(found, tangent=self._minimiser.tangent)
-            near = proof.distance <= Minimiser.SHARE * (UNPROVEN if self._smooth else 1.0) * solve.aim
-            if _is_late(solve, found) or (near and proof.counts):
-                return _tell(_at(found, proof.distance), stable=proof.stable)
+            found = changed(found, state=found.state.with_(tangent=self._minimiser.tangent))
+            near = proof.distance <= self._nearest * solve.aim
+            late = past(solve.problem.deadline) or found.iterations >= solve.problem.limit
+            if late or (near and proof.counts):
+                return _tell(found, stable=proof.stable, distance=proof.distance)
             solve.go_on_from(found.state)
             leaves = count or not (proof.stable and proof.counts)  # in a nearly flat valley, or beside a saddle
-            if leaves and not self._leave(descents, solve, found, task, proof.direction) and near:
-                return _tell(_at(found, proof.distance), stable=proof.stable)
-            again = descents.descend(solve, spent=found.iterations)
+            if leaves and not self._leave(solve, found, task, proof.direction) and near:
+                return _tell(found, stable=proof.stable, distance=proof.distance)
+            again = solve.descend(spent=found.iterations)
             total = found.iterations + again.iterations
             if not (again.converged and again.min_det > 0.0):
                 return _tell(changed(found, iterations=total), stable=proof.stable)
             found = changed(again, iterations=total, began=found.began)
-            if self._holds(proof, again, solve.aim):
+            lasting = proof.distance <= Minimiser.SHARE * solve.aim and again.iterations <= self.NEAR
+            if proof.stable and lasting:
                 return _tell(found, stable=True)
-            task = descents.task_at(solve, found)
+            task = solve.task_at(found.state)
         return self._conclude(found, proof, solve.problem.tolerance)
 
     def _conclude(self, found: Solution, proof: Proof, tolerance: float) -> Solution:
         """Return a solution that is as near as its multipliers' updates allow, or whose energy is nearly flat."""
         if proof.measured and proof.distance <= tolerance:
-            return _tell(_at(found, proof.distance), stable=proof.stable)
-        defect = {"converged": False, "error_estimate": proof.distance, "message": tell(Outcome.NEUTRAL)}
-        return changed(_with(found, summary=changed(found.state.summary, **defect)), ended=Outcome.NEUTRAL)
-
-    def _holds(self, proof: Proof, again: Solution, aim: float) -> bool:
-        """Return whether a proof still holds after the minimisation ``again`` from where it was made."""
-        near = proof.distance <= Minimiser.SHARE * aim and again.iterations <= self.NEAR
-        return bool(proof.stable) and near
+            return _tell(found, stable=proof.stable, distance=proof.distance)
+        state = found.state.flawed(tell(Outcome.NEUTRAL), error_estimate=proof.distance)
+        return changed(found, state=state, ended=Outcome.NEUTRAL)
 
     def _factor(self, task: Task) -> Proof:
         """Factor the tangent at the unknowns of ``task``; return what it shows."""
@@ -199,34 +163,26 @@ class Stability:
         return Proof(stable, step if direction is None else direction, distance, measured)
 
     def _prove_with_kept(self, task: Task, solve: Solve, found: Solution) -> Solution | None:
-        """Return a solution that the kept tangent proves to be a near minimum; None if it does not."""
-        least = self._least_curvature(task)
-        if not least > self.SURE:
-            return None
-        distance, _ = self._minimiser.newton_step(task)
-        near = distance <= min(Minimiser.SHARE, least) * solve.aim
-        return _tell(_at(found, distance / least), stable=True) if near else None
-
-    def _leave(
-        self, descents: Descents, solve: Solve, found: Solution, task: Task, direction: NDArray[np.float64]
-    ) -> bool:
-        """Let the solve go on from the point of least energy along a direction (3 r,); return whether there is one."""
-        down = self.leave(task, direction)
-        if down is None:
-            return False
-        descents.whole.workspace.u[...] = down.unknowns
-        slides, turns = descents.whole.rigid_motion()
-        solve.go_on_from(found.state.with_(positions=down.positions, slides=slides, turns=turns))
-        return True
-
-    def _least_curvature(self, task: Task) -> float:
-        """Return the least eigenvalue of M^-1 K, 0 if it is unknown, or if K is factored instead."""
+        """Return a solution that the kept tangent M proves to be a near minimum; None if it does not, or is cheap."""
         minimiser = self._minimiser
         if minimiser.tangent is None or minimiser.level.price <= self.DEAR:
-            return 0.0
+            return None
         minimiser.level.turn(task.active.workspace.x)
         seen = self.look(task)
-        return seen.value if seen.known else 0.0
+        if not (seen.known and seen.value > self.SURE):
+            return None
+        distance, _ = minimiser.newton_step(task)
+        near = distance <= min(Minimiser.SHARE, seen.value) * solve.aim
+        return _tell(found, stable=True, distance=distance / seen.value) if near else None
+
+    def _leave(self, solve: Solve, found: Solution, task: Task, direction: NDArray[np.float64]) -> bool:
+        """Let the solve go on from the point of least energy along a direction (3 r,); return whether there is one."""
+        if (down := self.leave(task, direction)) is None:
+            return False
+        task.active.workspace.u[...], positions = down
+        slides, turns = task.active.rigid_motion()
+        solve.go_on_from(found.state.with_(positions=positions, slides=slides, turns=turns))
+        return True
 
     def _examine(self, task: Task, *, definite: bool) -> tuple[bool | None, NDArray[np.float64] | None]:
         """Return whether the energy has positive curvature in every direction, None if that is unknown.
@@ -248,20 +204,20 @@ class Stability:
         body would not contain the buckling mode.
         """
         with task.turn:
-            apply = partial(self._minimiser.precondition, task)
-            return self.LANCZOS.lowest(self._products(task), apply, self._noise)
+            self._product.begin(task)
+            product, forces = self._product, self._minimiser.contact_forces
+            if forces is not None:
+                product = forces.supported(task.problem, task.active.workspace, product)
+            return self.LANCZOS.lowest(product, partial(self._minimiser.precondition, task), self._noise)
 
-    def _products(self, task: Task) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
-        """Return the product with the tangent at the unknowns of ``task``, supported by its contacts."""
-        self._product.begin(task)
-        forces = self._minimiser.contact_forces
-        return forces.supported(task.problem, task.active.workspace, self._product) if forces else self._product
-
-    def leave(self, task: Task, direction: NDArray[np.float64]) -> Downhill | None:
+    def leave(
+        self, task: Task, direction: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
         """Return the point of least energy found along the arc of a direction (3 r,); None if the energy does not fall.
 
-        The first length is divided by four until the energy falls. It is then doubled while the energy falls further.
-        Along a straight line, a bent column that may turn about its axis would soon be stretched.
+        The point is given by its unknowns (3 r,) and vertex positions (n, 3) [m]. The first length is divided by four
+        until the energy falls. It is then doubled while the energy falls further. Along a straight line, a bent column
+        that may turn about its axis would soon be stretched.
         """
         work, status = task.active.workspace, task.active.status
         sign = -1.0 if float(work.gradient @ direction) > 0.0 else 1.0
@@ -279,33 +235,23 @@ class Stability:
                     break
                 length *= 0.25
                 continue
-            best, found = energy, Downhill(work.u + step, self._product.positions.copy())
+            best, found = energy, (work.u + step, self._product.positions.copy())
             length *= 2.0
         return found
 
 
-def _is_late(solve: Solve, found: Solution) -> bool:
-    """Return whether a solve has no time or no iterations left."""
-    return past(solve.problem.deadline) or found.iterations >= solve.problem.limit
-
-
-def _with(found: Solution, **changes: object) -> Solution:
-    """Return a solution with other attributes of its state."""
-    return changed(found, state=found.state.with_(**changes))
-
-
-def _at(found: Solution, distance: float) -> Solution:
-    """Return a solution at another estimated ``distance`` to the equilibrium, divided by the body's size."""
-    return _with(found, summary=changed(found.state.summary, error_estimate=distance))
-
-
-def _tell(found: Solution, *, stable: bool | None, proved: float | None = None) -> Solution:
+def _tell(
+    found: Solution, *, stable: bool | None, proved: float | None = None, distance: float | None = None
+) -> Solution:
     """Return a solution with its stability, and a message if it is unstable.
 
-    ``proved`` is the strain energy [J] of the last proof; None stands for that of this solution.
+    ``proved`` is the strain energy [J] of the last proof; None stands for that of this solution. ``distance`` is a
+    better estimate of the distance to the equilibrium, divided by the body's size.
     """
     if not found.converged:
         return found
     message = join("" if stable is not False else tell(Outcome.UNSTABLE), found.message)
-    summary = changed(found.state.summary, stable=stable, message=message)
-    return _with(found, summary=summary, proved=summary.energy if proved is None else proved)
+    estimate = found.error_estimate if distance is None else distance
+    summary = changed(found.state.summary, stable=stable, message=message, error_estimate=estimate)
+    proved = summary.energy if proved is None else proved
+    return changed(found, state=found.state.with_(summary=summary, proved=proved))

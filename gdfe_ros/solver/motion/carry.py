@@ -73,10 +73,14 @@ def with_bodies_of(moving: Snapshot, fresh: Snapshot, same: Correspondence) -> S
     """
     before, start = moving.state, fresh.state
     terms = {name: _continued(before.terms.get(name), own) for name, own in start.terms.items()}
-    terms[inertia.NAME] = _moved_rows(before.terms[inertia.NAME], start.positions, same.vertices)
+    old, own = before.terms[inertia.NAME], start.terms[inertia.NAME]
+    terms[inertia.NAME] = {
+        name: array if len(array) == 1 else _taken(array, own[name], same.vertices) for name, array in old.items()
+    }
     if viscosity.NAME in terms:
         terms[viscosity.NAME] = _of_viscosity(before.terms[viscosity.NAME], start.terms[viscosity.NAME], same.cells)
-    state = before.with_(
+    flawed = before.flawed(CHANGED, reactions=_known(before.summary.reactions, start.summary.reactions))
+    state = flawed.with_(
         positions=_taken(before.positions, start.positions, same.vertices),
         base=_taken(before.base, start.base, same.vertices),
         poses=_known(before.poses, start.poses),
@@ -90,12 +94,6 @@ def with_bodies_of(moving: Snapshot, fresh: Snapshot, same: Correspondence) -> S
         unfinished=None,
         proved=None,
         anchor=None,
-        summary=changed(
-            before.summary,
-            converged=False,
-            message=CHANGED,
-            reactions=_known(before.summary.reactions, start.summary.reactions),
-        ),
         ledger=changed(before.ledger, failure=None, bound=None),
     )
     return replace(moving, state=state, targets=_known(moving.targets, fresh.targets), scene=fresh.scene)
@@ -153,17 +151,6 @@ def _taken(old: NDArray[np.float64], new: NDArray[np.float64], rows: NDArray[np.
     """Return ``new`` with the rows of ``old`` whose indices are in ``rows``; -1 keeps a row of ``new``."""
     found, kept = new.copy(), rows >= 0
     found[kept] = old[rows[kept]]
-    return found
-
-
-def _moved_rows(old: Saved, positions: NDArray[np.float64], rows: NDArray[np.intp]) -> Saved:
-    """Return the stored inertia ``old`` with other rows: a row that -1 marks is at ``positions`` (n, 3) and at rest."""
-    found = {}
-    for name, array in old.items():
-        if len(array) > 1:
-            rest = positions if name in ("positions", "before") else np.zeros((len(rows), *array.shape[1:]))
-            array = _taken(array, rest, rows)
-        found[name] = array
     return found
 
 

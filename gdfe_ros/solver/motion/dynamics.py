@@ -72,6 +72,9 @@ class Dynamics(CheckedKeys):
     A step of a simulation is divided into equal internal steps. The branches of the Prony series are parallel to the
     material, as in a generalised Maxwell body.
 
+    Attributes:
+        restarts: whether every step is a first step, of a motion without a past.
+
     Raises:
         ValueError: a value is out of range.
     """
@@ -83,6 +86,8 @@ class Dynamics(CheckedKeys):
     prony: Annotated[tuple[Branch, ...], _PRONY] = ()
     velocity: Annotated[Vector, _VELOCITY] = (0.0, 0.0, 0.0)
     spin: Annotated[Vector, _SPIN] = (0.0, 0.0, 0.0)
+
+    restarts = False
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -134,3 +139,14 @@ class Dynamics(CheckedKeys):
     def slow_share(self) -> float:
         """Fraction of the instantaneous modulus that remains in slow motion, to which the material's law applies."""
         return 1.0 - sum(branch.share for branch in self.prony)
+
+
+class BackwardEuler(Dynamics):
+    """The dynamics of a scene in steps of backward Euler, the first step of `bdf2`: they need only the last state."""
+
+    restarts = True
+
+    @classmethod
+    def of(cls, dynamics: Dynamics) -> BackwardEuler:
+        """Return the same dynamics with other steps."""
+        return cls(**{**vars(dynamics), "scheme": Scheme.BDF2, "rho_inf": Dynamics.rho_inf})

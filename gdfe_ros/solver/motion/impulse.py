@@ -27,7 +27,8 @@ from gdfe_ros.solver.contact.compliance import join, project, pull
 from gdfe_ros.solver.contact.contact_term import ROUNDING, ContactTerm
 from gdfe_ros.solver.contact.stencil import pad_columns
 from gdfe_ros.solver.motion.dynamics import Dynamics
-from gdfe_ros.solver.motion.inertia import NAME, FreeMass, rule_of
+from gdfe_ros.solver.motion.inertia import NAME, FreeMass
+from gdfe_ros.solver.motion.scheme import Kinematics, Rule
 from gdfe_ros.solver.state import State
 from gdfe_ros.solver.value import changed
 
@@ -76,7 +77,6 @@ class ContactImpulses:
 
     Args:
         mass: mass of the free vertices and of the rigid bodies.
-        dynamics: scheme and damping of the steps.
     """
 
     EXACT = 1e-10
@@ -93,17 +93,15 @@ class ContactImpulses:
     LACKING = 1.001
     """Friction that would hold a body in a grip, divided by the grip's own, from which on a slip is told."""
 
-    def __init__(self, mass: FreeMass, dynamics: Dynamics) -> None:
-        self._mass, self._dynamics = mass, dynamics
+    def __init__(self, mass: FreeMass) -> None:
+        self._mass = mass
 
-    def add(self, before: State, now: State, h: float, contacts: Sequence[ContactTerm]) -> State:
+    def add(self, dynamics: Dynamics, before: State, now: State, h: float, contacts: Sequence[ContactTerm]) -> State:
         """Return ``now``, the state after a step of length ``h`` [s] from ``before``, with velocities by impulses."""
-        if not any(contact.near for contact in contacts):
-            return now
         acting, x, saved = [contact for contact in contacts if contact.acts], now.positions, now.terms[NAME]
-        if not acting:
-            return now.with_(terms={**now.terms, NAME: {**saved, "pushed": np.zeros_like(x)}})
-        rule, multipliers = rule_of(self._dynamics, h, before.terms[NAME]), np.zeros_like(x)
+        if not (acting and any(contact.near for contact in contacts)):
+            return now
+        rule, multipliers = Rule.of(dynamics, h, Kinematics.of(before.terms[NAME])), np.zeros_like(x)
         for contact in acting:
             contact.add_forces(multipliers)
         moved = self._mass.accelerated(multipliers, x) / rule.kappa

@@ -8,7 +8,7 @@ the cells, and the same for x, y and z.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 from numpy import uint64
@@ -21,8 +21,8 @@ from gdfe_ros.mesh.filling import Filling
 from gdfe_ros.mesh.triples import corner, cross, dot
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.matrix.constant_matrix import scattered
-from gdfe_ros.solver.motion.dynamics import Dynamics, Scheme
-from gdfe_ros.solver.motion.scheme import Kinematics, Rule, stiffness
+from gdfe_ros.solver.motion.dynamics import Dynamics
+from gdfe_ros.solver.motion.scheme import Kinematics, Rule, Vectors, stiffness
 from gdfe_ros.solver.state import Saved
 from gdfe_ros.solver.terms.term import Term, as_arrays, term_kernel
 from gdfe_ros.sparse_lu import LuFactor
@@ -72,9 +72,17 @@ class FreeMass:
         moves = np.ones((len(free), 3), dtype=bool)
         moves.reshape(-1)[body.unknowns.fixed] = False
         self._free = [free[along] for along in moves.T]
-        self._factors: list[LuFactor] = []
         self._rigid = np.array(rigid, dtype=np.int32).reshape(-1, 4)
-        self._columns: list[dict[int, NDArray[np.float64]]] = []
+
+    @cached_property
+    def _parts(self) -> list[tuple[list[int], NDArray[np.intp], LuFactor, dict[int, NDArray[np.float64]]]]:
+        """Axes along which the same vertices are free, these vertices, the factor of their mass, and known columns."""
+        alike = all(np.array_equal(free, self._free[0]) for free in self._free)  # no rollers, or alike in x, y and z
+        parts = []
+        for axes in [[0, 1, 2]] if alike else [[0], [1], [2]]:
+            free = self._free[axes[0]]
+            parts.append((axes, free, LuFactor(self._mass[free][:, free].tocsc()), {}))
+        return parts
 
     def accelerated(
         self, forces: NDArray[np.float64], positions: NDArray[np.float64] | None = None
@@ -83,12 +91,9 @@ class FreeMass:
 
         At ``positions`` (n, 3) [m], rigid bodies stay rigid.
         """
-        acceleration, factors = np.zeros_like(forces), self._factored()
-        if len(factors) == 1:
-            acceleration[self._free[0]] = factors[0].solve(forces[self._free[0]])
-        else:
-            for axis, (free, factor) in enumerate(zip(self._free, factors, strict=True)):
-                acceleration[free, axis] = factor.solve(forces[free, axis])
+        acceleration = np.zeros_like(forces)
+        for axes, free, factor, _ in self._parts:
+            acceleration[np.ix_(free, axes)] = factor.solve(forces[np.ix_(free, axes)])
         if positions is not None and len(self._rigid):
             acceleration[self._rigid] = rigid_part(positions[self._rigid], acceleration[self._rigid])
         return acceleration
@@ -98,40 +103,23 @@ class FreeMass:
 
         If a vertex of a rigid body is among them, all four must be.
         """
-        found, factors = np.zeros((len(vertices), 3, len(vertices), 3)), self._factored()
-        for axis in range(3):
-            if axis < len(factors):
-                soft = self._between(axis, vertices)
-            found[:, axis, :, axis] = 0.5 * (soft + soft.T)
+        found, place = np.zeros((len(vertices), 3, len(vertices), 3)), np.full(self._mass.shape[0], -1)
+        for axes, free, factor, columns in self._parts:
+            place[...] = -1
+            place[free] = np.arange(len(free))
+            soft, moves = np.zeros((len(vertices), len(vertices))), place[vertices] >= 0
+            for k in np.flatnonzero(moves):
+                vertex = int(vertices[k])
+                if vertex not in columns:
+                    columns[vertex] = factor.solve(np.eye(1, len(free), place[vertex])[0])
+                soft[moves, k] = columns[vertex][place[vertices[moves]]]
+            for axis in axes:
+                found[:, axis, :, axis] = 0.5 * (soft + soft.T)
         for four in self._rigid[np.isin(self._rigid[:, 0], vertices)]:
             own, mass = np.searchsorted(vertices, four), self._mass[four[0], four[0]]
             every = rigid_part(np.tile(positions[four], (12, 1, 1)), np.eye(12).reshape(12, 4, 3))
             found[np.ix_(own, range(3), own, range(3))] = every.reshape(4, 3, 4, 3) / mass
         return found.reshape(3 * len(vertices), -1)
-
-    def _factored(self) -> list[LuFactor]:
-        """Return the factors: one for each axis, or one for all if the same vertices are free."""
-        if not self._factors:
-            alike = all(len(free) == len(self._free[0]) for free in self._free)  # no rollers, or alike in x, y and z
-            axes = self._free[:1] if alike and all(map(np.array_equal, self._free, self._free[1:])) else self._free
-            self._factors = [LuFactor(self._mass[free][:, free].tocsc()) for free in axes]
-            self._columns = [{} for _ in axes]
-        return self._factors
-
-    def _between(self, axis: int, vertices: NDArray[np.int64]) -> NDArray[np.float64]:
-        """Return the inverse mass (m, m) [1/kg] between ``vertices`` (m,) along an axis; each column is kept."""
-        free, columns, factor = self._free[axis], self._columns[axis], self._factors[axis]
-        place = np.full(self._mass.shape[0], -1)
-        place[free] = np.arange(len(free))
-        found, moves = np.zeros((len(vertices), len(vertices))), place[vertices] >= 0
-        for k in np.flatnonzero(moves):
-            vertex = int(vertices[k])
-            if vertex not in columns:
-                right = np.zeros(len(free))
-                right[place[vertex]] = 1.0
-                columns[vertex] = factor.solve(right)
-            found[moves, k] = columns[vertex][place[vertices[moves]]]
-        return found
 
 
 @kernel
@@ -167,8 +155,6 @@ def rigid_part(positions, vectors):
 
 NAME = "(inertia)"
 """Name of the term; no actuator or load of a scene can have it."""
-OPTIONAL = ("pushed",)
-"""Arrays that a state stores only if contact is possible."""
 
 
 @kernel
@@ -217,7 +203,7 @@ class Inertia(Term):
     kernel, even = _entry, True
 
     def __init__(self, body: Body, mass: sparse.csr_matrix, dynamics: Dynamics, h: float) -> None:
-        self._mass, self._dynamics, self._h = mass, dynamics, h
+        self._mass, self._dynamics, self._h, self._rest = mass, dynamics, h, body.rest
         kappa, theta = stiffness(dynamics, h)
         self._factor = kappa + dynamics.damping.mass * theta
         self._driven = np.zeros((len(body.rest), 3), dtype=bool)
@@ -246,8 +232,8 @@ class Inertia(Term):
 
     def neutral(self) -> Saved:
         """Return the stored state before the first step."""
-        none = np.zeros_like(self._driven, dtype=np.float64)
-        return saved_of(Kinematics.started(none, none, none, 0.0), h=0.0)
+        none = np.zeros_like(self._rest)
+        return Kinematics.started(self._rest, none, none, 0.0).saved
 
     def begin(self, commands: Mapping[str, float], saved: Saved, positions: NDArray[np.float64], ratio: float) -> None:
         """Prepare a step; ``positions`` (n, 3) [m] have the handles at their targets.
@@ -258,73 +244,41 @@ class Inertia(Term):
         if not saved["h"][0]:
             self.reals[0] = 0.0
             return
-        rule, damping = rule_of(self._dynamics, self._h, saved), self._dynamics.damping.mass
-        velocity, acceleration = self._followed(positions, saved["positions"], saved["velocity"])
+        now, damping = Kinematics.of(saved), self._dynamics.damping.mass
+        rule = Rule.of(self._dynamics, self._h, now)
+        velocity, acceleration = self._followed(positions, now)
         factor = rule.kappa + damping * rule.theta
         resisted = rule.kappa * rule.aim + damping * (rule.theta * rule.drift - rule.lag)
         driven = factor * positions - acceleration - damping * velocity
         self.reals[0] = factor
         aim = self.reals[1 : 1 + positions.size].reshape(-1, 3)
         aim[...] = np.where(self._driven, driven, resisted) / factor
-        self._rule, self._last = rule, saved["positions"]
+        self._rule = rule
 
     def finish(self, saved: Saved, positions: NDArray[np.float64]) -> Saved:
         """Return the state to store: the kinematics at ``positions`` (n, 3) [m]."""
-        if not saved["h"][0]:
-            return saved
-        now, rule = kinematics_of(saved), self._rule
+        now, rule = Kinematics.of(saved), self._rule
         velocity, acceleration = rule.velocity(positions), rule.acceleration(positions)
         if len(self._rigid):  # differences of rotated positions stretch a little; undamped schemes would keep that
             velocity[self._rigid] = rigid_part(positions[self._rigid], velocity[self._rigid])
-        given, change = self._followed(positions, self._last, now.velocity)
+        given, change = self._followed(positions, now)
         after = Kinematics(
+            positions=positions,
             velocity=np.where(self._driven, given, velocity),
             acceleration=np.where(self._driven, change, acceleration),
             balanced=np.where(self._driven, change, rule.balanced(positions)),
-            before=self._last,
+            before=now.positions,
             velocity_before=now.velocity,
+            pushed=np.zeros_like(velocity),
+            h=self._h,
         )
-        return saved_of(after, h=self._h, positions=positions)
+        return after.saved
 
     def energy(self, positions: NDArray[np.float64]) -> float:
         """Return 0: the energy of inertia is kinetic."""
         return 0.0
 
-    def _followed(
-        self, positions: NDArray[np.float64], last: NDArray[np.float64], velocity: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def _followed(self, positions: Vectors, now: Kinematics) -> tuple[Vectors, Vectors]:
         """Return velocity [m/s] and acceleration [m/s^2] (n, 3) of driven vertices, as backward differences."""
-        given = (positions - last) / self._h
-        return given, (given - velocity) / self._h
-
-
-def rule_of(dynamics: Dynamics, h: float, saved: Saved) -> Rule:
-    """Return the rule of a step of length ``h`` [s] from a stored state.
-
-    If the step length changes, `bdf2` restarts. `generalised_alpha` is replaced by the trapezoidal rule for one step,
-    because this rule does not use the previous step. An assumed previous step would create energy if two lengths
-    alternate.
-    """
-    now, x = kinematics_of(saved), saved["positions"]
-    if saved["h"][0] == h:
-        return Rule.of(dynamics, h, x, now)
-    if dynamics.scheme is Scheme.GENERALISED_ALPHA:
-        dynamics = replace(dynamics, rho_inf=1.0)
-    return Rule.of(dynamics, h, x, now.restarted(x, h))
-
-
-def saved_of(kinematics: Kinematics, *, h: float, positions: NDArray[np.float64] | None = None) -> Saved:
-    """Return the stored state of ``kinematics`` at positions (n, 3) [m] after a step of length ``h`` [s]."""
-    arrays = {name: value for name, value in vars(kinematics).items() if name != "first" and value is not None}
-    return {
-        **arrays,
-        "first": np.array([float(kinematics.first)]),
-        "positions": kinematics.before if positions is None else positions,
-        "h": np.array([h]),
-    }
-
-
-def kinematics_of(saved: Saved) -> Kinematics:
-    """Return the kinematics of a stored state."""
-    arrays = {name: array for name, array in saved.items() if name not in ("positions", "h", "first")}
-    return Kinematics(**arrays, first=bool(saved["first"][0]))
+        given = (positions - now.positions) / self._h
+        return given, (given - now.velocity) / self._h

@@ -4,14 +4,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.handle_motions import HandleMotions
 from gdfe_ros.solver.motion import inertia, viscosity
 from gdfe_ros.solver.motion.dynamics import Dynamics, Scheme
-from gdfe_ros.solver.motion.inertia import kinematics_of
+from gdfe_ros.solver.motion.scheme import Kinematics
 from gdfe_ros.solver.outcome import join
 from gdfe_ros.solver.state import Array, Bound, Ledger, State
 from gdfe_ros.solver.stepping.path import work_between
@@ -19,81 +18,7 @@ from gdfe_ros.solver.value import NEGLIGIBLE, changed
 
 
 class Accounts:
-    """Computes a body's energy account.
-
-    Args:
-        body: the discretised body.
-        mass: (n, n) its mass matrix [kg].
-        dynamics: initial velocities and damping.
-        handles: the kinematics of its handles.
-    """
-
-    def __init__(self, body: Body, mass: sparse.csr_matrix, dynamics: Dynamics, handles: HandleMotions) -> None:
-        self._body, self._mass, self._dynamics, self._handles = body, mass, dynamics, handles
-
-    def opened(self) -> Ledger:
-        """Return the ledger of the undeformed body with the scene's initial velocities."""
-        velocity = self.velocity_at_start(self._body.rest)
-        kinetic = self._kinetic(velocity)
-        return Ledger(work=0.0, lost=0.0, bound=Bound(start=kinetic, least=kinetic, most=kinetic))
-
-    def begun(self, ledger: Ledger, acceleration: Array, h: float) -> Ledger:
-        """Return the ledger of a body that starts with an acceleration (n, 3) [m/s^2] in steps of ``h`` [s]."""
-        swing = self._dynamics.swing * h * h * float(np.vdot(acceleration, self._mass @ acceleration))
-        return changed(ledger, bound=_raised(ledger.bound, swing))
-
-    def velocity_at_start(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the initial velocity (n, 3) [m/s] of the scene at ``positions`` (n, 3) [m]; zero for handles."""
-        own = slice(self._body.count)
-        weights = np.asarray(self._mass.sum(axis=0)).ravel()[own]
-        centre = weights @ positions[own] / weights.sum()
-        velocity = np.array(self._dynamics.velocity) + np.cross(self._dynamics.spin, positions - centre)
-        for handle in self._body.handles:
-            velocity[handle.vertices] = 0.0
-        return velocity
-
-    def after(self, before: State, now: State, h: float) -> Ledger:
-        """Return the ledger after an internal step of length ``h`` [s], with the work by the trapezoidal rule.
-
-        The work of obstacles on rigid bodies is already in the ledger of ``now``, which is else that of ``before``.
-        The uncertainty of the work is added to the bound. For each handle and command, the uncertainty is the
-        difference between this work and the work of the force at one end of the step. The work of growth is unknown: if
-        growth changes, the bound restarts.
-        """
-        ledger, (work, doubt) = now.ledger, work_between(before, now, self._handles)
-        drag = 0.0
-        if self._dynamics.damping.mass:
-            mean = 0.5 * (self._velocity(before) + self._velocity(now))
-            drag = self._dynamics.damping.mass * h * np.vdot(mean, self._mass @ mean)
-        lost = ledger.lost + float(drag) + now.dissipated - before.dissipated
-        bound = _raised(ledger.bound, doubt) if now.operators is before.operators else None
-        return Ledger(work=ledger.work + work, lost=lost, bound=bound)
-
-    def energies(self, state: State, velocity: NDArray[np.float64]) -> dict[str, float]:
-        """Return a dict from name to energy [J] of a state with a velocity (n, 3) [m/s]."""
-        stored = float(state.terms[viscosity.NAME]["stored"][0]) if self._dynamics.damps else 0.0
-        return {
-            "kinetic": self._kinetic(velocity),
-            "elastic": state.summary.energy + stored,
-            "potential": state.balance.potential if state.balance else 0.0,
-            "work": state.ledger.work,
-            "dissipated": state.ledger.lost,
-        }
-
-    def _kinetic(self, velocity: Array) -> float:
-        return 0.5 * float(np.vdot(velocity, self._mass @ velocity))
-
-    @staticmethod
-    def _velocity(state: State) -> NDArray[np.float64]:
-        return kinematics_of(state.terms[inertia.NAME]).velocity
-
-
-def _raised(bound: Bound | None, energy: float) -> Bound | None:
-    return bound and changed(bound, start=bound.start + energy, least=bound.least + energy)
-
-
-class Ceiling:
-    """Detects steps that create energy.
+    """Computes a body's energy account, and detects steps that create energy.
 
     The balance kinetic + elastic + potential energy - work is constant, or falls by the dissipated energy. It may
     exceed its initial and its least value by the sum of two energies. These are a fraction of the largest kinetic +
@@ -101,9 +26,10 @@ class Ceiling:
 
     Args:
         body: the discretised body.
-        scheme: time integration scheme.
+        mass: (n, n) its mass matrix [kg].
+        dynamics: scheme, initial velocities and damping.
+        handles: the kinematics of its handles.
         tolerance: tolerance of an equilibrium, divided by the body's size.
-        accounts: the energy accounts of the body.
     """
 
     ABOVE_START = 0.01
@@ -116,38 +42,91 @@ class Ceiling:
     the energy drops too far when the body is stopped, and rises again.
     """
 
-    def __init__(self, body: Body, scheme: Scheme, tolerance: float, accounts: Accounts) -> None:
+    def __init__(
+        self, body: Body, mass: sparse.csr_matrix, dynamics: Dynamics, handles: HandleMotions, tolerance: float
+    ) -> None:
+        self._body, self._mass, self._dynamics, self._handles = body, mass, dynamics, handles
         self._noise = 0.5 * tolerance**2 * body.strain_energy_scale
-        self._above_least, self._accounts = (
-            self.ABOVE_LEAST_BDF2 if scheme is Scheme.BDF2 else self.ABOVE_LEAST,
-            accounts,
+        self._above_least = self.ABOVE_LEAST_BDF2 if dynamics.scheme is Scheme.BDF2 else self.ABOVE_LEAST
+
+    def opened(self) -> Ledger:
+        """Return the ledger of the undeformed body with the scene's initial velocities."""
+        kinetic = self._kinetic(self.velocity_at_start(self._body.rest))
+        return Ledger(work=0.0, lost=0.0, bound=Bound(start=kinetic, least=kinetic, most=kinetic))
+
+    def begun(self, ledger: Ledger, acceleration: Array, h: float) -> Ledger:
+        """Return the ledger of a body that starts with an acceleration (n, 3) [m/s^2] in steps of ``h`` [s]."""
+        swing = self._dynamics.swing * h * h * float(np.vdot(acceleration, self._mass @ acceleration))
+        return changed(ledger, bound=ledger.bound and ledger.bound.raised(swing))
+
+    def velocity_at_start(self, positions: Array) -> Array:
+        """Return the initial velocity (n, 3) [m/s] of the scene at ``positions`` (n, 3) [m]; zero for handles."""
+        own = slice(self._body.count)
+        weights = np.asarray(self._mass.sum(axis=0)).ravel()[own]
+        centre = weights @ positions[own] / weights.sum()
+        velocity = np.array(self._dynamics.velocity) + np.cross(self._dynamics.spin, positions - centre)
+        for handle in self._body.handles:
+            velocity[handle.vertices] = 0.0
+        return velocity
+
+    def kinematics(self, state: State) -> Kinematics:
+        """Return the kinematics of a state; before the start of its motion, they have the initial velocity."""
+        now = Kinematics.of(state.terms[inertia.NAME])
+        if now.h:
+            return now
+        return Kinematics.started(
+            state.positions, self.velocity_at_start(state.positions), np.zeros_like(now.velocity), 0.0
         )
 
-    def checked(self, now: State) -> tuple[Ledger, float]:
-        """Return the ledger of the state ``now`` after a step, and the energy [J] above the ceiling, at least 0."""
-        velocity, bound = kinematics_of(now.terms[inertia.NAME]).velocity, now.ledger.bound
-        energies = self._accounts.energies(now, velocity)
+    def book(self, before: State, now: State, h: float) -> tuple[State, float]:
+        """Return ``now`` with the ledger after an internal step of length ``h`` [s], and the energy [J] it created.
+
+        The work is computed by the trapezoidal rule. The work of obstacles on rigid bodies is already in the ledger of
+        ``now``, which is else that of ``before``. The uncertainty of the work is added to the bound. For each handle
+        and command, the uncertainty is the difference between this work and the work of the force at one end of the
+        step. The work of growth is unknown: if growth changes, the bound restarts.
+        """
+        ledger, (work, doubt) = now.ledger, work_between(before, now, self._handles)
+        drag = 0.0
+        if self._dynamics.damping.mass:
+            mean = 0.5 * (self.kinematics(before).velocity + self.kinematics(now).velocity)
+            drag = self._dynamics.damping.mass * h * np.vdot(mean, self._mass @ mean)
+        lost = ledger.lost + float(drag) + now.dissipated - before.dissipated
+        bound = ledger.bound.raised(doubt) if ledger.bound and now.operators is before.operators else None
+        ledger = Ledger(work=ledger.work + work, lost=lost)
+        energies = self.energies(now.with_(ledger=ledger))
         stirred = energies["kinetic"] + energies["elastic"]
         balance = stirred + energies["potential"] - energies["work"]
-        if bound is None:
-            return changed(now.ledger, bound=Bound(start=balance, least=balance, most=stirred)), 0.0
+        bound = bound or Bound(start=balance, least=balance, most=stirred)
         most = max(bound.most, stirred)
         ceiling = min(bound.start + self.ABOVE_START * most, bound.least + self._above_least * most)
         ceiling += self._noise + NEGLIGIBLE * sum(abs(energy) for energy in energies.values())
-        after = changed(bound, least=min(bound.least, balance), most=most)
-        return changed(now.ledger, bound=after), max(0.0, balance - ceiling)
+        bound = changed(bound, least=min(bound.least, balance), most=most)
+        return now.with_(ledger=changed(ledger, bound=bound)), max(0.0, balance - ceiling)
+
+    def energies(self, state: State) -> dict[str, float]:
+        """Return a dict from name to energy [J]; work and dissipated energy are totals since the start."""
+        stored = float(state.terms[viscosity.NAME]["stored"][0]) if self._dynamics.damps else 0.0
+        return {
+            "kinetic": self._kinetic(self.kinematics(state).velocity),
+            "elastic": state.summary.energy + stored,
+            "potential": state.balance.potential if state.balance else 0.0,
+            "work": state.ledger.work,
+            "dissipated": state.ledger.lost,
+        }
+
+    def _kinetic(self, velocity: Array) -> float:
+        return 0.5 * float(np.vdot(velocity, self._mass @ velocity))
 
 
-def told(state: State, excess: float, h: float, scheme: Scheme) -> State:
+def tell_excess(state: State, excess: float, h: float, scheme: Scheme) -> State:
     """Return a state with a message that its last step of length ``h`` [s] created the energy ``excess`` [J].
 
     The excess is added to the bound, so that the message appears only once.
     """
-    bound, summary = state.ledger.bound, state.summary
     text = (
         f"an internal step of {h:.3g} s gained {excess:.3g} J of energy without a source; remedy: a smaller "
         "dynamics.step, a start outside of all obstacles"
     ) + ("" if scheme == Scheme.BDF2 else ", or dynamics.scheme: bdf2")
-    raised = changed(bound, start=bound.start + excess, least=bound.least + excess)
-    failed = changed(summary, converged=False, message=join(summary.message, text))
-    return state.with_(summary=failed, ledger=changed(state.ledger, bound=raised))
+    told = state.flawed(join(state.summary.message, text))
+    return told.with_(ledger=changed(state.ledger, bound=state.ledger.bound.raised(excess)))

@@ -44,22 +44,19 @@ def stopped_at(
 
     The vertices are all those of some free bodies, which have moved rigidly, so that strains are as before.
     """
-    terms = dict(state.terms)
+    terms, places = dict(state.terms), positions[vertices]
     for contact in actuation.contacts:
         if np.isin(contact.vertices, vertices).any():
             terms[contact.name] = {**contact.neutral(), "lost": terms[contact.name]["lost"]}
     if terms[inertia.NAME]["h"][0]:
-        terms[inertia.NAME] = _stopped(terms[inertia.NAME], vertices, positions)
+        still = dict.fromkeys(("velocity", "velocity_before", "acceleration", "balanced", "pushed"), 0.0)
+        terms[inertia.NAME] = _with_rows(terms[inertia.NAME], vertices, positions=places, before=places, **still)
     if viscosity.NAME in terms:
-        terms[viscosity.NAME] = _unstrained(terms[viscosity.NAME], np.isin(body.cells[:, 0], vertices))
-    return state.with_(
-        positions=positions,
-        terms=terms,
-        motion=None,
-        tangent=None,
-        summary=changed(state.summary, converged=False, message=UNTOLD),
-        ledger=changed(state.ledger, failure=None),
-    )
+        saved, cells = terms[viscosity.NAME], np.isin(body.cells[:, 0], vertices)
+        rows = np.repeat(cells, len(saved["strain"]) // len(cells))
+        terms[viscosity.NAME] = _with_rows(saved, rows, before=saved["strain"][rows])
+    ledger = changed(state.ledger, failure=None)
+    return state.flawed(UNTOLD).with_(positions=positions, terms=terms, motion=None, tangent=None, ledger=ledger)
 
 
 def require_free(body: Body, state: State, names: Collection[str]) -> None:
@@ -77,12 +74,10 @@ def pulled(state: State, vertices: NDArray[np.int32], acceleration: NDArray[np.f
 
     The previous step is the one that a motion with this constant acceleration would have had.
     """
-    kept, pull = dict(state.terms[inertia.NAME]), acceleration[vertices]
-    h, places = float(kept["h"][0]), kept["positions"][vertices]
-    rows = {"acceleration": pull, "balanced": pull, "before": places + 0.5 * h * h * pull, "velocity_before": -h * pull}
-    for name, values in rows.items():
-        kept[name] = kept[name].copy()
-        kept[name][vertices] = values
+    saved, pull = state.terms[inertia.NAME], acceleration[vertices]
+    h, places = float(saved["h"][0]), saved["positions"][vertices]
+    last = {"before": places + 0.5 * h * h * pull, "velocity_before": -h * pull}
+    kept = _with_rows(saved, vertices, acceleration=pull, balanced=pull, **last)
     return state.with_(terms={**state.terms, inertia.NAME: kept})
 
 
@@ -91,22 +86,10 @@ def vertices_of(body: Body, places: Collection[str]) -> NDArray[np.int32]:
     return np.concatenate([each.vertices for each in body.rigid_bodies if each.name in places])
 
 
-def _stopped(saved: Saved, vertices: NDArray[np.int32], positions: NDArray[np.float64]) -> Saved:
-    """Return the stored inertia with ``vertices`` at ``positions`` (n, 3) [m] and without velocity."""
+def _with_rows(saved: Saved, rows: NDArray[np.generic], **values: NDArray[np.float64] | float) -> Saved:
+    """Return a stored state of a term with other ``values`` in some rows of its arrays."""
     kept = dict(saved)
-    for name in ("velocity", "velocity_before", "acceleration", "balanced", *inertia.OPTIONAL):
-        if name in saved:
-            kept[name] = saved[name].copy()
-            kept[name][vertices] = 0.0
-    for name in ("positions", "before"):
+    for name, value in values.items():
         kept[name] = saved[name].copy()
-        kept[name][vertices] = positions[vertices]
+        kept[name][rows] = value
     return kept
-
-
-def _unstrained(saved: Saved, cells: NDArray[np.bool_]) -> Saved:
-    """Return the stored viscosity with the strains of ``cells`` (m,) constant in time."""
-    rows = np.repeat(cells, len(saved["strain"]) // len(cells))
-    before = saved["before"].copy()
-    before[rows] = saved["strain"][rows]
-    return {**saved, "before": before}

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.solver.motion.dynamics import Dynamics, Scheme
+from gdfe_ros.solver.state import Saved
 from gdfe_ros.solver.value import changed
 
 Vectors = NDArray[np.float64]
@@ -25,25 +26,29 @@ Vectors = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Kinematics:
-    """Kinematics of the vertices at the end of a step; all (n, 3).
+    """Kinematics of the vertices at the end of a step; all arrays are (n, 3).
 
     Attributes:
+        positions: [m].
         velocity: [m/s].
         acceleration: [m/s^2].
         balanced: f [m/s^2], the acceleration by the forces at the end of the step.
         before: positions [m] at the end of the previous step.
         velocity_before: [m/s] at the end of the previous step.
+        pushed: mean acceleration [m/s^2] by contacts during the step.
+        h: length of the step [s]; 0 before the first step.
         first: whether there is no previous step, or the previous step has another length.
-        pushed: mean acceleration [m/s^2] by contacts during the step; None if contact is impossible.
     """
 
+    positions: Vectors
     velocity: Vectors
     acceleration: Vectors
     balanced: Vectors
     before: Vectors
     velocity_before: Vectors
+    pushed: Vectors
+    h: float
     first: bool = False
-    pushed: Vectors | None = None
 
     @classmethod
     def started(
@@ -51,33 +56,46 @@ class Kinematics:
     ) -> Kinematics:
         """Return kinematics at positions (n, 3) [m]; velocity and acceleration define the previous step."""
         return cls(
-            first=first,
+            positions=positions,
             velocity=velocity,
             acceleration=acceleration,
             balanced=acceleration,
             before=positions - h * velocity + 0.5 * h * h * acceleration,
             velocity_before=velocity - h * acceleration,
+            pushed=np.zeros_like(velocity),
+            h=h,
+            first=first,
         )
 
-    def trend(self, h: float) -> Vectors:
-        """Return the acceleration [m/s^2] that goes on after a step of length ``h`` [s].
+    @classmethod
+    def of(cls, saved: Saved) -> Kinematics:
+        """Return the kinematics of a stored state, the inverse of `saved`."""
+        return cls(**{**saved, "h": float(saved["h"][0]), "first": bool(saved["first"][0])})
+
+    @property
+    def saved(self) -> Saved:
+        """The kinematics as a stored state."""
+        return {**vars(self), "h": np.array([self.h]), "first": np.array([float(self.first)])}
+
+    @property
+    def trend(self) -> Vectors:
+        """The acceleration [m/s^2] that goes on after the step.
 
         Where contacts push, it is the change of the velocity in the last step. The forces at its end do not give it:
         of the contacts, only the mean force is known, and the forces that hold a vertex in a grip are many times as
         large as those that move it.
         """
-        if self.pushed is None or not self.pushed.any():
+        if not self.pushed.any():
             return self.acceleration
-        return (self.velocity - self.velocity_before) / h + self.pushed
+        return (self.velocity - self.velocity_before) / self.h + self.pushed
 
-    def restarted(self, positions: Vectors, h: float) -> Kinematics:
-        """Return the kinematics restarted at positions (n, 3) [m] with a new step length ``h`` [s].
+    def restarted(self, h: float) -> Kinematics:
+        """Return the kinematics restarted with a new step length ``h`` [s].
 
         The acceleration becomes the acceleration by the forces. The scheme's own acceleration may oscillate from step
         to step, and a much longer step would turn this oscillation into energy.
         """
-        acceleration = self.balanced if self.pushed is None else self.balanced + self.pushed
-        fresh = self.started(positions, self.velocity, acceleration, h, first=True)
+        fresh = self.started(self.positions, self.velocity, self.balanced + self.pushed, h, first=True)
         return changed(fresh, balanced=self.balanced, pushed=self.pushed)
 
 
@@ -105,11 +123,18 @@ class Rule:
     lag: Vectors | float = 0.0
 
     @classmethod
-    def of(cls, dynamics: Dynamics, h: float, x: Vectors, now: Kinematics) -> Rule:
-        """Return the rule of a step of length ``h`` [s] from positions ``x`` (n, 3) [m]."""
+    def of(cls, dynamics: Dynamics, h: float, now: Kinematics) -> Rule:
+        """Return the rule of a step of length ``h`` [s].
+
+        If the step length changes, `bdf2` restarts. `generalised_alpha` is replaced by the trapezoidal rule for one
+        step, because this rule does not use the previous step. An assumed previous step would create energy if two
+        lengths alternate.
+        """
+        anew = now.h != h or dynamics.restarts
+        now = now.restarted(h) if anew else now
         if dynamics.scheme is Scheme.BDF2:
-            return _bdf2(h, x, now)
-        return _generalised_alpha(dynamics.radius, h, x, now)
+            return _bdf2(h, now)
+        return _generalised_alpha(1.0 if anew else dynamics.radius, h, now)
 
     def velocity(self, x: Vectors) -> Vectors:
         """Return the velocity (n, 3) [m/s] at new positions."""
@@ -127,12 +152,12 @@ class Rule:
 def stiffness(dynamics: Dynamics, h: float) -> tuple[float, float]:
     """Return kappa [1/s^2] and theta [1/s] of a step of length ``h`` [s]; they do not depend on the kinematics."""
     none = np.zeros((0, 3))
-    still = Kinematics(velocity=none, acceleration=none, balanced=none, before=none, velocity_before=none)
-    rule = Rule.of(dynamics, h, none, still)
+    rule = Rule.of(dynamics, h, Kinematics.started(none, none, none, h))
     return rule.kappa, rule.theta
 
 
-def _bdf2(h: float, x: Vectors, now: Kinematics) -> Rule:
+def _bdf2(h: float, now: Kinematics) -> Rule:
+    x = now.positions
     if now.first:  # backward Euler: an assumed previous step may have far more energy than the body
         aim = x + h * now.velocity
         return Rule(theta=1.0 / h, drift=x, kappa_a=1.0 / h**2, rest=aim, kappa=1.0 / h**2, aim=aim)
@@ -143,7 +168,7 @@ def _bdf2(h: float, x: Vectors, now: Kinematics) -> Rule:
     return Rule(theta=theta, drift=drift, kappa_a=kappa, rest=aim, kappa=kappa, aim=aim, lag=_lag(theta, h, now))
 
 
-def _generalised_alpha(rho: float, h: float, x: Vectors, now: Kinematics) -> Rule:
+def _generalised_alpha(rho: float, h: float, now: Kinematics) -> Rule:
     """Return the rule of Chung and Hulbert (1993): (1 - am) a + am a_n = (1 - af) f + af f_n.
 
     With the spectral radius ``rho`` = 1 it is Newmark's average acceleration (the trapezoidal rule).
@@ -151,7 +176,7 @@ def _generalised_alpha(rho: float, h: float, x: Vectors, now: Kinematics) -> Rul
     am, af = (2.0 * rho - 1.0) / (rho + 1.0), rho / (rho + 1.0)
     beta, gamma = 0.25 * (1.0 - am + af) ** 2, 0.5 - am + af
     kappa_a, theta = 1.0 / (beta * h * h), gamma / (beta * h)
-    acceleration = now.acceleration if now.pushed is None else now.acceleration - now.pushed
+    x, acceleration = now.positions, now.acceleration - now.pushed
     rest = x + h * now.velocity + h * h * (0.5 - beta) * acceleration
     drift = rest - (now.velocity + h * (1.0 - gamma) * acceleration) / theta
     if rho == 1.0:  # the same without the large accelerations of light bodies
@@ -161,6 +186,6 @@ def _generalised_alpha(rho: float, h: float, x: Vectors, now: Kinematics) -> Rul
     return Rule(theta=theta, drift=drift, kappa_a=kappa_a, rest=rest, kappa=kappa, aim=aim, lag=_lag(theta, h, now))
 
 
-def _lag(theta: float, h: float, now: Kinematics) -> Vectors | float:
+def _lag(theta: float, h: float, now: Kinematics) -> Vectors:
     """Return `Rule.lag` if the contacts push as in the last step: by h^2 phi / 2, with the impulse h phi per mass."""
-    return 0.0 if now.pushed is None else (1.0 - 0.5 * theta * h) * h * now.pushed
+    return (1.0 - 0.5 * theta * h) * h * now.pushed

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
@@ -13,22 +14,26 @@ from gdfe_ros.constraints import Pose
 from gdfe_ros.materials.table import SHEAR
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.deadline import Deadline, past
+from gdfe_ros.solver.equilibrium.energy import EquilibriumSolver
 from gdfe_ros.solver.forces.actuation import Actuation
 from gdfe_ros.solver.motion import inertia
-from gdfe_ros.solver.motion.dynamics import Dynamics
+from gdfe_ros.solver.motion.dynamics import BackwardEuler, Dynamics, Scheme
 from gdfe_ros.solver.motion.flight import Flight
-from gdfe_ros.solver.motion.inertia import FreeMass, kinematics_of, saved_of
-from gdfe_ros.solver.motion.integrator import Integrator, InternalStep, Trial, failed, unfolded
-from gdfe_ros.solver.motion.ledger import Accounts, Ceiling, told
+from gdfe_ros.solver.motion.impulse import ContactImpulses
+from gdfe_ros.solver.motion.inertia import FreeMass, Inertia
+from gdfe_ros.solver.motion.internal_step import FlightPredictor, InternalStep, Trial, failed, reduction, unfolded
+from gdfe_ros.solver.motion.ledger import Accounts, tell_excess
 from gdfe_ros.solver.motion.putting import pulled, put_elsewhere, require_free, stopped_at, vertices_of
 from gdfe_ros.solver.motion.scheme import Kinematics
+from gdfe_ros.solver.motion.viscosity import Viscosity
 from gdfe_ros.solver.settings import Skip, SolverSettings
-from gdfe_ros.solver.solution import Solution
+from gdfe_ros.solver.solution import Increment, Solution
 from gdfe_ros.solver.state import State
 from gdfe_ros.solver.stepping.march import March
-from gdfe_ros.solver.stepping.placing import placed, require_own
+from gdfe_ros.solver.stepping.path import Verdict
+from gdfe_ros.solver.stepping.placing import completed, placed
 from gdfe_ros.solver.terms.term import Term
-from gdfe_ros.solver.value import changed
+from gdfe_ros.solver.value import NEGLIGIBLE, changed
 from gdfe_ros.solver.vectors import largest
 
 
@@ -55,6 +60,13 @@ class MotionStepper:
     """
     RELAXED = 3.0
     """Lower bound of the time of `CALM`, divided by the longest relaxation time of the body."""
+    HELD = 3.0
+    """A body that only handles hold has a tolerance larger by this factor, and the distance is at least h |v|. With
+    free bodies, only the accuracy of the solve conserves the momentum. Pressures always have the smaller tolerance:
+    pressures that lag behind the motion add energy. `newmark` has no dissipation, and never gets the factor.
+    """
+    KEPT = 8
+    """Number of pairs of a scheme and a step length whose factors are kept."""
     SHORTEST = 1e-2
     """Durations below this fraction of the longest internal step are only added up: differences over so short a time
     give only noise as acceleration.
@@ -70,15 +82,39 @@ class MotionStepper:
     ) -> None:
         self.body, self._settings, self._dynamics, self.mass = body, settings, dynamics, mass
         self.free_mass = FreeMass(body, mass)
-        made = body, settings, dynamics, mass, self.free_mass, acting
-        self._integrator, self._euler = Integrator(*made), Integrator(*made, euler=True)
-        self.equilibrium = self._integrator.equilibrium(dynamics.step)
+        self._euler, self._acting, self._impulses = BackwardEuler.of(dynamics), acting, ContactImpulses(self.free_mass)
+        self._made: dict[tuple[bool, float], EquilibriumSolver] = {}
+        self.equilibrium = self.equilibrium_of(dynamics, dynamics.step)
         self.actuation = self.equilibrium.actuation
-        self._accounts = Accounts(body, mass, dynamics, self.equilibrium.handles)
-        self._ceiling = Ceiling(body, dynamics.scheme, settings.tolerance, self._accounts)
+        self._accounts = Accounts(body, mass, dynamics, self.equilibrium.handles, settings.tolerance)
+        # Pressures that lag behind a motion add energy to it; without damping they must not lag.
+        self._fed = dynamics.scheme is not Scheme.BDF2 and not (dynamics.damps or dynamics.damping.mass)
+        self._held = bool(body.handles) and not body.rigid_bodies
+        self._coarser = 1.0 if dynamics.undamped else self.HELD
         self._calm = max(
             self.CALM, self.RELAXED * dynamics.relaxation(body.table.parameters[body.material][:, SHEAR].min())
         )
+
+    def equilibrium_of(self, dynamics: Dynamics, h: float) -> EquilibriumSolver:
+        """Return the equilibrium solver of internal steps of length ``h`` [s]."""
+        key = dynamics.restarts, h
+        if key in self._made:
+            return self._made[key]
+        own = [Inertia(self.body, self.mass, dynamics, h)]
+        if dynamics.damps:
+            own.append(Viscosity(self.body, dynamics, h))
+        masses = np.asarray(self.mass.sum(axis=1)).ravel()
+        while len(self._made) >= self.KEPT:
+            del self._made[next(iter(self._made))]
+        self._made[key] = EquilibriumSolver(
+            self.body,
+            self._acting(own),
+            skip=self._settings.skip,
+            threads=self._settings.threads,
+            predictor=lambda *given: FlightPredictor(self.body, *given, h, masses),
+            softening=not self._dynamics.undamped,
+        )
+        return self._made[key]
 
     def at_rest(self) -> State:
         """Return the initial state: the rest shape with the initial velocities of the scene."""
@@ -89,7 +125,7 @@ class MotionStepper:
         same = state.poses == targets and state.commands == commands and state.summary.converged
         if not (same and Skip.SOLVE in self._settings.skip and self.body.handles and self._began(state)):
             return False
-        now, near = self._kinematics(state), self._settings.tolerance * self.body.size
+        now, near = self._accounts.kinematics(state), self._settings.tolerance * self.body.size
         slow = self._calm * largest(now.velocity.ravel()) <= near
         return slow and self._calm**2 * largest(now.acceleration.ravel()) <= near
 
@@ -116,56 +152,98 @@ class MotionStepper:
         has no velocity. An interruption discards the internal step in progress. The ``observer`` is called after each
         internal step.
         """
-        due = state.ledger.owed + duration
-        if due < self.SHORTEST * self._dynamics.step:
-            return _noted(state.with_(ledger=changed(state.ledger, owed=due)), duration)
+        owed, step = state.ledger.owed, self._dynamics.step
+        due = owed + duration
+        if due < self.SHORTEST * step:
+            noted = state.with_(ledger=changed(state.ledger, owed=due))
+            return March(state=noted, reached=True, simulated=duration, skipped={Skip.SOLVE.value: 1})
         began = self.started(state, commands)
         if observer is not None and began is not state:
-            observer(InternalStep(before=state, after=began, h=self._dynamics.step))
-        flight = Flight.over(due, self._dynamics.step, began, targets, commands)
-        failure = state.ledger.failure if Skip.SOLVE in self._settings.skip else None
+            observer(InternalStep(before=state, after=began, h=step))
+        given = {"tolerance": self._settings.tolerance, "limit": self._settings.max_iterations, "deadline": deadline}
+        goal = Increment(poses=targets, commands=commands, **given)
+        count = max(1, math.ceil(due / step - NEGLIGIBLE))
+        march = self._fly(Flight.over(began, goal, count, duration=due), observer)
+        # An earlier step has reported the time that was owed.
+        ledger = changed(march.state.ledger, owed=max(0.0, owed - march.simulated))
+        return changed(march, state=march.state.with_(ledger=ledger), simulated=max(0.0, march.simulated - owed))
+
+    def _fly(self, flight: Flight, observer: Callable[[InternalStep], None] | None) -> March:
+        """Return the outcome of a flight."""
+        failure = flight.state.ledger.failure if Skip.SOLVE in self._settings.skip else None
         if failure is not None and flight.repeats(failure):
-            march = changed(flight, flaw=failure.reason).march({Skip.SOLVE.value: 1})
-            return _told(march, state.ledger.owed)
+            return changed(flight, flaw=failure.reason).march({Skip.SOLVE.value: 1})
+        deadline = flight.goal.deadline
         while not flight.arrived:
-            tried = self._tried(flight, self._integrator, deadline)
-            flight, solution = tried.flight, tried.solution
-            if tried.interrupted:
-                flight = changed(flight, flaw=solution.message)
+            trial = self._try(flight, self._dynamics)
+            flight, verdict = trial.flight, trial.verdict
+            if verdict is Verdict.WITHDRAW:
+                return flight.withdrawn(trial.solution, self.equilibrium.skipped(), hurried=past(deadline))
+            if verdict is Verdict.STOP:
+                flight = changed(flight, flaw=trial.solution.message)
                 break
-            if tried.halves:
+            if verdict is Verdict.HALVE:
                 flight = flight.halved()
                 continue
-            if tried.accepted is None:
-                skipped = self.equilibrium.skipped()
-                return _told(flight.withdrawn(solution, skipped, hurried=past(deadline)), state.ledger.owed)
-            before, flight = flight.state, flight.went(tried.accepted)
             if observer is not None:
-                observer(tried.observed(before, flight.state, flight.done / flight.total))
+                observer(trial.step)
+            flight = flight.went(trial.step.after)
             if not flight.arrived and past(deadline):
                 flight = changed(flight, flaw=flight.flaw or deadline.reason)
                 break
-        return _told(flight.march(self.equilibrium.skipped()), state.ledger.owed)
+        return flight.march(self.equilibrium.skipped())
 
-    def _tried(self, flight: Flight, integrator: Integrator, deadline: Deadline | None) -> Trial:
+    def _try(self, flight: Flight, dynamics: Dynamics) -> Trial:
         """Solve the next internal step; repeat it with the Euler scheme if it created energy."""
-        interruption, h = deadline.interruption if deadline else None, flight.length
-        solution = integrator.solve(flight, h, interruption)
+        deadline, h = flight.goal.deadline, flight.length
+        interruption = deadline.interruption if deadline else None
+        solution = self._solve(flight, dynamics, interruption)
         flight = flight.tried(solution)
-        given = {"flight": flight, "solution": solution, "h": h, "integrator": integrator}
+        given = {"flight": flight, "solution": solution}
         if solution.cut and past(interruption):
-            return Trial(**given, interrupted=True)
-        halves = failed(solution) and flight.can_halve and not past(deadline)
-        if halves or not (unfolded(solution) or flight.endures(solution)):
-            return Trial(**given, halves=halves)
-        accepted, excess = self._accepted(integrator, flight.state, solution, h)
-        if not excess:
-            return Trial(**given, accepted=accepted)
-        if integrator is self._integrator:
-            return self._tried(flight, self._euler, deadline)
-        if flight.can_halve and not past(deadline):
-            return Trial(**given, halves=True)
-        return Trial(**given, accepted=told(accepted, excess, h, self._dynamics.scheme))
+            return Trial(**given, verdict=Verdict.STOP)
+        if failed(solution) and flight.can_halve and not past(deadline):
+            return Trial(**given, verdict=Verdict.HALVE)
+        if not (unfolded(solution) or flight.endures(solution)):
+            return Trial(**given, verdict=Verdict.WITHDRAW)
+        before = flight.state
+        after, excess = self._accounts.book(before, self._accepted(dynamics, before, solution, h), h)
+        if excess and dynamics is self._dynamics:
+            return self._try(flight, self._euler)
+        if excess and flight.can_halve and not past(deadline):
+            return Trial(**given, verdict=Verdict.HALVE)
+        if excess:
+            after = tell_excess(after, excess, h, self._dynamics.scheme)
+        step = InternalStep(before=before, after=after, h=h, share=flight.next, dynamics=dynamics)
+        return Trial(**given, verdict=Verdict.ACCEPT, step=step)
+
+    def _solve(self, flight: Flight, dynamics: Dynamics, interruption: Deadline | None) -> Solution:
+        """Return the solution of the next internal step of ``flight``."""
+        state, h, (poses, commands) = flight.state, flight.length, flight.aim
+        now = Kinematics.of(state.terms[inertia.NAME])
+        bent, moved = h * h * largest(now.acceleration.ravel()), h * largest(now.velocity.ravel())
+        size, tolerance = self.body.size, self._settings.tolerance
+        problem = changed(
+            flight.goal,
+            poses=poses,
+            commands=commands,
+            tolerance=tolerance * reduction(self._coarser * max(bent, moved) if self._held else bent, size),
+            deadline=interruption,
+            keeping=tolerance,
+            volumes=tolerance * reduction(bent, size) if self._fed else None,
+        )
+        return self.equilibrium_of(dynamics, h).solve(problem, state)
+
+    def _accepted(self, dynamics: Dynamics, state: State, solution: Solution, h: float) -> State:
+        """Return the state after an internal step of length ``h`` [s] from ``state``, with the ledger of ``state``."""
+        equilibrium = self.equilibrium_of(dynamics, h)
+        now = equilibrium.accept(solution, state)
+        balance = now.balance or equilibrium.actuation.balance(now.positions, now.commands)
+        return self.struck(dynamics, state, now.with_(unfinished=None, balance=balance, sound=True), h)
+
+    def struck(self, dynamics: Dynamics, before: State, now: State, h: float) -> State:
+        """Return the state ``now`` after an internal step from ``before``, with the impulses of the contacts."""
+        return self._impulses.add(dynamics, before, now, h, self.equilibrium_of(dynamics, h).actuation.contacts)
 
     def place(self, state: State, positions: NDArray[np.float64]) -> State:
         """Return a state at ``positions`` (n, 3) [m] with the initial velocities; handles keep their poses."""
@@ -182,22 +260,15 @@ class MotionStepper:
         """
         found = put_elsewhere(self.body, self.equilibrium.handles, self.actuation, state, places)
         require_free(self.body, found, places)
-        return self._let_go(found, vertices_of(self.body, places), before=state)
+        return self.carried(self.released(found, vertices_of(self.body, places)), state)
 
     def carry(self, state: State, vertices: NDArray[np.int32], positions: NDArray[np.float64]) -> State:
         """Return a state with the vertices of soft bodies at their rows of ``positions`` (n, 3) [m], without velocity.
 
         The bodies have moved rigidly. The change of energy counts as work done on them.
         """
-        return self._let_go(stopped_at(self.body, self.actuation, state, vertices, positions), vertices, before=state)
-
-    def _let_go(self, found: State, vertices: NDArray[np.int32], *, before: State) -> State:
-        """Return ``found``, in which ``vertices`` are at other places than ``before``, with accelerations and work."""
-        found = self.released(found, vertices)
-        first, last = (self.actuation.balance(each.positions, before.commands) for each in (before, found))
-        kinetic = [self._accounts.energies(each, self.velocities(each))["kinetic"] for each in (before, found)]
-        work = before.ledger.work + last.potential - first.potential + kinetic[1] - kinetic[0]
-        return found.with_(balance=last, ledger=changed(found.ledger, work=work))
+        found = stopped_at(self.body, self.actuation, state, vertices, positions)
+        return self.carried(self.released(found, vertices), state)
 
     def released(self, state: State, vertices: NDArray[np.int32]) -> State:
         """Return ``state`` in which ``vertices``, which do not move, have the accelerations by their forces."""
@@ -219,44 +290,29 @@ class MotionStepper:
         return found.with_(ledger=changed(found.ledger, work=work))
 
     def carried(self, state: State, before: State) -> State:
-        """Return ``state`` with the account of energies of ``before``: the body was carried here without work."""
-        ledger = changed(state.ledger, work=before.ledger.work, lost=before.ledger.lost)
+        """Return ``state`` with the account of energies of ``before``: what has changed between them is work done."""
+        ledger = changed(state.ledger, lost=before.ledger.lost)
         return self.continued(state.with_(ledger=ledger), self.unbalanced(before))
 
     def completed(self, state: State) -> State:
-        """Return a state that was read from an archive, with the operators that follow from its commands."""
-        require_own(state, self.at_rest())
-        growths = self.actuation.growths
-        return state.with_(operators=growths.at(state.commands, growths.ungrown))
+        """Return a state that was read from an archive; see `placing.completed`."""
+        return completed(state, self.at_rest(), self.actuation.growths, self._settings.tolerance)
 
     def velocities(self, state: State) -> NDArray[np.float64]:
         """Return the velocity (n, 3) [m/s] of every vertex, a copy."""
-        return self._kinematics(state).velocity.copy()
+        return self._accounts.kinematics(state).velocity.copy()
 
     def accelerations(self, state: State) -> NDArray[np.float64]:
         """Return the acceleration (n, 3) [m/s^2] of every vertex; with contact, the mean one of the last step."""
-        return self._kinematics(state).trend(float(state.terms[inertia.NAME]["h"][0]) or self._dynamics.step)
+        return self._accounts.kinematics(state).trend
 
     def largest_acceleration(self, state: State) -> float:
         """Return the largest acceleration [m/s^2] of any vertex by the forces at the end of the step."""
-        return float(largest(self._kinematics(state).acceleration.ravel()))
+        return float(largest(self._accounts.kinematics(state).acceleration.ravel()))
 
     def energies(self, state: State) -> dict[str, float]:
         """Return a dict from name to energy [J]; work and dissipated energy are totals since the start."""
-        return self._accounts.energies(state, self._kinematics(state).velocity)
-
-    def _accepted(self, integrator: Integrator, state: State, solution: Solution, h: float) -> tuple[State, float]:
-        """Return the state after an internal step of length ``h`` [s], and the energy [J] that the step created."""
-        now = integrator.accepted(state, solution, h)
-        now = now.with_(ledger=self._accounts.after(state, now, h))
-        ledger, excess = self._ceiling.checked(now)
-        return now.with_(ledger=ledger), excess
-
-    def _kinematics(self, state: State) -> Kinematics:
-        if self._began(state):
-            return kinematics_of(state.terms[inertia.NAME])
-        velocity = self._accounts.velocity_at_start(state.positions)
-        return Kinematics.started(state.positions, velocity, np.zeros_like(velocity), 0.0)
+        return self._accounts.energies(state)
 
     def _began(self, state: State) -> bool:
         return bool(state.terms[inertia.NAME]["h"][0])
@@ -274,31 +330,16 @@ class MotionStepper:
         pull = -self.equilibrium.forces(state) - self._dynamics.damping.mass * (self.mass @ velocity)
         acceleration = self.free_mass.accelerated(pull)
         kinematics = Kinematics.started(state.positions, velocity, acceleration, h, first=True)
-        terms = {**state.terms, inertia.NAME: saved_of(kinematics, h=h, positions=state.positions)}
+        terms = {**state.terms, inertia.NAME: kinematics.saved}
         balance = self.actuation.balance(state.positions, state.commands)
         ledger = changed(state.ledger, work=state.ledger.work + self._raised(state, before))
         return state.with_(terms=terms, balance=balance, ledger=self._accounts.begun(ledger, acceleration, h))
 
     def _raised(self, state: State, before: Mapping[str, float]) -> float:
         """Return the change [J] of the loads' potential if loads start to act on a body that is already displaced."""
-        rest = self.at_rest().positions
-        if np.array_equal(rest, state.positions):
-            return 0.0
+        at = self.actuation.balance
         now, then = (
-            self.actuation.balance(state.positions, given).potential - self.actuation.balance(rest, given).potential
+            at(state.positions, given).potential - at(self.body.rest, given).potential
             for given in (state.commands, before)
         )
         return now - then
-
-
-def _noted(state: State, duration: float) -> March:
-    """Return the outcome of a step in which only time passed."""
-    summary, counts = state.summary, {"iterations": 0, "increments": 0, "skipped": {Skip.SOLVE.value: 1}}
-    said = {"converged": summary.converged, "message": summary.message}
-    return March(state=state, reached=True, simulated=duration, **said, **counts)
-
-
-def _told(march: March, owed: float) -> March:
-    """Return an outcome whose simulated time excludes ``owed`` [s], which an earlier step has reported."""
-    ledger = changed(march.state.ledger, owed=max(0.0, owed - march.simulated))
-    return changed(march, state=march.state.with_(ledger=ledger), simulated=max(0.0, march.simulated - owed))

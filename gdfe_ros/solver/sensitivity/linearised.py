@@ -108,7 +108,7 @@ class Linearised:
         self._system: ConjugateResiduals | None = None
         self.body, self.actuation = equilibrium.body, equilibrium.actuation
         solve = Solve.at(equilibrium.model, end)
-        task = solve.evaluate(equilibrium.whole, threads=None)
+        task = solve.evaluate()
         self._watch, self._unknowns = task.problem.watch, self.body.unknowns
         work = equilibrium.whole.workspace
         self.x, self.u, self.frame = work.x.copy(), work.u.copy(), task.problem.frame
@@ -246,7 +246,7 @@ class Linearised:
 
     def _soften(self, equilibrium: EquilibriumSolver) -> None:
         """Compute d(element forces)/d(hourglass scale), if the hourglass scales depend on strains."""
-        self.softening = equilibrium.whole.softening if equilibrium.model.softening else np.zeros(0, np.int32)
+        self.softening = equilibrium.whole.softening
         if not len(self.softening):
             return
         # the force is linear in the scale

@@ -13,7 +13,7 @@ from gdfe_ros.blas import one_blas_thread
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.solver.minimise.curvature import TangentProducts
 from gdfe_ros.solver.motion import inertia
-from gdfe_ros.solver.motion.integrator import InternalStep
+from gdfe_ros.solver.motion.internal_step import InternalStep
 from gdfe_ros.solver.motion.stepper import MotionStepper
 from gdfe_ros.solver.sensitivity.columns import Tangents, own_side, pair_of
 from gdfe_ros.solver.sensitivity.parameter import Parameter, moved
@@ -85,13 +85,13 @@ class Trail:
             return
         try:
             with one_blas_thread():
-                self.columns = self._started(stage) if stage.integrator is None else self._stepped(stage)
+                self.columns = self._started(stage) if stage.dynamics is None else self._stepped(stage)
         except GdfeError as error:
             self.flaw = str(error)
 
     def _stepped(self, stage: InternalStep) -> list[Carried]:
-        integrator, h = stage.integrator, stage.h
-        equilibrium, body = integrator.equilibrium(h), self._stepper.body
+        dynamics, h, body = stage.dynamics, stage.h, self._stepper.body
+        equilibrium = self._stepper.equilibrium_of(dynamics, h)
         if id(equilibrium) not in self._tangents:
             while len(self._tangents) >= self.MOST_LENGTHS:
                 del self._tangents[next(iter(self._tangents))]
@@ -101,7 +101,7 @@ class Trail:
         try:
             for parameter, column, began in zip(self.parameters, self.columns, self._began, strict=True):
                 share = began + stage.share * (1.0 - began)
-                pairs = [pair_of(parameter, own, h=h, scheme=integrator.dynamics, share=share)]
+                pairs = [pair_of(parameter, own, h=h, scheme=dynamics, share=share)]
                 if (history := self._history(own, parameter, column)) is not None:
                     pairs.append(history)
                 made = Column(solve, pairs)
@@ -128,12 +128,11 @@ class Trail:
 
     def _left(self, stage: InternalStep, side: VariedInputs, x: NDArray[np.float64]) -> Kept:
         """Return the terms' states after a varied step that ends at ``x``, and, as `REACTIONS`, the reactions."""
-        integrator, h = stage.integrator, stage.h
-        terms = {}
-        for term in integrator.equilibrium(h).actuation.terms:
+        dynamics, h, terms = stage.dynamics, stage.h, {}
+        for term in self._stepper.equilibrium_of(dynamics, h).actuation.terms:
             terms[term.name] = side.terms.get(term.name, term).finish(side.start.terms[term.name], x)
         now = stage.after.with_(positions=x, poses=side.poses, commands=side.commands, terms=terms)
-        now = integrator.followed(side.start, now, h)
+        now = self._stepper.struck(dynamics, side.start, now, h)
         return {**now.terms, REACTIONS: now.summary.reactions}
 
     def _started(self, stage: InternalStep) -> list[Carried]:

@@ -77,7 +77,7 @@ class Variant:
         terms = dict(self._loads)
         if h is None:
             return terms
-        dynamics = replace(self.dynamics, scheme=scheme.scheme, rho_inf=scheme.rho_inf)
+        dynamics = replace(scheme, damping=self.dynamics.damping, prony=self.dynamics.prony)
         terms[inertia.NAME] = Inertia(self._body, self.mass, dynamics, h)
         if dynamics.damps:
             terms[viscosity.NAME] = Viscosity(self._body, dynamics, h)

@@ -3,25 +3,24 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from gdfe_ros.solver.elements.barrier import THRESHOLD
+from gdfe_ros.solver.solution import Found
 from gdfe_ros.solver.state import State
 from gdfe_ros.solver.value import changed
 from gdfe_ros.solver.vectors import largest_distance
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class March:
+class March(Found):
     """Outcome of following a load path.
 
     Attributes:
-        state: state at the end.
+        state: state at the end; it has not converged if the commands were not reached.
+        reached: whether the commands were reached.
         iterations: number of iterations of all increments.
         increments: number of attempted increments, including failed increments.
-        reached: whether the commands were reached.
-        converged: whether the state is an equilibrium at the commands.
-        message: description of the defect; empty if there is none.
         skipped: dict from kind of work to the count that the last solve left out, as in `StepResult`.
         snapped: whether the load path ended in a jump to another equilibrium.
         restarts: 1 if the undeformed body, or dropped contacts, led to the state instead of the load path; otherwise 0.
@@ -33,33 +32,22 @@ class March:
     SAME = 1e-6
     """Two energies count as equal if their relative difference is at most this."""
 
-    state: State
-    iterations: int
-    increments: int
     reached: bool
-    converged: bool
-    message: str
-    skipped: dict[str, int]
+    increments: int = 0
+    skipped: dict[str, int] = field(default_factory=dict)
     snapped: bool = False
     restarts: int = 0
     simulated: float | None = None
 
-    @classmethod
-    def refused(cls, state: State, message: str) -> March:
-        """Return the outcome of a step that is refused because a command is impossible."""
-        stays = state.with_(summary=changed(state.summary, converged=False, message=message))
-        counts = {"iterations": 0, "increments": 0, "skipped": {}}
-        return cls(state=stays, reached=False, converged=False, message=message, **counts)
-
     @property
     def sound(self) -> bool:
         """Whether the state is an equilibrium at the commands, without a folded or inverted element."""
-        return self.reached and self.converged and self.state.summary.min_det > 0.0
+        return self.reached and self.converged and self.min_det > 0.0
 
     @property
     def inverted(self) -> bool:
         """Whether an element is folded or inverted, or a position is NaN."""
-        return not self.state.summary.min_det > 0.0
+        return not self.min_det > 0.0
 
     @property
     def flaw(self) -> str:
@@ -67,10 +55,6 @@ class March:
         if self.inverted:
             return "folded or inverted elements"
         return "another equilibrium, higher in energy" if self.sound else "no equilibrium"
-
-    def differs(self, other: March, reach: float) -> bool:
-        """Return whether a vertex of the two outcomes differs by more than ``reach`` [m]."""
-        return not largest_distance(self.state.positions, other.state.positions) <= reach
 
     def is_better(self, other: March, reach: float, *, gain: float) -> bool:
         """Return whether this outcome, which started from the undeformed body, is better than ``other``.
@@ -88,21 +72,18 @@ class March:
             return self.sound
         if not self.sound:
             return other.inverted and not self.inverted
-        return self.differs(other, reach) and gain >= -self.SAME * other.state.summary.energy
+        differs = not largest_distance(self.state.positions, other.state.positions) <= reach
+        return differs and gain >= -self.SAME * other.state.summary.energy
 
-    def counting(self, first: March, second: March) -> March:
-        """Return this outcome with the iterations and increments of two outcomes, of which it is one."""
-        iterations, increments = first.iterations + second.iterations, first.increments + second.increments
+    def counting(self, other: March) -> March:
+        """Return this outcome with the iterations and increments of another one added."""
+        iterations, increments = self.iterations + other.iterations, self.increments + other.increments
         return changed(self, iterations=iterations, increments=increments)
 
-    def marked(self, *, suspect: bool) -> March:
-        """Return this outcome with this mark (see `State`) and its message in its state."""
-        end = self.state
-        if (end.summary.converged, end.summary.message) != (self.converged, self.message):
-            end = end.with_(summary=changed(end.summary, converged=self.converged, message=self.message))
-        if end.suspect != suspect:
-            end = end.with_(suspect=suspect)
-        return self if end is self.state else changed(self, state=end)
+    def told(self, message: str, *, converged: bool) -> March:
+        """Return this outcome with another message, and whether it has converged."""
+        summary = changed(self.state.summary, converged=converged, message=message)
+        return changed(self, state=self.state.with_(summary=summary))
 
 
 def crumpled(state: State) -> bool:

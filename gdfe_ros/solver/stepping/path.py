@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Load path of a step from the present commands to the target, its attempted increments, and the verdicts on them."""
+"""Path of a step, in load or in time, from the present commands to the target; attempts on load paths, and verdicts."""
 
 from __future__ import annotations
 
@@ -7,24 +7,25 @@ import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.constraints import Pose
-from gdfe_ros.solver.deadline import Deadline
-from gdfe_ros.solver.elements.barrier import THRESHOLD
 from gdfe_ros.solver.forces.actuation import inflated
-from gdfe_ros.solver.handle_motions import HandleMotions
+from gdfe_ros.solver.handle_motions import HandleMotions, find_deviation
 from gdfe_ros.solver.matrix.rotation import apply_left_jacobian
 from gdfe_ros.solver.outcome import Outcome, join, tell
-from gdfe_ros.solver.solution import Solution
+from gdfe_ros.solver.solution import Increment, Solution
 from gdfe_ros.solver.state import State
-from gdfe_ros.solver.value import NEGLIGIBLE, changed
+from gdfe_ros.solver.stepping.march import March
+from gdfe_ros.solver.value import changed
 from gdfe_ros.solver.vectors import largest_distance
 
 LARGEST_TURN = math.radians(100.0)
 """Largest rotation of a handle in one increment [rad]."""
+AnyPath = TypeVar("AnyPath", bound="Path")
 Place = tuple[Mapping[str, Pose], Mapping[str, float]]
 """Dict from handle or obstacle to its pose, and dict from actuator or load to its command."""
 
@@ -59,23 +60,10 @@ def on_path(began: Place, goal: Place, share: float, centres: Mapping[str, NDArr
         return goal
     poses = {name: began[0][name].blend(target, share) for name, target in goal[0].items()}
     if centres:
-        beside = _beside(began[0], goal[0], poses, centres) - share * _beside(began[0], goal[0], goal[0], centres)
+        beside = find_deviation(began[0], poses, centres) - share * find_deviation(began[0], goal[0], centres)
         for name, shift in zip(centres, beside, strict=True):
             poses[name] = Pose(tuple(poses[name].translation - shift), poses[name].rotation)
     return poses, {name: value + share * (goal[1][name] - value) for name, value in began[1].items()}
-
-
-def _beside(
-    began: Mapping[str, Pose],
-    goal: Mapping[str, Pose],
-    poses: Mapping[str, Pose],
-    centres: Mapping[str, NDArray[np.float64]],
-) -> NDArray[np.float64]:
-    """Return how far handles at ``poses`` are (k, 3) [m] from a rigid rotation about the mean of their ``centres``."""
-    start, here = (np.array([centres[name] + each[name].translation for name in centres]) for each in (began, poses))
-    arms = start - start.mean(axis=0)
-    turned = np.array([poses[name].turn_from(began[name]) @ arm for name, arm in zip(centres, arms, strict=True)])
-    return here - here.mean(axis=0) - turned
 
 
 class Verdict(Enum):
@@ -88,105 +76,120 @@ class Verdict(Enum):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Goal:
-    """Target of a step.
+class Path:
+    """A path of commands, in load or in time, and the progress on it.
+
+    The path consists of units. An attempt covers ``size`` of them, at first as many as were planned, and after failures
+    half as many.
 
     Attributes:
-        poses: pose of every handle, relative to its rest pose.
-        commands: command of every actuator and load.
-        tolerance: allowed distance to the equilibrium, divided by the body's size.
-        deadline: once it has passed, the step ends with the state that it has reached; None for no deadline.
+        began: the state at the beginning.
+        state: the present state.
+        goal: request for the end of the path.
+        total: number of units of the whole path.
+        size: number of units of the next attempt.
+        done: number of completed units.
+        iterations, attempts: numbers of iterations and of attempts so far.
+        centres: centres (3,) [m] of the handles if they move nearly as one rigid body, otherwise empty.
     """
 
-    poses: Mapping[str, Pose]
-    commands: Mapping[str, float]
-    tolerance: float
-    deadline: Deadline | None = None
+    WHOLE = 1
+    """Number of units of an attempt that is not halved."""
+
+    began: State
+    state: State
+    goal: Increment
+    total: int
+    size: int
+    done: int = 0
+    iterations: int = 0
+    attempts: int = 0
+    centres: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
+
+    @classmethod
+    def over(cls: type[AnyPath], state: State, goal: Increment, count: int, **more: object) -> AnyPath:
+        """Return the path from a state to a goal in ``count`` equal attempts."""
+        return cls(began=state, state=state, goal=goal, total=cls.WHOLE * count, size=cls.WHOLE, **more)
+
+    @property
+    def arrived(self) -> bool:
+        """Whether the whole path is completed."""
+        return self.done >= self.total
+
+    @property
+    def covered(self) -> float:
+        """Fraction of the path that is completed."""
+        return self.done / self.total
+
+    @property
+    def next(self) -> float:
+        """Fraction of the path that is completed after the next attempt, if that succeeds."""
+        return (self.done + self.size) / self.total
+
+    @property
+    def aim(self) -> Place:
+        """Poses and commands at the end of the next attempt."""
+        began, goal = ((each.poses, each.commands) for each in (self.began, self.goal))
+        return on_path(began, goal, self.next, self.centres)
+
+    def tried(self: AnyPath, solution: Solution, **seen: object) -> AnyPath:
+        """Return the path after an attempt, with its iterations and other changes."""
+        iterations = self.iterations + solution.iterations
+        return changed(self, iterations=iterations, attempts=self.attempts + 1, **seen)
+
+    def halved(self: AnyPath) -> AnyPath:
+        """Return the path with the next attempt halved."""
+        return changed(self, size=self.size // 2)
+
+    def went(self: AnyPath, state: State) -> AnyPath:
+        """Return the path after an attempt that led to ``state``."""
+        return changed(self, state=state, done=self.done + self.size)
+
+    def march(self, skipped: dict[str, int], **more: object) -> March:
+        """Return the outcome of the path so far."""
+        counts = {"iterations": self.iterations, "increments": self.attempts}
+        return March(state=self.state, reached=self.arrived, skipped=skipped, **counts, **more)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class LoadPath:
-    """A load path and the progress on it.
+class LoadPath(Path):
+    """A path of equilibria.
 
     Attributes:
-        poses, commands: poses and commands at the beginning.
-        goal: target at the end.
         budget: largest number of iterations on the load path.
-        length: fraction of the load path that the next attempt covers.
-        centres: centres (3,) [m] of the handles if they move nearly as one rigid body, otherwise empty.
-        done: fraction of the load path that is completed.
-        iterations, attempts: numbers of iterations and of attempts so far.
         jumped: whether the body has jumped to another equilibrium in an attempt.
         folded: whether an attempt ended in folded or inverted elements, or failed with corners pressed flat.
         unstable: name of a chamber that lost its stability in an attempt; empty for none.
     """
 
-    SHORTEST_SUBSTEP = 1.0 / 256.0
+    SHORTEST = 1.0 / 256.0
     """An increment of at most this fraction of a load path is not halved again."""
+    WHOLE = 256
 
-    poses: Mapping[str, Pose]
-    commands: Mapping[str, float]
-    goal: Goal
     budget: int
-    length: float
-    centres: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
-    done: float = 0.0
-    iterations: int = 0
-    attempts: int = 0
     jumped: bool = False
     folded: bool = False
     unstable: str = ""
 
-    @classmethod
-    def between(
-        cls, state: State, goal: Goal, increments: int, limit: int, centres: Mapping[str, NDArray[np.float64]]
-    ) -> LoadPath:
-        """Return the load path from a state to a goal; its budget is ``increments`` times ``limit`` iterations."""
-        began = {"poses": state.poses, "commands": state.commands, "centres": centres}
-        return cls(goal=goal, budget=increments * limit, length=1.0 / increments, **began)
-
     @property
     def moves(self) -> bool:
         """Whether the poses or commands at the end differ from those at the beginning."""
-        return self.poses != self.goal.poses or self.commands != self.goal.commands
+        return self.began.poses != self.goal.poses or self.began.commands != self.goal.commands
+
+    @property
+    def length(self) -> float:
+        """Fraction of the load path that the next attempt covers."""
+        return self.size / self.total
 
     @property
     def shortest(self) -> bool:
         """Whether the increment is too short to be halved."""
-        return self.length <= self.SHORTEST_SUBSTEP or not self.moves
-
-    @property
-    def next(self) -> float:
-        """Position on the load path at which the next attempt ends, as a fraction of the load path."""
-        return 1.0 if self.done + self.length > 1.0 - NEGLIGIBLE else self.done + self.length
+        return self.length <= self.SHORTEST or not self.moves
 
     @property
     def left(self) -> int:
         """Number of remaining iterations, at least one."""
         return max(1, self.budget - self.iterations)
-
-    @property
-    def aim(self) -> tuple[Mapping[str, Pose], Mapping[str, float]]:
-        """Poses and commands at the end of the next attempt."""
-        began, goal = (self.poses, self.commands), (self.goal.poses, self.goal.commands)
-        return on_path(began, goal, self.next, self.centres)
-
-    def tried(self, solution: Solution, *, jumps: bool) -> LoadPath:
-        """Return the load path after an attempt: iterations are added, and a jump or folded elements are recorded."""
-        sound = solution.min_det > 0.0
-        return changed(
-            self,
-            iterations=self.iterations + solution.iterations,
-            attempts=self.attempts + 1,
-            jumped=self.jumped or jumps,
-            folded=self.folded or not sound or (solution.min_det < THRESHOLD and not solution.converged),
-        )
-
-    def after(self, verdict: Verdict) -> LoadPath:
-        """Return the load path with the progress and the next length that follow from a verdict."""
-        if verdict is Verdict.HALVE:
-            return changed(self, length=0.5 * self.length)
-        return self if verdict is Verdict.WITHDRAW else changed(self, done=self.next)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -194,8 +197,7 @@ class Attempt:
     """Result of an attempted increment, and the evidence for the verdict.
 
     Attributes:
-        path: the load path after `LoadPath.tried`; ``path.done`` does not include this increment yet.
-        began: the state at the beginning of the increment.
+        path: the load path with the iterations of this attempt, at the state before it.
         solution: result of the solve.
         jumps: whether the body jumped to another equilibrium.
         unstable: name of the chamber that lost its stability; empty for none.
@@ -225,7 +227,6 @@ class Attempt:
     """
 
     path: LoadPath
-    began: State
     solution: Solution
     jumps: bool
     unstable: str
@@ -253,31 +254,19 @@ class Attempt:
     @property
     def folds(self) -> bool:
         """Whether a body that was sound is not sound any more, and its solve was not just cut short."""
-        began = self.began
-        once_sound = began.sound or began.anchor is not None
+        before = self.path.state
+        once_sound = before.sound or before.anchor is not None
         passing = self.solution.cut and self.patient
-        return once_sound and not self.sound and not passing and (self.path.moves or began.anchor is not None)
-
-    @property
-    def divides(self) -> bool:
-        """Whether a shorter increment is tried, because this one failed, or to avoid a jump."""
-        path = self.path
-        avoidable = self.jumps and path.length > self.SHORTEST_JUMP
-        return ((self.failed and not path.shortest) or avoidable) and not self.spent
-
-    @property
-    def unusable(self) -> bool:
-        """Whether there is no state from which the load path could go on."""
-        unstable = bool(self.unstable) or (self.spent and bool(self.path.unstable) and self.failed)
-        return self.solution.diverged or unstable or self.folds
+        return once_sound and not self.sound and not passing and (self.path.moves or before.anchor is not None)
 
     @property
     def verdict(self) -> Verdict:
-        """The verdict: accept, stop, halve or withdraw."""
-        path = self.path
-        if self.divides:
+        """The verdict: a shorter increment may succeed or avoid a jump; a failure leaves no state to go on from."""
+        path, failed = self.path, self.failed
+        avoidable = self.jumps and path.length > self.SHORTEST_JUMP
+        if ((failed and not path.shortest) or avoidable) and not self.spent:
             return Verdict.HALVE
-        if self.unusable:
+        if self.unstable or (self.spent and path.unstable and failed) or self.solution.diverged or self.folds:
             return Verdict.WITHDRAW
         return Verdict.STOP if self.snapped or self.spent or path.next == 1.0 else Verdict.ACCEPT
 
@@ -286,12 +275,12 @@ class Attempt:
         """The reason why the step returns to the last sound state."""
         path, message = self.path, self.solution.message
         if path.unstable:
-            return inflated(path.unstable, self.began.commands, path.aim[1])
+            return inflated(path.unstable, path.state.commands, path.aim[1])
         if self.solution.diverged and not path.folded:
             return message
         enters = self.solution.entered and self.solution.min_det > 0.0
         what = tell(Outcome.ENTERED if enters else Outcome.FOLDED)
-        return join(f"{what} beyond {path.done:.3g} of the way to the command", message)
+        return join(f"{what} beyond {path.covered:.3g} of the way to the command", message)
 
 
 def work_between(old: State, new: State, handles: HandleMotions) -> tuple[float, float]:

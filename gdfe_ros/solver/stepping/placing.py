@@ -17,6 +17,7 @@ from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.elements.measures import least_volume_ratio
 from gdfe_ros.solver.handle_motions import HandleMotions
 from gdfe_ros.solver.state import State
+from gdfe_ros.solver.terms.growth import Growths
 from gdfe_ros.solver.value import changed
 
 
@@ -85,15 +86,19 @@ def moved_along(
     return state.with_(poses=together, base=handles.base(together, state.poses, state.base)), positions
 
 
-def require_own(state: State, own: State) -> None:
-    """Raise an error if a state belongs to another scene.
+def completed(state: State, own: State, growths: Growths, tolerance: float) -> State:
+    """Return a state that was read from an archive, with the operators that follow from its commands.
+
+    A state that converged only to a larger tolerance is marked as not converged.
 
     Args:
         state: the state from which a step will continue.
         own: the body's undeformed state.
+        growths: the body's growths.
+        tolerance: tolerance of an equilibrium, divided by the body's size.
 
     Raises:
-        CommandError: vertices, handles, commands or terms differ.
+        CommandError: the state belongs to another scene: vertices, handles, commands or terms differ.
     """
     for what, one, two in (
         ("vertices", len(state.positions), len(own.positions)),
@@ -103,3 +108,9 @@ def require_own(state: State, own: State) -> None:
     ):
         if one != two:
             raise CommandError(f"the state is one of another scene: its {what} are {one}, here {two}")
+    near = state.summary.converged and state.summary.error_estimate <= tolerance
+    return state.with_(
+        operators=growths.at(state.commands, growths.ungrown),
+        anchor=state.anchor and completed(state.anchor, own, growths, tolerance),
+        summary=changed(state.summary, converged=near),
+    )

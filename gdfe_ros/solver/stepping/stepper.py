@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,41 +11,17 @@ from numpy.typing import NDArray
 from gdfe_ros.constraints import Pose
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.deadline import Deadline, past
+from gdfe_ros.solver.elements.barrier import THRESHOLD
 from gdfe_ros.solver.equilibrium.energy import EquilibriumSolver
 from gdfe_ros.solver.forces.actuation import Actuation, past_limit
-from gdfe_ros.solver.handle_motions import HandleMotions
 from gdfe_ros.solver.outcome import REMEDY_OF_FOLDS, Outcome, join, tell
 from gdfe_ros.solver.settings import Skip, SolverSettings
 from gdfe_ros.solver.solution import Increment, Solution
 from gdfe_ros.solver.state import State
 from gdfe_ros.solver.stepping.march import March, crumpled
-from gdfe_ros.solver.stepping.path import Attempt, Goal, LoadPath, Verdict, jumped, planned_increments
-from gdfe_ros.solver.stepping.placing import placed, require_own
+from gdfe_ros.solver.stepping.path import Attempt, LoadPath, Verdict, jumped, planned_increments
+from gdfe_ros.solver.stepping.placing import completed, placed
 from gdfe_ros.solver.value import changed
-
-
-class Equilibrium(Protocol):
-    """What a stepper needs of a solver of equilibria.
-
-    Attributes:
-        handles: the kinematics of the handles.
-        patience: number of iterations after which a solve is given up and a shorter increment is tried.
-    """
-
-    handles: HandleMotions
-    patience: int
-
-    def at_rest(self) -> State:
-        """Return the undeformed state."""
-
-    def solve(self, problem: Increment, start: State) -> Solution:
-        """Find the equilibrium of ``problem`` from ``start``, which is not modified."""
-
-    def accept(self, solution: Solution, previous: State) -> State:
-        """Return the complete state of ``solution``, which follows the state ``previous``."""
-
-    def skipped(self) -> dict[str, int]:
-        """Return a dict from kind of work to the count that each solve leaves out, as in `StepResult`."""
 
 
 class Stepper:
@@ -56,7 +31,7 @@ class Stepper:
         body: the discretised body.
         settings: settings of the solver.
         actuation: the external terms; None if there are none.
-        equilibrium: another solver of equilibria, instead of that of the policy ``energy``.
+        equilibrium: another solver of equilibria with the same methods, instead of that of the policy ``energy``.
 
     Attributes:
         equilibrium: the solver of equilibria.
@@ -72,7 +47,7 @@ class Stepper:
         body: Body,
         settings: SolverSettings,
         actuation: Actuation | None = None,
-        equilibrium: Equilibrium | None = None,
+        equilibrium: EquilibriumSolver | None = None,
     ) -> None:
         self.body, self._settings = body, settings
         self.actuation = actuation or Actuation(body)
@@ -117,17 +92,18 @@ class Stepper:
             deadline: once it has passed, the step ends with the state that it has reached.
         """
         tolerance = tolerance or self._settings.tolerance * (self.FINER if self.equilibrium.handles.turn else 1.0)
-        goal = Goal(poses=dict(targets), commands=dict(commands), tolerance=tolerance, deadline=deadline)
+        aim, limit = {"poses": dict(targets), "commands": dict(commands)}, self._settings.max_iterations
+        goal = Increment(**aim, tolerance=tolerance, limit=limit, deadline=deadline)
         if unreachable := self._unreachable(state, goal):
-            return March.refused(state, unreachable)
+            return March(state=state.flawed(unreachable), reached=False)
         march, suspect = self._rescued(self._march(state, goal), goal, state), state.suspect
         if suspect and not past(deadline):
             march, suspect = self._better_from_rest(march, goal), False
         if march.inverted:
-            march = changed(march, converged=False, message=join(march.message, REMEDY_OF_FOLDS))
-        return march.marked(suspect=suspect)
+            march = march.told(join(march.message, REMEDY_OF_FOLDS), converged=False)
+        return changed(march, state=march.state.with_(suspect=suspect))
 
-    def _rescued(self, march: March, goal: Goal, state: State) -> March:
+    def _rescued(self, march: March, goal: Increment, state: State) -> March:
         """Return ``march``, or the outcome of a better load path if this one from ``state`` gave up or is doubtful."""
         unfinished, deadline = march.state.unfinished, goal.deadline
         given_up = unfinished is None or max(march.iterations, unfinished.iterations) >= self.equilibrium.patience
@@ -137,7 +113,7 @@ class Stepper:
             # Try again from the last equilibrium.
             again = self._march(state.anchor, goal)
             lower = not march.sound or self._energy(again.state) < self._energy(march.state)
-            march = (again if again.sound and lower else march).counting(march, again)
+            march = again.counting(march) if again.sound and lower else march.counting(again)
         if given_up and not (march.sound or (march.snapped and march.reached) or past(deadline)):
             march = self._let_go(march, goal, state)
         return march
@@ -157,16 +133,8 @@ class Stepper:
         return state
 
     def completed(self, state: State) -> State:
-        """Return a state that was read from an archive, with the operators that follow from its commands.
-
-        A state that converged only to a larger tolerance is marked as not converged.
-        """
-        require_own(state, self.at_rest())
-        growths, summary = self.actuation.growths, state.summary
-        summary = changed(summary, converged=summary.converged and summary.error_estimate <= self._settings.tolerance)
-        anchor = None if state.anchor is None else self.completed(state.anchor)
-        operators = growths.at(state.commands, growths.ungrown)
-        return state.with_(operators=operators, anchor=anchor, summary=summary)
+        """Return a state that was read from an archive; see `placing.completed`."""
+        return completed(state, self.at_rest(), self.actuation.growths, self._settings.tolerance)
 
     def velocities(self, state: State) -> None:
         """Return None: equilibria have no velocity."""
@@ -175,52 +143,47 @@ class Stepper:
         """Return no energies beyond those of the summary."""
         return {}
 
-    def _unreachable(self, state: State, goal: Goal) -> str:
+    def _unreachable(self, state: State, goal: Increment) -> str:
         """Return a message if a cable is commanded shorter than the distance between its handles; empty if not."""
         if not self.actuation.strung:
             return ""
         base = self.equilibrium.handles.base(goal.poses, state.poses, state.base)
         return self.actuation.unreachable(base, goal.commands)
 
-    def _march(self, state: State, goal: Goal) -> March:
+    def _march(self, state: State, goal: Increment) -> March:
         """Return the outcome of the load path from ``state`` to a goal; increments are halved after failed attempts."""
         centres = self.equilibrium.handles.centres_together(state.poses, goal.poses)
         together = () if self.actuation.contacts else centres  # nothing is in the way
         planned = planned_increments(goal.poses, state.poses, self.body.size, together=together)
-        path, begin = LoadPath.between(state, goal, planned, self._settings.max_iterations, centres), state
+        path = LoadPath.over(state, goal, planned, budget=planned * goal.limit, centres=centres)
         while True:
-            attempt = self._attempt(path, state)
-            verdict = attempt.verdict
-            path = attempt.path.after(verdict)
-            if verdict is Verdict.WITHDRAW:
-                return self._end(_withdrawn(state, attempt), path)
-            if verdict in (Verdict.ACCEPT, Verdict.STOP):
-                state = self._accepted(state, attempt, begin)
+            attempt = self._attempt(path)
+            path, verdict = attempt.path, attempt.verdict
+            if verdict is Verdict.HALVE:
+                path = path.halved()
+            elif verdict is Verdict.WITHDRAW:
+                last = path.state.anchor or path.state
+                return self._end(changed(path, state=last.flawed(attempt.reason_to_withdraw)))
+            else:
+                path = path.went(self._accepted(attempt, stops=verdict is Verdict.STOP))
             if verdict is Verdict.STOP:
-                return changed(self._end(state, path), snapped=attempt.snapped)
+                return self._end(path, snapped=attempt.snapped)
 
-    def _attempt(self, path: LoadPath, state: State) -> Attempt:
+    def _attempt(self, path: LoadPath) -> Attempt:
         """Solve the next increment of a load path; return the attempt."""
-        (poses, commands), deadline, patience = path.aim, path.goal.deadline, self.equilibrium.patience
+        (poses, commands), state, goal, patience = path.aim, path.state, path.goal, self.equilibrium.patience
         limit = path.left if path.shortest else min(path.left, patience)
-        problem = Increment(
-            poses=poses,
-            commands=commands,
-            tolerance=path.goal.tolerance,
-            limit=limit,
-            deadline=deadline,
-            begins=path.done,
-            divisible=not path.shortest,
-        )
-        solution = self.equilibrium.solve(problem, state)
-        spent = path.iterations + solution.iterations >= path.budget or past(deadline)
+        aim = {"poses": poses, "commands": commands, "limit": limit}
+        solution = self.equilibrium.solve(changed(goal, **aim, begins=path.covered, divisible=not path.shortest), state)
+        sound = solution.min_det > 0.0
+        pressed = not sound or (solution.min_det < THRESHOLD and not solution.converged)
         jumps = path.moves and jumped(state, solution, self.equilibrium.handles, self.body.size)
-        path, before = path.tried(solution, jumps=jumps), state.unfinished.iterations if state.unfinished else 0
-        patient = before + path.iterations < patience
+        path = path.tried(solution, jumped=path.jumped or jumps, folded=path.folded or pressed)
+        spent = path.iterations >= path.budget or past(goal.deadline)
+        patient = path.iterations + (state.unfinished.iterations if state.unfinished else 0) < patience
         unstable = "" if solution.cut and patient else self._unstable_chamber(state, solution, commands)
         return Attempt(
             path=changed(path, unstable=unstable or path.unstable),
-            began=state,
             solution=solution,
             jumps=jumps,
             unstable=unstable,
@@ -236,49 +199,36 @@ class Stepper:
         since = (state.anchor or state).positions
         return self.actuation.unstable(solution.positions, since, commands, before)
 
-    def _accepted(self, state: State, attempt: Attempt, begin: State) -> State:
+    def _accepted(self, attempt: Attempt, *, stops: bool) -> State:
         """Return the state of an accepted attempt; it has a `State.anchor` if the load path fails.
 
         A load path fails if the solve is unfinished, or if the path stops before its end with elements folded or nearly
         folded. The anchor is then the last equilibrium. If the elements of this equilibrium are folded or nearly
         folded, the equilibrium at the beginning of the load path is preferred, or that before an unfinished beginning.
         """
+        state, begin = attempt.path.state, attempt.path.began
         accepted = self.equilibrium.accept(attempt.solution, state)
         before = [each for each in (state, begin, begin.anchor) if each and each.unfinished is None and each.sound]
         before.sort(key=crumpled)
-        crumples = attempt.verdict is Verdict.STOP and attempt.path.next < 1.0 and crumpled(accepted)
-        fails = accepted.unfinished is not None or crumples
+        fails = accepted.unfinished is not None or (stops and attempt.path.next < 1.0 and crumpled(accepted))
         anchor = state.anchor or next(iter(before), None) if fails else None
-        changes = {"sound": attempt.sound, "anchor": anchor}
         if attempt.snapped:
-            remedy = past_limit(self.actuation.actuators, attempt.began.commands, attempt.path.aim[1])
-            message = join(tell(Outcome.SNAPPED), remedy, accepted.summary.message)
-            changes["summary"] = changed(accepted.summary, converged=False, message=message)
-        return accepted.with_(**changes)
+            remedy = past_limit(self.actuation.actuators, state.commands, attempt.path.aim[1])
+            accepted = accepted.flawed(join(tell(Outcome.SNAPPED), remedy, accepted.summary.message))
+        return accepted.with_(sound=attempt.sound, anchor=anchor)
 
-    def _end(self, state: State, path: LoadPath) -> March:
-        reached, summary = path.done == 1.0, state.summary
-        if not reached and summary.converged:
-            deadline = path.goal.deadline
+    def _end(self, path: LoadPath, *, snapped: bool = False) -> March:
+        """Return the outcome at the end of a load path, with the reason if it ends before its command."""
+        state, deadline = path.state, path.goal.deadline
+        if not path.arrived and state.summary.converged:
             ended = deadline.reason if past(deadline) else f"{path.iterations} iterations are spent"
-            text = tell(Outcome.STOPPED, reason=ended, done=path.done)
-            summary = changed(summary, converged=False, message=text)
-            state = state.with_(summary=summary)
-        if path.folded and not (summary.converged and reached) and tell(Outcome.FOLDED) not in summary.message:
-            text = join(summary.message, tell(Outcome.PRESSED))
-            summary = changed(summary, converged=False, message=text)
-            state = state.with_(summary=summary)
-        return March(
-            state=state,
-            iterations=path.iterations,
-            increments=path.attempts,
-            reached=reached,
-            converged=summary.converged and reached,
-            message=summary.message,
-            skipped=self.equilibrium.skipped(),
-        )
+            state = state.flawed(tell(Outcome.STOPPED, reason=ended, done=path.covered))
+        message = state.summary.message
+        if path.folded and not state.summary.converged and tell(Outcome.FOLDED) not in message:
+            state = state.flawed(join(message, tell(Outcome.PRESSED)))
+        return changed(path, state=state).march(self.equilibrium.skipped(), snapped=snapped)
 
-    def _let_go(self, march: March, goal: Goal, start: State) -> March:
+    def _let_go(self, march: March, goal: Increment, start: State) -> March:
         """Retry with the moving obstacles at their targets and without contact forces; return the accepted outcome.
 
         The first attempt starts from the present state, the second from the undeformed body. A result is accepted only
@@ -291,12 +241,13 @@ class Stepper:
         for begin in (march.state, self.at_rest()) if names else ():
             found = self._march(self._untouched(begin, march.state, names, goal), goal)
             free = found.sound and not any(found.state.terms[name]["press"].any() for name in names)
-            march = (found if free else march).counting(march, found)
+            march = found.counting(march) if free else march.counting(found)
             if free:
-                return changed(march, message=tell(Outcome.LET_GO, names=", ".join(names), flaw=flaw), restarts=1)
+                text = tell(Outcome.LET_GO, names=", ".join(names), flaw=flaw)
+                return changed(march.told(text, converged=True), restarts=1)
         return march
 
-    def _untouched(self, begin: State, last: State, names: Sequence[str], goal: Goal) -> State:
+    def _untouched(self, begin: State, last: State, names: Sequence[str], goal: Increment) -> State:
         """Return ``begin`` with the obstacles ``names`` at their targets, without contact forces."""
         there = self.place(begin, begin.positions)
         rubbed = {contact.name: last.terms[contact.name]["lost"] for contact in self.actuation.contacts}
@@ -304,22 +255,15 @@ class Stepper:
         poses = {**begin.poses, **{name: goal.poses[name] for name in names}}
         return there.with_(poses=poses, terms={**there.terms, **lost})
 
-    def _better_from_rest(self, march: March, goal: Goal) -> March:
+    def _better_from_rest(self, march: March, goal: Increment) -> March:
         """Return the better of ``march`` and the load path from the undeformed body; the latter gets a message."""
         again = self._march(self.at_rest(), goal)
         gain = self._energy(march.state) - self._energy(again.state)
         if not again.is_better(march, March.NEAR * goal.tolerance * self.body.size, gain=gain):
-            return march.counting(march, again)
-        message = join(tell(Outcome.RESTARTED, flaw=march.flaw), again.message)
-        return changed(again.counting(march, again), message=message, restarts=1)
+            return march.counting(again)
+        told = again.told(join(tell(Outcome.RESTARTED, flaw=march.flaw), again.message), converged=again.converged)
+        return changed(told.counting(march), restarts=1)
 
     def _energy(self, state: State) -> float:
         """Return the energy of the body plus the potential of the terms [J], which an equilibrium minimises."""
         return state.summary.energy + self.actuation.balance(state.positions, state.commands).potential
-
-
-def _withdrawn(state: State, attempt: Attempt) -> State:
-    """Return the last sound state, with the reason why the step returns to it."""
-    sound = state.anchor or state
-    summary = changed(sound.summary, converged=False, message=attempt.reason_to_withdraw)
-    return sound.with_(summary=summary)

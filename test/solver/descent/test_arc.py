@@ -26,7 +26,7 @@ def bent(angle: float) -> tuple[float, np.ndarray, np.ndarray]:
     """Bend the strip at rest to first order, its tip by ``angle`` [rad]; return factor, d and c at the tip's middle."""
     equilibrium = Simulation(scene_from_text(STRIP)).stepper.equilibrium
     body, minimiser = equilibrium.body, equilibrium.minimiser
-    task = Solve.at(equilibrium.model, equilibrium.at_rest()).evaluate(equilibrium.whole, threads=None)
+    task = Solve.at(equilibrium.model, equilibrium.at_rest()).evaluate()
     work, (x, y, z) = task.active.workspace, body.rest.T
     moved = angle / LENGTH * np.stack([-x * z, 0.0 * x, 0.5 * x * x], axis=1)
     work.direction[...] = moved[body.unknowns.free].ravel()

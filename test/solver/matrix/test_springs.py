@@ -65,7 +65,7 @@ def drawn() -> SimpleNamespace:
     """Return the terms of such a strip, its tangent, and products with it."""
     simulation = pulled()
     equilibrium = simulation.stepper.equilibrium
-    task = Solve.at(equilibrium.model, simulation.state).evaluate(equilibrium.whole, threads=None)
+    task = Solve.at(equilibrium.model, simulation.state).evaluate()
     level = TangentLevel(equilibrium.body, equilibrium.matrix.assembled, equilibrium.actuation.terms)
     products, work = TangentProducts(equilibrium.body), task.active.workspace
     products.begin(task)

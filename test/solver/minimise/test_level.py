@@ -41,7 +41,7 @@ def _level(tip: str, stretch: float, *, power: int = 2) -> Levels:
     state, share = equilibrium.at_rest(), (body.rest[:, 0] - body.rest[:, 0].min()) / 0.1
     moved = body.rest + np.outer(share**power * stretch * 0.1, [1.0, 0.0, 0.0])
     moved[body.unknowns.prescribed] = body.rest[body.unknowns.prescribed]
-    task = Solve.at(equilibrium.model, state.with_(positions=moved)).evaluate(equilibrium.whole, threads=None)
+    task = Solve.at(equilibrium.model, state.with_(positions=moved)).evaluate()
     level, work = TangentLevel(body, equilibrium.matrix.assembled), task.active.workspace
     products = TangentProducts(body)
     products.begin(task)

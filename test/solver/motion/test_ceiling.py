@@ -10,7 +10,7 @@ import pytest
 
 from gdfe_ros import Command, Simulation
 from gdfe_ros.scene.loader import scene_from_text
-from gdfe_ros.solver.motion.ledger import Ceiling
+from gdfe_ros.solver.motion.ledger import Accounts
 from gdfe_ros.solver.result import StepResult
 from test.solver.motion.landings import THROWN, thrown
 
@@ -127,8 +127,8 @@ def test_energy_that_cannot_be_mended_is_told(moving: Callable, monkeypatch: pyt
     """A step that always gains energy is halved as often as allowed, completed, and reported as not converged."""
     bar = moving(loads={"weight": {"gravity": [0, 0, -9.81]}})
     bar.step()
-    checked = Ceiling.checked
-    monkeypatch.setattr(Ceiling, "checked", lambda self, now: (checked(self, now)[0], 1e-3))
+    book = Accounts.book
+    monkeypatch.setattr(Accounts, "book", lambda *given: (book(*given)[0], 1e-3))
     result = bar.step()
     assert not result.converged
     assert "an internal step of 0.000125 s gained 0.001 J of energy without a source; remedy" in result.message

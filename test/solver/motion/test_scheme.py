@@ -18,15 +18,18 @@ def swing(dynamics: Dynamics, h: float, count: int) -> np.ndarray:
     now = Kinematics.started(x, np.ones((1, 3)), np.zeros((1, 3)), h)
     path = []
     for _ in range(count):
-        rule = Rule.of(dynamics, h, x, now)
+        rule = Rule.of(dynamics, h, now)
         new = rule.kappa * rule.aim / (rule.kappa + FREQUENCY**2)
         velocity, acceleration, balanced = rule.velocity(new), rule.acceleration(new), rule.balanced(new)
         now = Kinematics(
+            positions=new,
             velocity=velocity,
             acceleration=acceleration,
             balanced=balanced,
             before=x,
             velocity_before=now.velocity,
+            pushed=np.zeros((1, 3)),
+            h=h,
         )
         x = new
         path.append(x[0, 0])
@@ -40,14 +43,17 @@ def test_constant_acceleration_is_exact(scheme: Scheme) -> None:
     x, velocity = np.zeros((1, 3)), np.array([[1.0, 0.0, 2.0]])
     now = Kinematics.started(x, velocity, pull, h)
     for step in range(1, 4):
-        rule = Rule.of(Dynamics(scheme=scheme), h, x, now)
+        rule = Rule.of(Dynamics(scheme=scheme), h, now)
         new = rule.aim + pull / rule.kappa
         now = Kinematics(
+            positions=new,
             velocity=rule.velocity(new),
             acceleration=rule.acceleration(new),
             balanced=rule.balanced(new),
             before=x,
             velocity_before=now.velocity,
+            pushed=np.zeros((1, 3)),
+            h=h,
         )
         x, t = new, step * h
         np.testing.assert_allclose(x, velocity * t + 0.5 * pull * t * t, atol=1e-14)
