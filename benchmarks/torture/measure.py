@@ -1,17 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The torture test as a table: ``python -m benchmarks.torture.measure [--out FILE]`` runs all cases on all cores."""
+"""The torture test as a table: ``python -m benchmarks.torture.measure [--out FILE] [--workers N]``."""
 
 from __future__ import annotations
-
-import os
-from concurrent.futures import ProcessPoolExecutor
-from functools import cache
-from multiprocessing import get_context
 
 from benchmarks.report import options, write_report
 from benchmarks.torture.case import Case, Group, Verdict, attempt
 from benchmarks.torture.catalogue import all_cases
-from benchmarks.torture.score import Score, score_of, torture_table
+from benchmarks.torture.score import Score, run_case, torture_table
+from gdfe_ros.commands.options import add_workers
+from gdfe_ros.commands.waiting import progress_bar
+from gdfe_ros.workers import connect, run_tasks
 
 PROBED = {Group.CONTRASTS: 5, Group.SCALES: 5, Group.MESHES: 2, Group.LAWS: 4, Group.ACTUATORS: 2, Group.HONESTY: 1}
 """Dict from group to the number of its first cases that the probe runs, for the groups that need least time. The third
@@ -40,25 +38,22 @@ def probe() -> dict[str, float | str]:
     return found
 
 
-def run(name: str) -> Score:
-    """Run the case with an id, in any process, and return its score."""
-    case = _catalogue()[name]
-    return score_of(case, attempt(case))
-
-
-@cache
-def _catalogue() -> dict[str, Case]:
-    return {case.id: case for case in all_cases()}
-
-
 def main() -> int:
     """Run all cases, write the report and print the table; return 1 if a case failed.
 
     If a case raises an error that the package does not raise on purpose, nothing is written.
     """
-    given = options("benchmarks.torture.measure", "The torture test.", "torture").parse_args()
-    with ProcessPoolExecutor(os.cpu_count(), mp_context=get_context("spawn")) as pool:
-        scores = list(pool.map(run, _catalogue()))
+    parser = options("benchmarks.torture.measure", "The torture test.", "torture")
+    add_workers(parser)
+    given, names = parser.parse_args(), [case.id for case in all_cases()]
+    found: dict[int, Score] = {}
+    with connect(given.scheduler, given.workers) as client, progress_bar("cases", len(names), counted=True) as update:
+        for number, score, error in run_tasks(client, run_case, names):
+            if error is not None:
+                raise error
+            found[number] = score
+            update(completed=len(found))
+    scores = [found[number] for number in range(len(names))]
     write_report(given.out, scores, probe())
     print(torture_table(scores)["torture"])
     failed = [score for score in scores if score["verdict"] == Verdict.FAILED.value]

@@ -6,10 +6,12 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
+from functools import cache
 from typing import Any
 
 from benchmarks.markdown import markdown_table
-from benchmarks.torture.case import Case, Group, Outcome, Verdict
+from benchmarks.torture.case import Case, Group, Outcome, Verdict, attempt
+from benchmarks.torture.catalogue import all_cases
 
 HEADINGS = (
     "group", "cases", "converged", "reported", "refused", "failed", "worst error / bound", "restarts",
@@ -17,6 +19,17 @@ HEADINGS = (
 )  # fmt: skip
 Score = Mapping[str, Any]
 """Group, name, law and policy of a case, and the fields of its `Outcome`; numbers that are not finite are None."""
+
+
+def run_case(name: str) -> Score:
+    """Run the case with an id, in any process, and return its score."""
+    case = _catalogue()[name]
+    return score_of(case, attempt(case))
+
+
+@cache
+def _catalogue() -> dict[str, Case]:
+    return {case.id: case for case in all_cases()}
 
 
 def score_of(case: Case, outcome: Outcome) -> Score:
