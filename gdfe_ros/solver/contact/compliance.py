@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from gdfe_ros.compiled import internal, kernel
-from gdfe_ros.solver.descent.loop import precondition
+from gdfe_ros.solver.descent.loop import apply_initial
 from gdfe_ros.solver.descent.pairs import inner
 from gdfe_ros.solver.matrix.rotation import left_jacobian_transposed
 from gdfe_ros.solver.matrix.unknowns import rigid_part
@@ -168,7 +168,7 @@ def add_history(work, metric, images, known, chosen, rows, blocks, counts, soft,
         if known[at] == work.curvature[at]:
             continue
         known[at] = work.curvature[at]
-        precondition(metric, work.changes[at], images[at])
+        apply_initial(status, metric, work.changes[at], images[at])
     if status.count > 0:
         add_pairs(work, images, chosen, rows, blocks, counts, w)
     for c in range(len(chosen)):

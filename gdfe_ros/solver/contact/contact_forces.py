@@ -179,11 +179,11 @@ class ContactForces:
             count = look_again(problem, work, field, self._row_of, self._handle_of, size)
         self.left, allowed = 0.0, EXACT * max(target, min(float(status["before"]), float(status["step"])))
         self._faint = faint = max((FAINT if self._swings else SLIGHT) * size, NEARLY * target)
-        known = 0
+        known: tuple[int, int] | None = None
         for _ in range(ROUNDS):
-            if count != known:
+            if count and known != (count, int(status["wild"])):
                 w = self._compliance.of(problem, work, metric, key, field, count)
-                known = count
+                known = count, int(status["wild"])
                 if self._swings:
                     w[np.diag_indices(len(w))] += np.repeat(self._inertia / field.scale[field.chosen[:count]], 3)
             given = field, count, w if count else np.zeros((0, 0)), size, target, allowed, faint

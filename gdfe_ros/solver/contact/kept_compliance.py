@@ -10,7 +10,7 @@ from gdfe_ros.solver.contact.compliance import add_history, join
 from gdfe_ros.solver.contact.field import PointField
 from gdfe_ros.solver.contact.kept_columns import ConstantColumns, HalvedColumns, KeptColumns
 from gdfe_ros.solver.descent.loop import Metric
-from gdfe_ros.solver.descent.workspace import MEMORY, Problem, Workspace
+from gdfe_ros.solver.descent.workspace import MEMORY, Problem, Workspace, numbers
 
 
 class Compliance:
@@ -29,7 +29,7 @@ class Compliance:
         self._columns: KeptColumns
         self._between: NDArray[np.float64] | None = None
         self._joined = self._w = np.zeros((0, 0))
-        self._blocks, self._frames = np.zeros(0), np.zeros((0, 9))
+        self._blocks, self._frames, self._scale = np.zeros(0), np.zeros((0, 9)), 1.0
 
     def of(
         self,
@@ -41,8 +41,8 @@ class Compliance:
         count: int,
     ) -> NDArray[np.float64]:
         """Return W (3 c, 3 c) [m/N] of the points that take part; the next call overwrites it."""
-        chosen, frames = field.chosen[:count].copy(), metric.kept.frames
-        self._take_matrix(problem, metric, key)
+        chosen = field.chosen[:count].copy()
+        self._take_matrix(problem, work, metric, key)
         self._number_rows(field, chosen)
         self._columns.include(self._rows)
         blocks, between = field.blocks[chosen], self._columns.between(self._rows)
@@ -51,25 +51,30 @@ class Compliance:
             self._between, self._blocks = between, blocks
             if len(self._joined) != 3 * count:
                 self._joined, self._w = np.empty((2, 3 * count, 3 * count))
-            join(*given, self._number, between, frames, self._joined)
+            join(*given, self._number, between, self._frames, self._joined)
+            self._joined *= self._scale
         self._w[...] = self._joined
         add_history(work, metric, self._images, self._known, *given, field.stencils.soft, self._w)
         return self._w
 
-    def _take_matrix(self, problem: Problem, metric: Metric, key: tuple[object, ...]) -> None:
-        """Drop what belongs to another matrix M than the present one, or to other rotations of the vertices.
+    def _take_matrix(self, problem: Problem, work: Workspace, metric: Metric, key: tuple[object, ...]) -> None:
+        """Drop what belongs to another initial matrix than the present one, or to other rotations of the vertices.
 
         ``key`` has the arrays of the tangent; the constant matrix is known by its own.
         """
-        constant, free, frames = not len(metric.kept.order), problem.unknowns.free, metric.kept.frames
+        status, free = numbers(work), problem.unknowns.free
+        constant = bool(status["wild"]) or not len(metric.kept.order)
+        frames, scale = metric.kept.frames, 1.0
+        if constant:
+            frames, scale = np.zeros((0, 9)), float(status["scale"]) if status["wild"] else 1.0
         source = (metric.coupling.inverse_schur, free) if constant else key
         if len(source) != len(self._source) or any(a is not b for a, b in zip(source, self._source, strict=True)):
             needed = np.flatnonzero(np.isin(free, self._vertices))
             columns = ConstantColumns(metric.coupling, needed, len(free)) if constant else HalvedColumns(metric.kept)
             self._source, self._columns = source, columns
-        elif np.array_equal(frames, self._frames):
+        elif scale == self._scale and np.array_equal(frames, self._frames):
             return
-        self._known[...], self._between, self._frames = np.nan, None, frames.copy()
+        self._known[...], self._between, self._frames, self._scale = np.nan, None, frames.copy(), scale
 
     def _number_rows(self, field: PointField, chosen: NDArray[np.int64]) -> None:
         """Find all rows of unknowns on which the ``chosen`` points depend, ascending, and the number of each."""

@@ -36,6 +36,10 @@ STRAIGHT, FOLLOWED = 3e-3, 1e-2
 """Displacements divided by the body's size: steps up to the first are straight, and rotations of the vertices are
 computed anew after the second.
 """
+WILD, TAME = 1.0, 0.1
+"""Steps divided by the body's size. If elements are nearly folded, and their barriers are not in the tangent, steps are
+longer than the first. The constant matrix then replaces the tangent until steps are shorter than the second.
+"""
 ENDLESS = 2**62
 """Number of iterations for which a matrix serves if nothing limits it."""
 MOST_FLAT = 60
@@ -80,16 +84,58 @@ def precondition(metric, right, out):
 
 
 @internal
+def apply_initial(status, metric, right, out):
+    """Write the product of the initial matrix' inverse and ``right`` (3 r,) to ``out``: that of M, or of A if wild."""
+    if status.wild == 1:
+        apply_inverse(right, metric.coupling, out)
+        for n in range(len(out)):
+            out[n] *= status.scale
+    else:
+        precondition(metric, right, out)
+
+
+@internal
 def find_direction(work, metric):
     """Write the quasi-Newton direction, its slope [J] and its largest displacement [m]; return whether it descends."""
     status, d = work.status[0], work.direction
     begin_recursion(work)
-    precondition(metric, work.step, d)
+    apply_initial(status, metric, work.step, d)
     end_recursion(work, d)
     for n in range(len(d)):
         d[n] = -d[n]
     status.slope, status.step = inner(work.gradient, d), largest(d)
     return status.slope < 0.0
+
+
+@internal
+def choose_direction(problem, work, metric, size):
+    """Write a direction of descent with the tangent, or with the constant matrix where the tangent's step is wild.
+
+    Return whether there is one. A history that gives none is dropped.
+    """
+    status = work.status[0]
+    descends = find_direction(work, metric)
+    if status.wild == 1 and status.step < TAME * size:
+        status.wild = 0
+        descends = find_direction(work, metric)
+    if not descends and status.count > 0 and status.step > 0.0:
+        status.count = 0
+        descends = find_direction(work, metric)
+    folded = problem.watch.count[0] > 0 and len(metric.kept.order) > 0
+    if status.wild == 0 and status.step > WILD * size and folded:
+        status.wild, status.scale, status.count = 1, 1.0, 0
+        descends = find_direction(work, metric)
+    return descends
+
+
+@internal
+def rescale(work, metric):
+    """Scale the constant matrix to the curvature of the newest pair."""
+    status = work.status[0]
+    newest = (status.head - 1) % len(work.curvature)
+    y, z = work.changes[newest], metric.u
+    apply_inverse(y, metric.coupling, z)
+    status.scale = work.curvature[newest] / inner(y, z)
 
 
 @internal
@@ -128,11 +174,7 @@ def choose(problem, work, metric, size, most):
         given = rows, metric.held, metric.sums, metric.kept.frames
         vertex_rotations(work.x, metric.before, problem.shape, *given)
         status.turned = 0.0
-    descends = find_direction(work, metric)
-    if not descends and status.count > 0 and status.step > 0.0:
-        status.count = 0  # a history that gives no descent is dropped
-        descends = find_direction(work, metric)
-    return 2 if descends else 1
+    return 2 if choose_direction(problem, work, metric, size) else 1
 
 
 @internal
@@ -147,14 +189,15 @@ def move(problem, work, metric, size, target, proven, descends):
         return False
     measure(status, metric.trust)
     shown = proven or status.made > 0
-    if status.distance <= target * (1.0 if shown else UNPROVEN):
+    near = status.distance <= target * (1.0 if shown else UNPROVEN)
+    if near and status.wild == 0:
         status.ended = Outcome.NEAR
         return False
     if is_exhausted(status):
         status.ended = Outcome.EXHAUSTED
         return False
     status.before = status.step
-    if status.step > STRAIGHT * size:
+    if status.step > STRAIGHT * size and status.wild == 0:
         follow_arc(problem, work, metric)
     if not status.step <= status.reach:
         status.ended = Outcome.RUNAWAY
@@ -167,7 +210,8 @@ def move(problem, work, metric, size, target, proven, descends):
     status.turned += status.step
     status.made += 1
     status.since += 1
-    remember(work)
+    if remember(work) and status.wild == 1:
+        rescale(work, metric)
     return True
 
 

@@ -59,12 +59,12 @@ def end_recursion(work, z):
 
 @vector_internal
 def remember(work):
-    """Add the pair of the last accepted step to the history, if its curvature is positive."""
+    """Add the pair of the last accepted step to the history, if its curvature is positive; return whether it is."""
     status, curvature = work.status[0], 0.0
     for n in range(len(work.u)):
         curvature += work.direction[n] * (work.gradient[n] - work.old[n])
     if not curvature > 0.0:
-        return
+        return False
     i = status.head
     s, y = work.steps[i], work.changes[i]
     for n in range(len(work.u)):
@@ -72,6 +72,7 @@ def remember(work):
     work.curvature[i] = curvature
     status.head = (i + 1) % len(work.curvature)
     status.count = min(status.count + 1, len(work.curvature))
+    return True
 
 
 def history(work: Workspace) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

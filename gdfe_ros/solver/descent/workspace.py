@@ -20,6 +20,7 @@ STATUS = np.dtype(
         ("before", np.float64),  # the same in the last iteration; infinite before the first one [m]
         ("rate", np.float64),  # ratio of the last two steps
         ("distance", np.float64),  # estimated distance to the equilibrium [m]
+        ("scale", np.float64),  # factor of the constant matrix' inverse where it replaces the tangent
         ("turned", np.float64),  # bound of the displacement since the vertices' rotations were computed [m]
         ("nearest", np.float64),  # shortest step so far [m]
         ("reach", np.float64),  # displacement beyond which the body counts as running away [m]
@@ -28,6 +29,7 @@ STATUS = np.dtype(
         ("grain", np.float64),  # rounding of the undeformed energy [J]
         ("count", np.int64),  # number of pairs in the history
         ("head", np.int64),  # row of the next pair
+        ("wild", np.int64),  # 1 if the constant matrix replaces the tangent, because its steps are far too long
         ("made", np.int64),  # iterations of this minimisation
         ("since", np.int64),  # iterations since the matrix was made
         ("blocked", np.int64),  # successive searches whose full step had infinite energy

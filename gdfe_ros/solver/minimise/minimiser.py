@@ -117,7 +117,7 @@ class Minimiser:
         """Prepare a solve with the tangent of the last one; None stands for that of the undeformed body."""
         status = active.status
         status["reach"], status["grain"] = self.FARTHEST * self._body.size, self._grain
-        status["count"], status["head"], status["since"], status["turned"] = 0, 0, 0, np.inf
+        status["count"], status["head"], status["since"], status["turned"], status["wild"] = 0, 0, 0, np.inf, 0
         self._spent = 0
         if self.contact_forces is not None:
             self.contact_forces.begin()
