@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 import gdfe_ros.mesh.hex_shape as hex_shape
 import gdfe_ros.mesh.tetmesh as tetmesh
@@ -183,6 +182,9 @@ def _vertex_defects(mesh: Mesh) -> list[str]:
 def coincident_pairs(points: NDArray[np.float64], tolerance: float) -> NDArray[np.int64]:
     """Return the pairs of points whose distance is at most a tolerance.
 
+    The points are sorted by their coordinate along a direction that is oblique to all axes. Each point is compared with
+    its successors as long as their coordinates differ by at most the tolerance.
+
     Args:
         points: finite positions [m], shape (n, 3).
         tolerance: distance [m].
@@ -190,7 +192,18 @@ def coincident_pairs(points: NDArray[np.float64], tolerance: float) -> NDArray[n
     Returns:
         Pairs of indices, shape (p, 2), the smaller index first.
     """
-    return cKDTree(points).query_pairs(tolerance, output_type="ndarray")
+    along = points @ np.array([0.5773, 0.6342, 0.5144])
+    order = np.argsort(along, kind="stable")
+    along = along[order]
+    near, pairs, step = np.arange(len(points)), [], 0
+    while len(near):
+        step += 1
+        near = near[near + step < len(points)]
+        near = near[along[near + step] - along[near] <= tolerance]
+        first, second = order[near], order[near + step]
+        close = np.linalg.norm(points[first] - points[second], axis=1) <= tolerance
+        pairs.append(np.stack([first[close], second[close]], axis=1))
+    return np.sort(np.concatenate(pairs), axis=1) if pairs else np.zeros((0, 2), dtype=np.int64)
 
 
 def _named(what: str, mask: NDArray[np.bool_], remedy: str, mesh: Mesh | None = None) -> list[str]:

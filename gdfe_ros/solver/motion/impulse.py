@@ -91,7 +91,7 @@ class ContactImpulses:
     """
 
     LACKING = 1.001
-    """Friction that would hold a body in a grip, divided by the grip's own, from which on a slip is told."""
+    """Least friction that would hold a body in a grip, divided by the grip's own, at which a step names the slip."""
 
     def __init__(self, mass: FreeMass) -> None:
         self._mass = mass
