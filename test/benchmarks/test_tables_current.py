@@ -18,7 +18,6 @@ from gdfe_ros.solver.minimise.minimiser import Minimiser
 
 ONE_LOOP = "measured before one loop replaced the two minimisers; iterations and times have changed since"
 OLDER: dict[str, str] = {
-    "environments": ONE_LOOP,
     "torture": ONE_LOOP,
 }
 """Dict from a table made with an older solver, as its page says, to the reason; delete the entry when remeasured."""

@@ -59,6 +59,9 @@ class Assembly:
         self._slots = [part.reshape(*group.shape, group.shape[1]) for part, group in zip(parts, groups, strict=True)]
         self.indices = (pairs[fixed:] % rows).astype(np.int32)
         self.indptr = np.searchsorted(pairs[fixed:] // rows, np.arange(rows + 1)).astype(np.int32)
+        self._pulled = np.flatnonzero(self.indices >= self.free)
+        starts = np.searchsorted(self._pulled, self.indptr).astype(np.int32)
+        self._pulled_pattern = (self.indices[self._pulled] - self.free).astype(np.int32), starts
 
     def fix(self, blocks: NDArray[np.float64], diagonal: NDArray[np.float64]) -> None:
         """Decouple the constant components (`Unknowns.fixed`) of blocks (k, 3, 3), in place.
@@ -106,9 +109,10 @@ class Assembly:
         """Whether each block (k,) belongs to two free vertices."""
         return (self._block_rows < self.free) & (self.indices < self.free)
 
-    def matrix(self, blocks: NDArray[np.float64]) -> sparse.bsr_matrix:
-        """Return the matrix (3 f + 3 b, 3 f + 3 b) with ``blocks`` (k, 3, 3)."""
-        return sparse.bsr_matrix((blocks, self.indices, self.indptr), shape=2 * (3 * (self.free + self.members),))
+    def by_members(self, blocks: NDArray[np.float64]) -> sparse.bsr_matrix:
+        """Return the columns (3 f + 3 b, 3 b) of the handles' vertices, of the matrix with ``blocks`` (k, 3, 3)."""
+        shape = 3 * (self.free + self.members), 3 * self.members
+        return sparse.bsr_matrix((blocks[self._pulled], *self._pulled_pattern), shape=shape)
 
 
 def _names(rows: NDArray[np.int64], count: int) -> NDArray[np.int64]:

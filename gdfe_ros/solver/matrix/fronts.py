@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from gdfe_ros.compiled import inlined, internal, kernel, vector_internal
 from gdfe_ros.solver.matrix.elimination import (
     SLACK,
-    cross_sections,
     dissected,
     eliminated,
     least_degree,
@@ -192,7 +191,7 @@ class Fronts:
         slack: float = SLACK,
         kind: type[np.floating] = np.float32,
     ) -> None:
-        orders = cross_sections(points), narrow_order(graph), least_degree(graph), dissected(graph, points)
+        orders = narrow_order(graph, points), least_degree(graph), dissected(graph, points)
         found = eliminated(graph, orders, slack=slack)
         widths, heights = found.widths, found.heights
         self.price = round(size * found.work / max(1, 8 * found.entries))

@@ -238,7 +238,7 @@ class TangentLevel:
         self.kept = self._factor.kept
         self.kept.frames[...] = unrotated(len(self.kept.frames))
         if motion.size:
-            pulled = self._assembly.matrix(tangent.blocks) @ np.vstack([np.zeros((count, motion.shape[1])), motion])
+            pulled = self._assembly.by_members(tangent.blocks) @ motion
             harmonic = self._factor.solve(pulled[:count])
             schur = motion.T @ pulled[count:] - pulled[:count].T @ harmonic
             inverse, definite = pseudo_inverse(schur)
