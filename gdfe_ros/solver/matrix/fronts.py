@@ -230,7 +230,7 @@ class Fronts:
         if not len(self.kept.values):
             self._fronts, self._panel = np.empty((2, self._room**2)), np.empty((PANEL + 1) * TILE)
             self._stack = np.empty(self._height)
-            self.kept = self.kept._replace(values=np.empty(self._plan.value_start[-1], self._kind))
+            self.kept = self.kept._replace(values=np.zeros(self._plan.value_start[-1], self._kind))
         return factor_fronts(
             blocks, self._parts, self._plan, self._fronts, self._panel, self._ends, self._stack, self.kept.values
         )
