@@ -52,7 +52,8 @@ class Compliance:
             if len(self._joined) != 3 * count:
                 self._joined, self._w = np.empty((2, 3 * count, 3 * count))
             join(*given, self._number, between, self._frames, self._joined)
-            self._joined *= self._scale
+            if self._scale != 1.0:
+                self._joined *= self._scale
         self._w[...] = self._joined
         add_history(work, metric, self._images, self._known, *given, field.stencils.soft, self._w)
         return self._w
@@ -63,10 +64,9 @@ class Compliance:
         ``key`` has the arrays of the tangent; the constant matrix is known by its own.
         """
         status, free = numbers(work), problem.unknowns.free
-        constant = bool(status["wild"]) or not len(metric.kept.order)
-        frames, scale = metric.kept.frames, 1.0
-        if constant:
-            frames, scale = np.zeros((0, 9)), float(status["scale"]) if status["wild"] else 1.0
+        wild = bool(status["wild"])
+        constant, scale = wild or not len(metric.kept.order), float(status["scale"]) if wild else 1.0
+        frames = np.zeros((0, 9)) if constant else metric.kept.frames
         source = (metric.coupling.inverse_schur, free) if constant else key
         if len(source) != len(self._source) or any(a is not b for a, b in zip(source, self._source, strict=True)):
             needed = np.flatnonzero(np.isin(free, self._vertices))
