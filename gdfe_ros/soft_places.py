@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from gdfe_ros.constraints import Pose
+from gdfe_ros.constraints.overlap import TOUCHING, inside_surface, placed_now
 from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.errors import OverlapError
 from gdfe_ros.mesh.mesh import MeshPart
@@ -19,7 +20,6 @@ from gdfe_ros.mesh.tet_faces import flat_quads
 from gdfe_ros.mesh.touching import outline
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.scene.soft_bodies import parts_of
-from gdfe_ros.solver.contact.overlap import TOUCHING, inside_surface, placed_now
 
 Array = NDArray[np.float64]
 

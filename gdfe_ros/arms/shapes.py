@@ -123,7 +123,7 @@ def begins_inside(arm: Arm, handles: Sequence[Handle], mesh: HexMesh) -> Iterato
     """
     if not arm.links:
         return
-    from gdfe_ros.solver.contact.overlap import Placed  # loads numba
+    from gdfe_ros.constraints.overlap import Placed  # loads numba
 
     def placed(thing: Obstacle) -> Placed:
         return Placed(thing, *thing.frame(Pose()))

@@ -58,3 +58,10 @@ def solid_angle(a, b, c):
 def combine(a, u, b, v, c, w):
     """Return a u + b v + c w for the triples u, v, w and the factors a, b, c."""
     return a * u[0] + b * v[0] + c * w[0], a * u[1] + b * v[1] + c * w[1], a * u[2] + b * v[2] + c * w[2]
+
+
+@inlined
+def unit(a):
+    """Return the unit vector along a triple; zero for zero."""
+    length = math.sqrt(dot(a, a))
+    return (a[0] / length, a[1] / length, a[2] / length) if length > 0.0 else (0.0, 0.0, 0.0)

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.compiled import inlined, internal, kernel
-from gdfe_ros.mesh.triples import along, corner, cross, dot, minus
-from gdfe_ros.solver.contact.gap import unit
+from gdfe_ros.mesh.triples import along, corner, cross, dot, minus, unit
 
 MOST_STEPS = 12
 """Largest number of Gauss-Newton iterations in one closest-point search. A flat face needs two."""
@@ -80,7 +79,7 @@ def corner_normal(areas, surface, f, a):
     starts, faces = surface.smooth
     for i in range(starts[4 * f + a], starts[4 * f + a + 1]):
         n = along(1.0, n, 1.0, corner(areas, faces[i]))
-    return unit(n[0], n[1], n[2])
+    return unit(n)
 
 
 @inlined
@@ -135,7 +134,7 @@ def opposes(areas, surface, vertex, n):
     starts, faces = surface.about
     for i in range(starts[vertex], starts[vertex + 1]):
         m = corner(areas, faces[i])
-        m = unit(m[0], m[1], m[2])
+        m = unit(m)
         if dot(m, n) < OPPOSED:
             return True
         s = along(1.0, s, 1.0, m)
@@ -179,7 +178,7 @@ def face_plane(areas, surface, f, w, d, away):
     m = 0.0, 0.0, 0.0
     for a in range(4):
         m = along(1.0, m, w[a], corner_normal(areas, surface, f, a))
-    m = unit(m[0], m[1], m[2])
+    m = unit(m)
     if dot(m, m) == 0.0:
         return m, 0.0, -1.0
     height = dot(m, d)
@@ -217,7 +216,7 @@ def nearest_faces(x, last, sunk, pairs, surface, areas, reach, found):
         p, nearest = corner(x, vertex), found.distance[i]
         if to_box(x, quad, p) > (1.0 + 2.0 * EQUAL) * min(reach, nearest):
             continue
-        if not opposes(areas, surface, vertex, unit(areas[f, 0], areas[f, 1], areas[f, 2])):
+        if not opposes(areas, surface, vertex, unit(corner(areas, f))):
             continue
         w, d, away = closest_on(x, quad, p)
         if away > min(reach, (1.0 + EQUAL) * nearest):

@@ -10,11 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.constraints import Pose
+from gdfe_ros.constraints.distances import ORIGIN, form_numbers, measure
 from gdfe_ros.constraints.obstacle import ArmLink, ContactPoints, Obstacle
 from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.contact import gap
 from gdfe_ros.solver.contact.contact_term import FAINT, ContactTerm
+from gdfe_ros.solver.contact.gap import find_entries, nearness
 from gdfe_ros.solver.contact.points import Surfaces
 from gdfe_ros.solver.contact.stencil import Stencils
 from gdfe_ros.solver.contact.surface import SHAPE, TURNED, CarriedPoints, ContactSurface
@@ -33,8 +34,6 @@ REACH = 0.05
 are computed again after the body has moved by half of this. If every point was farther away, they are computed again
 only after a motion that may bring a point within this distance.
 """
-SLIP = 3e-7
-"""Slip, divided by the body's size, that the linearisation assumes for a slipping point whose own slip is smaller."""
 
 
 class Contact(ContactTerm):
@@ -68,13 +67,13 @@ class Contact(ContactTerm):
         if isinstance(touched, RigidBody):
             vertices = np.concatenate([vertices, touched.vertices])
         super().__init__(name, body, count, np.unique(vertices), friction=friction, restitution=restitution)
-        self._form = gap.form_numbers(touched.form)
+        self._form = form_numbers(touched.form)
         four = (touched.vertices, touched.signs) if isinstance(touched, RigidBody) else ()
         self.shape = Surfaces.of(touched.form.kind, points.carriers.shape[1], self._form, *four)
         self._scale, self._held_fast = np.zeros(count), np.zeros(count, dtype=bool)
         self._distances, self._normals = np.zeros(count), np.zeros((count, 3))
         self._take_none()
-        self._clear, self._lag, self._led, self._began = -np.inf, 0.0, *np.zeros((2, 0, 3))
+        self._clear, self._lag, self._began = -np.inf, 0.0, np.zeros((0, 3))
         self._pose = self._seen_at = Pose()
         self._last: State | None = None
         self._seen: NDArray[np.float64] | None = None
@@ -186,24 +185,13 @@ class Contact(ContactTerm):
         kept["anchor"][self._chosen[sticks]] = self._kept()[sticks]
 
     def resume(self, commands: Mapping[str, float], saved: Saved, found: Saved, positions: NDArray[np.float64]) -> None:
-        """Prepare the linearisation of a solve: choose the points in contact at its end, with their contact forces.
-
-        The direction of slip must be defined. A slipping point that has hardly moved therefore gets an additional slip
-        of `SLIP` times the body's size in the direction of its friction force.
-        """
+        """Prepare the linearisation of a solve: choose the points in contact at its end, with their contact forces."""
         self._led = np.zeros((0, 3))
         if not found["press"].any():
             self._take_none()
             return
         self._choose({**saved, "press": found["press"], "shear": found["shear"]}, positions)
-        self.look(positions)
-        shears, slips = self.stored(self._shear), self.stored(self.stencils.slips)
-        size = np.linalg.norm(shears, axis=1)
-        still = np.linalg.norm(slips, axis=1) < SLIP * self._body.size
-        on = (found["slips"][self._chosen] > 0.0) & (size > 0.0) & still
-        self._led = SLIP * self._body.size * shears / np.where(size > 0.0, size, 1.0)[:, None] * on[:, None]
-        self._anchors[:, :3] -= self._led
-        self.look(positions)
+        self.lead(found, positions)
 
     def vary(self, commands: Mapping[str, float], saved: Saved, positions: NDArray[np.float64]) -> None:
         """Update the obstacle's frame and the anchors of the chosen points; keep the choice of points."""
@@ -248,7 +236,7 @@ class Contact(ContactTerm):
         middle, axes = self._frame(state.positions, state.poses[self._touched.name])
         places = self._points.at(state.positions)[on]
         frame, kind = np.append(axes, middle), self._touched.form.kind
-        gaps, normals = gap.measure(places, frame, self._form, kind)
+        gaps, normals = measure(places, frame, self._form, kind)
         length = np.linalg.norm(normals, axis=1, keepdims=True)  # below 1 at a mesh's edges
         return Touch(
             vertices=self._points.vertices[on] if self.on_body else np.zeros(0, dtype=np.int32),
@@ -268,11 +256,11 @@ class Contact(ContactTerm):
 
     @property
     def _origin(self) -> NDArray[np.float64]:
-        return self._others[gap.ORIGIN :]
+        return self._others[ORIGIN:]
 
     @property
     def _axes(self) -> NDArray[np.float64]:
-        return self._others[: gap.ORIGIN].reshape(3, 3)
+        return self._others[:ORIGIN].reshape(3, 3)
 
     def _frame(self, positions: NDArray[np.float64], pose: Pose) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return origin (3,) [m] and rotation (3, 3) of the touched obstacle or rigid body."""
@@ -335,12 +323,12 @@ class Contact(ContactTerm):
         """Choose the points that are near at ``positions`` (n, 3) [m], touched in the last step, or enter now."""
         places = self._points.at(positions)
         self._take_frame(positions)
-        self._distances, self._normals = gap.measure(places, *self._obstacle)
+        self._distances, self._normals = measure(places, *self._obstacle)
         self._distances -= self._radius
         self._seen, self._seen_at, self._lag = positions.copy(), self._pose, 0.0
         self._clear = self._distances.min(initial=np.inf) - REACH * self._body.size
         self._began = self._starts(places)
-        planes = gap.find_entries(self._began, self._in_frame(places), ENTRY * self._body.size, *self._obstacle[1:])
+        planes = find_entries(self._began, self._in_frame(places), ENTRY * self._body.size, *self._obstacle[1:])
         near = (self._distances < REACH * self._body.size) | (saved["press"] > 0.0) | planes[:, :3].any(axis=1)
         self._chosen = chosen = self._first_to_touch(np.flatnonzero(near & ~self._held_fast), places)
         self._press, self._shear = saved["press"][chosen], saved["shear"][chosen] @ self._axes.T
@@ -381,5 +369,5 @@ class Contact(ContactTerm):
         this error over the faces around it, at least 0. On a ball the offsets halve the error of the gaps.
         """
         nearer = np.zeros(len(positions))
-        gap.nearness(positions, *self._around, SHAPE, *self._obstacle, nearer)
+        nearness(positions, *self._around, SHAPE, *self._obstacle, nearer)
         return np.maximum(0.0, nearer[self._points.carriers[self._chosen, 0]] / self._points.areas[self._chosen])

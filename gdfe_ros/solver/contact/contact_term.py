@@ -25,6 +25,9 @@ body's size, is below this. Others that would enter join in further rounds.
 ROUNDING = 1e-9
 """A point slips if its friction force is below Coulomb's limit by less than this fraction."""
 
+SLIP = 3e-7
+"""Slip, divided by the body's size, that the linearisation assumes for a slipping point whose own slip is smaller."""
+
 
 class ContactTerm(Term):
     """Contact with an obstacle, with a rigid body, or between parts of the body.
@@ -68,7 +71,7 @@ class ContactTerm(Term):
         self.valid, self.changed = np.inf, False
         self.vertices = vertices
         self._chosen = np.zeros(0, dtype=np.int64)
-        self._press, self._shear = np.zeros(0), np.zeros((0, 3))
+        self._press, self._shear, self._led = np.zeros(0), *np.zeros((2, 0, 3))
         none = np.zeros((count, 3))
         self._free = {
             "press": np.zeros(count),
@@ -183,6 +186,20 @@ class ContactTerm(Term):
         push[self._chosen], rub[self._chosen] = pushes, self.stored(shears)
         lost = saved["lost"] - np.einsum("ki,ki->", shears[slips], self.stencils.slips[slips])
         return {**kept, "push": push, "rub": rub, "lost": lost}
+
+    def lead(self, found: Saved, positions: NDArray[np.float64]) -> None:
+        """Look at ``positions`` (n, 3) [m] where a solve has ended with the state ``found``, for its linearisation.
+
+        The direction of slip must be defined. The anchor of each slipping point is therefore moved, so that its slip is
+        along its friction force, and at least `SLIP` times the body's size.
+        """
+        self.look(positions)
+        slips, size, axes = self.stencils.slips, np.linalg.norm(self._shear, axis=1), self.shape.frames[0, :9]
+        on = (found["slips"][self._chosen] > 0.0) & (size > 0.0)
+        far = np.maximum(np.linalg.norm(slips, axis=1), SLIP * self._body.size) / np.where(on, size, 1.0)
+        self._led = np.where(on[:, None], far[:, None] * self._shear - slips, 0.0) @ axes.reshape(3, 3)
+        self._anchors[:, :3] -= self._led
+        self.look(positions)
 
     @property
     def multipliers(self) -> NDArray[np.float64]:

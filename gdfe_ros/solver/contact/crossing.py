@@ -6,9 +6,8 @@ from __future__ import annotations
 import math
 
 from gdfe_ros.compiled import inlined, kernel
-from gdfe_ros.mesh.triples import along, corner, cross, dot, minus
+from gdfe_ros.mesh.triples import along, corner, cross, dot, minus, unit
 from gdfe_ros.solver.contact.closest import write_pair
-from gdfe_ros.solver.contact.gap import unit
 
 PARALLEL = 0.1
 """Least sine of the angle between two edges that touch. Vertices and faces carry the contact of parallel edges."""
@@ -109,7 +108,7 @@ def closest_between(x, a, b, c, d):
     square = dot(n, n)
     if not square > PARALLEL**2 * dot(u, u) * dot(v, v):
         return (0.0, 0.0, 0.0), math.inf, math.inf
-    return unit(n[0], n[1], n[2]), dot(cross(r, v), n) / square, dot(cross(r, u), n) / square
+    return unit(n), dot(cross(r, v), n) / square, dot(cross(r, u), n) / square
 
 
 @inlined

@@ -1,82 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compiled distances from contact points to obstacles."""
+"""Compiled searches on an obstacle: where a point's path enters it, and how much nearer faces come than corners."""
 
 from __future__ import annotations
 
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gdfe_ros.compiled import inlined, kernel
-from gdfe_ros.constraints.form import Form
-from gdfe_ros.mesh.triples import along, combine, corner, dot, minus
-from gdfe_ros.solver.contact.distance import MESH, signed_distance
-from gdfe_ros.solver.contact.grid import SURE, grid_distance
+from gdfe_ros.compiled import kernel
+from gdfe_ros.constraints.distances import MESH, SURE, distance_at, distance_in_frame
+from gdfe_ros.mesh.triples import along, corner, dot, minus, unit
 
-ORIGIN = 9
-"""Offset of the origin [m] in a ``frame`` (12,), after its rotation."""
 MOST_STEPS = 60
 """Largest number of sphere-tracing moves along one path. If they do not reach the obstacle, the path only grazes it."""
 SMOOTH = 0.95
 """The obstacle is smooth at a face if the mean of its unit normals at the four corners has at least this length."""
-
-
-@inlined
-def row(frame, i):
-    """Return row ``i`` (3,) of the rotation of a frame."""
-    return frame[3 * i], frame[3 * i + 1], frame[3 * i + 2]
-
-
-@inlined
-def in_frame(frame, dx, dy, dz):
-    """Return the components of a world vector along the frame's axes."""
-    return combine(dx, row(frame, 0), dy, row(frame, 1), dz, row(frame, 2))
-
-
-@inlined
-def in_world(frame, a, b, c):
-    """Return the world components of a vector that is given along the frame's axes."""
-    return dot(row(frame, 0), (a, b, c)), dot(row(frame, 1), (a, b, c)), dot(row(frame, 2), (a, b, c))
-
-
-@inlined
-def distance_in_frame(kind, form, x, y, z):
-    """Return the signed distance [m] from a point to the obstacle, and its gradient (3,), all in the frame."""
-    if kind == MESH:
-        return grid_distance(form, int(form[0]), x, y, z)
-    return signed_distance(kind, form[0], form[1], form[2], x, y, z)
-
-
-@inlined
-def distance_at(kind, frame, form, px, py, pz):
-    """Return the signed distance [m] from a point to the obstacle, and its gradient (3,) in world axes."""
-    x, y, z = in_frame(frame, px - frame[ORIGIN], py - frame[ORIGIN + 1], pz - frame[ORIGIN + 2])
-    g, a, b, c = distance_in_frame(kind, form, x, y, z)
-    nx, ny, nz = in_world(frame, a, b, c)
-    return g, nx, ny, nz
-
-
-@inlined
-def unit(nx, ny, nz):
-    """Return the unit vector along a gradient, whose length is below 1 at a mesh's edges; zero for a zero gradient."""
-    length = math.sqrt(nx * nx + ny * ny + nz * nz)
-    return (nx / length, ny / length, nz / length) if length > 0.0 else (0.0, 0.0, 0.0)
-
-
-def form_numbers(form: Form) -> NDArray[np.float64]:
-    """Return the array ``form`` of the kernels: a shape's three numbers, and the samples of a mesh."""
-    return np.concatenate([form.numbers, form.samples])
-
-
-@kernel
-def measure(points, frame, form, kind):
-    """Return signed distances (k,) [m] of ``points`` (k, 3) [m] from the obstacle, and their gradients (k, 3)."""
-    away, normals = np.empty(len(points)), np.empty((len(points), 3))
-    for i in range(len(points)):
-        found = distance_at(kind, frame, form, points[i, 0], points[i, 1], points[i, 2])
-        away[i], normals[i, 0], normals[i, 1], normals[i, 2] = found
-    return away, normals
 
 
 @kernel
@@ -102,7 +40,7 @@ def find_entries(starts, ends, reach, form, kind):
                 if nx * ex + ny * ey + nz * ez >= 0.0:
                     break
             if g < reach:
-                n = unit(nx, ny, nz)
+                n = unit((nx, ny, nz))
                 planes[i, 0], planes[i, 1], planes[i, 2], planes[i, 3] = n[0], n[1], n[2], dot(n, p) - g
                 break
             gone += g if kind != MESH else SURE * g

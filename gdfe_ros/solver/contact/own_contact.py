@@ -13,7 +13,6 @@ from gdfe_ros.constraints import Pose
 from gdfe_ros.constraints.obstacle import NAME, SelfContact
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact.closest import Nearest
-from gdfe_ros.solver.contact.contact import SLIP
 from gdfe_ros.solver.contact.contact_term import MARGIN, ContactTerm
 from gdfe_ros.solver.contact.crossing import LEAST
 from gdfe_ros.solver.contact.inside import Inside
@@ -247,34 +246,23 @@ class OwnContact(ContactTerm):
         return away - np.einsum("ki,ki->k", away, self._now.normal)[:, None] * self._now.normal
 
     def resume(self, commands: Mapping[str, float], saved: Saved, found: Saved, positions: NDArray[np.float64]) -> None:
-        """Prepare the linearisation of a solve: choose the pairs that press at its end, with their forces and faces.
-
-        The direction of slip must be defined. A slipping pair that has hardly moved therefore gets a slip of `SLIP`
-        times the body's size in the direction of its friction force.
-        """
+        """Prepare the linearisation of a solve: choose the pairs that press at its end, with their forces and faces."""
         x = self.points.at(positions)
         near = self.pairs.look(x, x, REACH * self._body.size, found["face"].astype(np.int64))
         near.face[~(found["press"] > 0.0)] = -1
         self._slid, self._clear, self._from = None, False, self.points.at(self._last.positions)
         self._take_forces(found, x)
         self._choose(near)
-        if not self.near:
-            return
-        self._slid, self._solved = self._slip_before(), self._now
-        self.look(positions)
-        slips, size = self.stencils.slips, np.linalg.norm(self._shear, axis=1)
-        on = (found["slips"][self._chosen] > 0.0) & (size > 0.0)
-        far = np.maximum(np.linalg.norm(slips, axis=1), SLIP * self._body.size) / np.where(size > 0.0, size, 1.0)
-        self._anchors[on] += (slips - far[:, None] * self._shear)[on]
-        self._led = self._anchors - self._slid
-        self.look(positions)
+        if self.near:
+            self._slid, self._solved = self._slip_before(), self._now
+            self.lead(found, positions)
 
     def vary(self, commands: Mapping[str, float], saved: Saved, positions: NDArray[np.float64]) -> None:
         """Update the anchors of the chosen pairs; keep the choice of pairs."""
         if self.near:
             kept, self._from = self._from, self.points.at(self._last.positions)
             self._now = self._solved
-            self._anchors[...] = self._slip_before() + self._led
+            self._anchors[...] = self._slip_before() - self._led
             self._from = kept
 
     def _look_again(self, x: NDArray[np.float64]) -> None:

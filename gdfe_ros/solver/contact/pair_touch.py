@@ -8,9 +8,8 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from gdfe_ros.compiled import kernel
-from gdfe_ros.mesh.triples import cross
+from gdfe_ros.mesh.triples import cross, unit
 from gdfe_ros.solver.contact.closest import area_vector, face_at
-from gdfe_ros.solver.contact.gap import unit
 from gdfe_ros.solver.contact.touch import Touch
 
 Array = NDArray[np.float64]
@@ -68,6 +67,6 @@ def frames(x, quads):
     axes = np.empty((len(quads), 3, 3))
     for k in range(len(quads)):
         u, v = face_at(x, quads[k], 0.5, 0.5)[1], area_vector(x, quads[k])
-        first, normal = unit(u[0], u[1], u[2]), unit(v[0], v[1], v[2])
+        first, normal = unit(u), unit(v)
         axes[k, :, 0], axes[k, :, 1], axes[k, :, 2] = first, cross(normal, first), normal
     return axes

@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.compiled import inlined, internal, kernel
-from gdfe_ros.mesh.triples import along, corner, cross, dot, minus
+from gdfe_ros.mesh.triples import along, corner, cross, dot, minus, unit
 from gdfe_ros.solver.contact.closest import EQUAL, area_vector, clamped, closest_on, face_at, to_box
-from gdfe_ros.solver.contact.gap import unit
 from gdfe_ros.solver.contact.near import Ragged
 
 MOST_STEPS = 25
@@ -99,7 +98,7 @@ def nearest_of(x, material, piece, point, p, bound):
         if away >= (1.0 + EQUAL) * least:
             continue
         n = area_vector(x, quad)
-        above = dot(unit(n[0], n[1], n[2]), d)
+        above = dot(unit(n), d)
         if away < (1.0 - EQUAL) * least or abs(above) > abs(height):
             nearest, height = f, above
         least = min(least, away)

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.compiled import internal, kernel
+from gdfe_ros.constraints.distances import ORIGIN, distance_at, in_frame, in_world
 from gdfe_ros.mesh.triples import dot
-from gdfe_ros.solver.contact.gap import ORIGIN, distance_at, in_frame, in_world
 from gdfe_ros.solver.contact.stencil import set_axes
 
 PLANES = -1

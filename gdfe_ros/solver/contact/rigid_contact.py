@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
+from gdfe_ros.constraints.distances import measure
 from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.contact import gap
 from gdfe_ros.solver.contact.contact import Contact
 from gdfe_ros.solver.contact.surface import CarriedPoints
 from gdfe_ros.solver.state import Saved
@@ -55,9 +55,9 @@ class RigidContact(Contact):
         if self._radius > 0.0 or not len(near):
             return
         places, shift = self._points.at(positions)[self._chosen], BESIDE * self._body.size
-        beside = [gap.measure(places[near] + shift * way, *self._obstacle)[1] for way in (*np.eye(3), *-np.eye(3))]
+        beside = [measure(places[near] + shift * way, *self._obstacle)[1] for way in (*np.eye(3), *-np.eye(3))]
         edge = near[np.linalg.norm(np.ptp(beside, axis=0), axis=1) > SMOOTH]
-        facing = gap.measure(positions[self._rigid.vertices].mean(axis=0)[None], *self._obstacle)[1][0]
+        facing = measure(positions[self._rigid.vertices].mean(axis=0)[None], *self._obstacle)[1][0]
         if not facing.any():
             return
         chosen, normal = self._chosen[edge], facing @ self._axes / np.linalg.norm(facing)

@@ -6,10 +6,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from gdfe_ros.constraints.distances import measure
 from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.contact import gap
 from gdfe_ros.solver.contact.rigid_contact import RigidContact
 from gdfe_ros.solver.state import Saved
 
@@ -37,7 +37,7 @@ class RoundContact(RigidContact):
         pose = self._pose if state is None else state.poses[self._touched.name]
         origin, axes = self._frame(before, pose)
         centres = np.ascontiguousarray(self._points.at(before)[chosen])
-        normals = gap.measure(centres, np.append(axes, origin), self._form, self._touched.form.kind)[1]
+        normals = measure(centres, np.append(axes, origin), self._form, self._touched.form.kind)[1]
         normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), np.finfo(float).tiny)
         arms, slid = -self._radius * normals, saved["anchor"][chosen]
         own = arms @ self._rigid.found(before)[1] @ self._rigid.signs.T

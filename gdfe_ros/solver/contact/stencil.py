@@ -19,8 +19,7 @@ from numpy.typing import NDArray
 
 from gdfe_ros.compiled import internal, kernel
 from gdfe_ros.materials.tensor import perpendicular
-from gdfe_ros.mesh.triples import cross, dot
-from gdfe_ros.solver.contact.gap import unit
+from gdfe_ros.mesh.triples import cross, dot, unit
 from gdfe_ros.solver.terms.term import as_arrays, term_kernel
 
 LOADS = 6
@@ -115,7 +114,7 @@ def set_axes(i, gap, gradient, slip, stencils):
     The normal force stays as it is.
     """
     places, axes, held, shears = stencils.places, stencils.axes, stencils.held, stencils.shears
-    normal = unit(gradient[0], gradient[1], gradient[2])
+    normal = unit(gradient)
     first = perpendicular(normal)
     second = cross(normal, first)
     t = shears[i, 0], shears[i, 1], shears[i, 2]

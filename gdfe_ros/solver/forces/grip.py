@@ -24,9 +24,9 @@ from gdfe_ros.actuators.actuator import ActuatorState, Grip
 from gdfe_ros.compiled import kernel
 from gdfe_ros.constraints import Pose
 from gdfe_ros.constraints.obstacle import Obstacle
+from gdfe_ros.constraints.overlap import Placed
 from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.contact.overlap import Placed
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.state import Saved, State
 from gdfe_ros.solver.terms.multiplier import UpdatedTerm

@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.constraints import Pose
+from gdfe_ros.constraints.overlap import inside_surface, overlaps, placed_now
 from gdfe_ros.errors import OverlapError
 from gdfe_ros.mesh.tet_faces import flat_quads
 from gdfe_ros.mesh.touching import outline
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.contact.overlap import inside_surface, overlaps, placed_now
 from gdfe_ros.solver.forces.actuation import Actuation
 from gdfe_ros.solver.handle_motions import HandleMotions
 from gdfe_ros.solver.motion import inertia, viscosity

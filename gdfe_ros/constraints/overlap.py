@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.constraints import Handle, Pose
+from gdfe_ros.constraints.distances import form_numbers, measure
 from gdfe_ros.constraints.form import Form
 from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.mesh.shells import inside
-from gdfe_ros.solver.contact import gap
 
 TOUCHING = 1e-3
 """Penetration depth, divided by the rigid body's diagonal, up to which bodies count as touching, not as overlapping."""
@@ -60,7 +60,7 @@ class Placed:
     def seen_from(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return signed distances (k,) [m] of points (k, 3) [m] to the thing, negative inside, and normals (k, 3)."""
         form: Form = self.thing.form
-        return gap.measure(points, np.append(self.axes, self.origin), gap.form_numbers(form), form.kind)
+        return measure(points, np.append(self.axes, self.origin), form_numbers(form), form.kind)
 
 
 def placed_at_rest(handles: Sequence[Handle]) -> list[Placed]:

@@ -9,10 +9,10 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 from gdfe_ros import Pose
+from gdfe_ros.constraints.distances import form_numbers, measure
 from gdfe_ros.constraints.form import Box, Capsule, Cylinder, Form, Plane, Sphere, TriangleMesh
 from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.mesh.solid import make_solid
-from gdfe_ros.solver.contact import gap
 
 FORMS = [Plane(), Sphere(0.7), Box((1.0, 1.4, 0.6)), Capsule(0.4, 1.0), Cylinder(0.6, 0.8)]
 
@@ -25,7 +25,7 @@ def gaps(obstacle: Obstacle, points: np.ndarray) -> np.ndarray:
 def gaps_and_normals(obstacle: Obstacle, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the distance of points (k, 3) [m] from an obstacle, and its gradient."""
     origin, axes = obstacle.frame(Pose())
-    return gap.measure(points, np.append(axes, origin), gap.form_numbers(obstacle.form), obstacle.form.kind)
+    return measure(points, np.append(axes, origin), form_numbers(obstacle.form), obstacle.form.kind)
 
 
 def meshed(surface: trimesh.Trimesh, cell: float | None = None) -> Obstacle:
