@@ -128,7 +128,7 @@ def apart(x, a, b, c, d, s, t, n):
 @inlined
 def facing(n, areas, face):
     """Return the inner product of a direction and the unit normal of a face; 0 for a face without area."""
-    return dot(n, unit(areas[face, 0], areas[face, 1], areas[face, 2]))
+    return dot(n, unit(corner(areas, face)))
 
 
 @inlined
@@ -137,7 +137,7 @@ def between(n, areas, sides):
 
     It is positive between both normals, and -1 for a face without area.
     """
-    m = unit(areas[sides[0], 0], areas[sides[0], 1], areas[sides[0], 2])
+    m = unit(corner(areas, sides[0]))
     own, other, both = dot(n, m), facing(n, areas, sides[1]), facing(m, areas, sides[1])
     rest = dot(m, m) - both * both
     return min(own - both * other, other - both * own) / rest if rest > 1e-300 else -1.0
