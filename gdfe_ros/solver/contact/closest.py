@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from gdfe_ros.compiled import inlined, internal, kernel
 from gdfe_ros.mesh.triples import along, corner, cross, dot, minus, unit
+from gdfe_ros.solver.contact.near import boxes_around
 
 MOST_STEPS = 12
 """Largest number of Gauss-Newton iterations in one closest-point search. A flat face needs two."""
@@ -142,16 +143,12 @@ def opposes(areas, surface, vertex, n):
 
 
 @inlined
-def to_box(x, quad, p):
-    """Return the distance [m] from the point p to the box, along the axes, of a face."""
-    square = 0.0
-    for axis in range(3):
-        low, high = x[quad[0], axis], x[quad[0], axis]
-        for a in range(1, 4):
-            low, high = min(low, x[quad[a], axis]), max(high, x[quad[a], axis])
-        away = max(low - p[axis], p[axis] - high, 0.0)
-        square += away * away
-    return math.sqrt(square)
+def to_box(boxes, f, p):
+    """Return the distance [m] from the point p to box ``f`` of bounds (q, 2, 3) [m] along the axes."""
+    a = max(boxes[f, 0, 0] - p[0], p[0] - boxes[f, 1, 0], 0.0)
+    b = max(boxes[f, 0, 1] - p[1], p[1] - boxes[f, 1, 1], 0.0)
+    c = max(boxes[f, 0, 2] - p[2], p[2] - boxes[f, 1, 2], 0.0)
+    return math.sqrt(a * a + b * b + c * c)
 
 
 @kernel
@@ -160,10 +157,11 @@ def least_distance(x, pairs, surface, most):
 
     Normals do not count: what does not oppose may come to oppose.
     """
+    boxes = boxes_around(x, surface.quads)
     for pair in range(pairs.shape[1]):
-        p, quad = corner(x, surface.vertices[pairs[0, pair]]), surface.quads[pairs[1, pair]]
-        if to_box(x, quad, p) < most:
-            most = min(most, closest_on(x, quad, p)[2])
+        p, f = corner(x, surface.vertices[pairs[0, pair]]), pairs[1, pair]
+        if to_box(boxes, f, p) < most:
+            most = min(most, closest_on(x, surface.quads[f], p)[2])
     return most
 
 
@@ -210,12 +208,14 @@ def nearest_faces(x, last, sunk, pairs, surface, areas, reach, found):
         found: `Nearest`, is written. The ``support`` is 1 above the face and falls to 0 across the rim beside it.
             Beyond the rim of a convex edge it is 1: the vertex then touches the edge.
     """
+    boxes = boxes_around(x, surface.quads)
     for pair in range(pairs.shape[1]):
         i, f = pairs[0, pair], pairs[1, pair]
-        vertex, quad = surface.vertices[i], surface.quads[f]
+        vertex = surface.vertices[i]
         p, nearest = corner(x, vertex), found.distance[i]
-        if to_box(x, quad, p) > (1.0 + 2.0 * EQUAL) * min(reach, nearest):
+        if to_box(boxes, f, p) > (1.0 + 2.0 * EQUAL) * min(reach, nearest):
             continue
+        quad = surface.quads[f]
         if not opposes(areas, surface, vertex, unit(corner(areas, f))):
             continue
         w, d, away = closest_on(x, quad, p)

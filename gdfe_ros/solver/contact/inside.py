@@ -47,7 +47,9 @@ class Inside:
         cells = np.ascontiguousarray(body.cells[:, simple].reshape(-1, 8))
         near = ragged(points.around(body.cells, np.repeat(body.cells, len(simple), axis=0)))
         owners, rest = pieces[cells[:, 0]].astype(np.int64), points.at(body.rest)
-        self._material = FilledCells(cells, owners, near, quads, touchable, starts, lined, rest)
+        self._material = FilledCells(
+            cells, owners, near, quads, touchable, starts, lined, rest, boxes_around(rest, quads)
+        )
         self._tested = np.concatenate([np.repeat(surface.vertices[:, None], 4, axis=1), quads[touchable]])
         self._count, self._deep = len(surface.vertices), surface.depth
 

@@ -7,8 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from gdfe_ros.compiled import inlined, kernel
+from gdfe_ros.compiled import inlined, internal, kernel
 
+MOST = 24
+"""Largest number of bins along an axis."""
 Ragged = tuple[NDArray[np.int64], NDArray[np.int64]]
 """Rows of different lengths: the offsets (m + 1,) of each row, and the values of all rows, ascending in each row."""
 
@@ -37,12 +39,12 @@ def boxes_around(x, groups):
     return boxes
 
 
-def find_near(
-    boxes: NDArray[np.float64], others: NDArray[np.float64], groups: NDArray[np.int32], kin: Ragged, within: float
-) -> NDArray[np.int64]:
+@kernel
+def find_near(boxes, others, groups, kin, within):
     """Return the pairs (2, p) of ``boxes`` and ``others`` that come within a distance [m] along each axis.
 
     The second numbers ascend. A pair is left out if a point of the first one is in the row of ``kin`` for the other.
+    The first boxes are sorted into the bins of a grid, by their least corners.
 
     Args:
         boxes: (k, 2, 3) [m] bounds, finite.
@@ -51,44 +53,89 @@ def find_near(
         kin: for each of ``others``, points that belong to it.
         within: [m] distance.
     """
-    if not len(boxes) or not len(others):
-        return np.zeros((2, 0), np.int64)
-    around, axis = others + np.array([[-within], [within]]), int(np.ptp(boxes[:, 0], axis=0).argmax())
-    order = np.argsort(boxes[:, 0, axis], kind="stable")
-    lows, longest = boxes[order, 0, axis], float(np.ptp(boxes[:, :, axis], axis=1).max())
-    first = np.searchsorted(lows, around[:, 0, axis] - longest)
-    last = np.searchsorted(lows, around[:, 1, axis], side="right")
-    return meeting(boxes[order], around, groups[order], kin, order, first, last)
-
-
-@kernel
-def meeting(boxes, around, groups, kin, order, first, last):
-    """Return the pairs (2, p) of boxes (k, 2, 3) and (m, 2, 3) that meet; see `find_near`.
-
-    Those that may meet box j of the second ones are the first ones from ``first[j]`` to ``last[j]``. Their numbers in
-    the pairs are in ``order`` (k,).
-    """
-    found, count = np.empty((2, len(order)), np.int64), 0
-    for j in range(len(around)):
-        for i in range(first[j], last[j]):
-            if miss(boxes, i, around, j, 0) or miss(boxes, i, around, j, 1) or miss(boxes, i, around, j, 2):
-                continue
-            own = False
-            for point in groups[i]:
-                own |= among(kin, j, point)
-            if own:
-                continue
-            if count == found.shape[1]:
-                found = np.concatenate((found, found), axis=1)
-            found[0, count], found[1, count] = order[i], j
-            count += 1
+    found, count, least, longest, pitch, counts = np.empty((2, len(boxes) + 1), np.int64), 0, *lay_grid(boxes, others)
+    order, starts = sort_into_bins(boxes, least, pitch, counts)
+    low, high = np.empty(3, np.int64), np.empty(3, np.int64)
+    for j in range(len(others) if len(boxes) else 0):
+        for axis in range(3):
+            begin, end = others[j, 0, axis] - within - longest[axis], others[j, 1, axis] + within
+            low[axis] = bin_of(begin, least[axis], pitch[axis], counts[axis])
+            high[axis] = bin_of(end, least[axis], pitch[axis], counts[axis])
+        for a in range(low[0], high[0] + 1):
+            for b in range(low[1], high[1] + 1):
+                row = (a * counts[1] + b) * counts[2]
+                for place in range(starts[row + low[2]], starts[row + high[2] + 1]):
+                    i = order[place]
+                    if miss(boxes, i, others, j, within) or has_kin(groups[i], kin, j):
+                        continue
+                    if count == found.shape[1]:
+                        found = np.concatenate((found, found), axis=1)
+                    found[0, count], found[1, count] = i, j
+                    count += 1
     return found[:, :count].copy()
 
 
+@internal
+def lay_grid(boxes, others):
+    """Return a grid of bins: least corner (3,), longest edges of ``boxes`` (3,), edges of a bin (3,), counts (3,)."""
+    least, most, longest = np.full(3, np.inf), np.full(3, -np.inf), np.zeros(3)
+    pitch, counts = np.ones(3), np.ones(3, np.int64)
+    for axis in range(3):
+        for i in range(len(boxes)):
+            low, high = boxes[i, 0, axis], boxes[i, 1, axis]
+            least[axis], most[axis] = min(least[axis], low), max(most[axis], low)
+            longest[axis] = max(longest[axis], high - low)
+        wide = longest[axis]
+        for j in range(len(others)):
+            wide += (others[j, 1, axis] - others[j, 0, axis]) / len(others)
+        span = most[axis] - least[axis]
+        if span > 0.0:
+            counts[axis] = 1 + int(min(span / max(wide, span / MOST), MOST))
+            pitch[axis] = span / counts[axis]
+    return least, longest, pitch, counts
+
+
 @inlined
-def miss(boxes, i, around, j, axis):
-    """Return whether two boxes do not meet along an axis."""
-    return boxes[i, 0, axis] > around[j, 1, axis] or boxes[i, 1, axis] < around[j, 0, axis]
+def bin_of(x, least, pitch, count):
+    """Return the bin along an axis that contains a coordinate; the first or the last one for those beyond the grid."""
+    return int(min(max((x - least) / pitch, 0.0), count - 1.0))
+
+
+@internal
+def sort_into_bins(boxes, least, pitch, counts):
+    """Return the numbers of ``boxes``, bin by bin, and the offset of each bin in them."""
+    bins, starts = np.empty(len(boxes), np.int64), np.zeros(counts[0] * counts[1] * counts[2] + 1, np.int64)
+    for i in range(len(boxes)):
+        number = 0
+        for axis in range(3):
+            number = number * counts[axis] + bin_of(boxes[i, 0, axis], least[axis], pitch[axis], counts[axis])
+        bins[i] = number
+        starts[number + 1] += 1
+    for number in range(len(starts) - 1):
+        starts[number + 1] += starts[number]
+    order, following = np.empty(len(boxes), np.int64), starts.copy()
+    for i in range(len(boxes)):
+        order[following[bins[i]]] = i
+        following[bins[i]] += 1
+    return order, starts
+
+
+@inlined
+def miss(boxes, i, others, j, within):
+    """Return whether two boxes are farther than ``within`` [m] from each other along an axis."""
+    apart = False
+    for axis in range(3):
+        apart |= boxes[i, 0, axis] > others[j, 1, axis] + within or boxes[i, 1, axis] < others[j, 0, axis] - within
+    return apart
+
+
+@inlined
+def has_kin(group, kin, j):
+    """Return whether a point of a ``group`` is in row ``j`` of a `Ragged` list."""
+    own = False
+    for point in group:
+        own |= among(kin, j, point)
+    return own
 
 
 @inlined

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from gdfe_ros.compiled import inlined, internal, kernel
 from gdfe_ros.mesh.triples import along, corner, cross, dot, minus, unit
 from gdfe_ros.solver.contact.closest import EQUAL, area_vector, clamped, closest_on, face_at, to_box
-from gdfe_ros.solver.contact.near import Ragged
+from gdfe_ros.solver.contact.near import Ragged, boxes_around
 
 MOST_STEPS = 25
 """Largest number of Newton iterations in one cell."""
@@ -35,7 +35,7 @@ class FilledCells(NamedTuple):
         touchable: (q,) whether each face takes part in self-contact.
         starts: (p + 1,) index at which the faces of each piece begin.
         lined: (p,) whether each piece has a skin.
-        rest: (n + p, 3) [m] positions at rest.
+        rest, boxes: (n + p, 3) and (q, 2, 3) [m] positions, and boxes around the faces, at rest.
     """
 
     cells: NDArray[np.int32]
@@ -46,6 +46,7 @@ class FilledCells(NamedTuple):
     starts: NDArray[np.int64]
     lined: NDArray[np.bool_]
     rest: NDArray[np.float64]
+    boxes: NDArray[np.float64]
 
 
 @inlined
@@ -83,7 +84,7 @@ def has_all(quad, point):
 
 
 @internal
-def nearest_of(x, material, piece, point, p, bound):
+def nearest_of(x, boxes, material, piece, point, p, bound):
     """Return the nearest face of a piece to a point p [m], their distance [m], and the height [m] of p above its plane.
 
     Faces with all of ``point`` (4,) as corners are left out. If several are equally near, at an edge or a corner, it is
@@ -92,7 +93,7 @@ def nearest_of(x, material, piece, point, p, bound):
     nearest, least, height = -1, np.inf, 0.0
     for f in range(material.starts[piece], material.starts[piece + 1]):
         quad = material.quads[f]
-        if to_box(x, quad, p) >= (1.0 + EQUAL) * least or has_all(quad, point):
+        if to_box(boxes, f, p) >= (1.0 + EQUAL) * least or has_all(quad, point):
             continue
         _, d, away = closest_on(x, quad, p)
         if away >= (1.0 + EQUAL) * least:
@@ -108,7 +109,7 @@ def nearest_of(x, material, piece, point, p, bound):
 
 
 @internal
-def depth_in(x, material, e, point, p, bound):
+def depth_in(x, boxes, material, e, point, p, bound):
     """Return the depth [m] of a point p [m] in cell ``e``, below the faces of the piece; see `find_inside`.
 
     In a piece with a skin, the point is in the material if it is behind the nearest triangle, and if its place at rest
@@ -117,12 +118,12 @@ def depth_in(x, material, e, point, p, bound):
     piece, (within, place) = material.pieces[e], place_in_cell(x, material.cells[e], p)
     if not within:
         return 0.0
-    face, least, height = nearest_of(x, material, piece, point, p, bound)
+    face, least, height = nearest_of(x, boxes, material, piece, point, p, bound)
     if face < 0 or least < bound or not material.touchable[face]:
         return 0.0
     if material.lined[piece]:
-        rest = point_in_cell(material.rest, material.cells[e], *place)[0]
-        height = max(height, nearest_of(material.rest, material, piece, NO_POINT, rest, 0.0)[2])
+        rest, around = point_in_cell(material.rest, material.cells[e], *place)[0], material.boxes
+        height = max(height, nearest_of(material.rest, around, material, piece, NO_POINT, rest, 0.0)[2])
     return 0.0 if material.lined[piece] and height > 0.0 else least
 
 
@@ -142,8 +143,9 @@ def find_inside(x, material, points, places, pairs, bounds, depth, cell):
         depth: (k,) [m], is written for points inside a cell.
         cell: (k,), is written for points inside a cell.
     """
+    boxes = boxes_around(x, material.quads)
     for pair in range(pairs.shape[1]):
         k, e = pairs[0, pair], pairs[1, pair]
-        found = depth_in(x, material, e, points[k], corner(places, k), bounds[k])
+        found = depth_in(x, boxes, material, e, points[k], corner(places, k), bounds[k])
         if found > depth[k]:
             depth[k], cell[k] = found, e
