@@ -23,8 +23,7 @@ from gdfe_ros.solver.stepping.march import March
 from gdfe_ros.solver.stepping.stepper import Stepper
 
 if TYPE_CHECKING:
-    from gdfe_ros.derivatives import Derivatives
-    from gdfe_ros.solver.sensitivity.columns import Sensitivities
+    from gdfe_ros.derivatives import Derivatives, Sensitivities
     from gdfe_ros.solver.sensitivity.motion import Trail
 
 CHANGE, TOLERANCE = 1e-2, 1e-8

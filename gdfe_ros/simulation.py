@@ -35,7 +35,7 @@ from gdfe_ros.solver.terms.term import Term
 from gdfe_ros.steppers import make_stepper, scene_body, step_result, usual_steps
 
 if TYPE_CHECKING:
-    from gdfe_ros.solver.sensitivity.columns import Sensitivities
+    from gdfe_ros.derivatives import Sensitivities
 
 WARM_UP = 1e-3
 """Displacement of the handles, divided by the body's size, in the step that compiles every kernel."""

@@ -12,13 +12,13 @@ from gdfe_ros.constraints import Pose
 from gdfe_ros.errors import GdfeError, OverlapError
 from gdfe_ros.materials import Linear, NeoHookean
 from gdfe_ros.mesh.mesh import MeshPart
+from gdfe_ros.node.carry import Correspondence, carried, match_loose, match_vertices, with_bodies_of
 from gdfe_ros.node.interface.parameters import MODULUS
 from gdfe_ros.scene.loader import scene_from_text
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.scene.soft_bodies import parts_of
 from gdfe_ros.simulation import Command, Simulation
 from gdfe_ros.soft_places import require_soft_free
-from gdfe_ros.solver.motion.carry import Correspondence, carried, match_loose, match_vertices, with_bodies_of
 
 _LONG = 1e9
 """Duration of a step [s] so long that no rate limit restricts a command."""

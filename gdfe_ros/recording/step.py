@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     from gdfe_ros.arms.carriers import JointReading
     from gdfe_ros.arms.dynamics import LinkFrame
     from gdfe_ros.element_fields import ElementFields
+    from gdfe_ros.inertial_units import ImuReading
     from gdfe_ros.simulation import Command, Simulation
-    from gdfe_ros.solver.motion.imu import ImuReading
     from gdfe_ros.solver.result import StepResult
 
 FORMAT = 1

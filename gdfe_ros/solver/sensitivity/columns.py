@@ -1,16 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Derivatives at an equilibrium, one column per parameter, and the result of their computation."""
+"""Derivatives at an equilibrium, one column per parameter."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.blas import one_blas_thread
-from gdfe_ros.errors import CommandError, GdfeError, require_named
+from gdfe_ros.errors import GdfeError
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.equilibrium.energy import EquilibriumSolver
 from gdfe_ros.solver.minimise.level import TangentLevel
@@ -19,87 +19,6 @@ from gdfe_ros.solver.sensitivity.linearised import Linearised
 from gdfe_ros.solver.sensitivity.parameter import Parameter
 from gdfe_ros.solver.sensitivity.side import Column, Pair, VariedInputs
 from gdfe_ros.solver.state import State
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Sensitivities:
-    """Derivatives of outputs with respect to parameters.
-
-    Attributes:
-        outputs: names, in the order of the rows.
-        parameters: names, in the order of the columns.
-        units: units of the parameters; empty for a dimensionless parameter.
-        values: dict from output name to its derivatives (k, p) float64, in the output's unit divided by the parameter's
-            unit; outputs are positions [m], forces [N] and moments [N m].
-    """
-
-    outputs: tuple[str, ...]
-    parameters: tuple[str, ...]
-    units: tuple[str, ...]
-    values: Mapping[str, NDArray[np.float64]]
-
-    @property
-    def matrix(self) -> NDArray[np.float64]:
-        """All rows (sum of k, p), output by output.
-
-        Raises:
-            CommandError: no parameter was requested, e.g. because the scene has no actuators.
-        """
-        if not self.parameters:
-            raise CommandError("no derivatives: no parameter was named, and the scene may have no actuators")
-        rows = [self.values[name] for name in self.outputs]
-        return np.concatenate(rows) if rows else np.zeros((0, len(self.parameters)))
-
-    def of(self, output: str, parameter: str) -> NDArray[np.float64]:
-        """Return d(output)/d(parameter) (k,).
-
-        Raises:
-            CommandError: the output or the parameter was not requested.
-        """
-        for name, known in ((output, self.outputs), (parameter, self.parameters)):
-            if name not in known:
-                raise CommandError(f"{name!r} was not asked for; asked for: {', '.join(known) or 'nothing'}")
-        return self.values[output][:, self.parameters.index(parameter)]
-
-
-class Outputs:
-    """The outputs of a scene: ``positions``, ``probes.<name>``, ``reactions.<handle or obstacle>``.
-
-    Args:
-        probes: dict from name to material point.
-        reacting: names of handles and obstacles.
-        count: number of vertices of the mesh.
-    """
-
-    def __init__(self, probes: Mapping[str, object], reacting: Sequence[str], count: int) -> None:
-        self._probes, self._reacting, self._count = probes, tuple(reacting), count
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of all outputs."""
-        probes = (f"probes.{name}" for name in self._probes)
-        return (*probes, *(f"reactions.{name}" for name in self._reacting), "positions")
-
-    def named(self, names: Sequence[str] | None) -> tuple[str, ...]:
-        """Return ``names`` after a check; the names of all probes for None.
-
-        Raises:
-            CommandError: there is no such output.
-        """
-        if names is None:
-            return tuple(f"probes.{name}" for name in self._probes)
-        for name in names:
-            require_named("output", name, self.names, " in this scene")
-        return tuple(names)
-
-    def row(
-        self, name: str, motion: NDArray[np.float64], reactions: Mapping[str, NDArray[np.float64]]
-    ) -> NDArray[np.float64]:
-        """Return the derivative (k,) of an output from the derivatives of positions (n, 3) and reactions (6,)."""
-        if name == "positions":
-            return motion[: self._count].ravel()
-        kind, _, own = name.partition(".")
-        return self._probes[own].at(motion)[0] if kind == "probes" else reactions[own]
 
 
 class Tangents:
@@ -137,13 +56,14 @@ class Tangents:
     def found(
         self,
         state: State,
-        outputs: Outputs,
-        names: Sequence[str],
         parameters: Sequence[Parameter],
         *,
+        reacting: bool,
         interrupted: Callable[[], bool] | None = None,
-    ) -> Sensitivities:
-        """Return d(output)/d(parameter) at an equilibrium, for the named outputs and parameters.
+    ) -> list[tuple[NDArray[np.float64], Mapping[str, NDArray[np.float64]]]]:
+        """Return the derivatives at an equilibrium, for each parameter: of positions (n, 3), and of reactions.
+
+        ``reacting`` is whether those of reactions are wanted: dict from handle or obstacle name to derivative (6,).
 
         Raises:
             GdfeError: the state is no equilibrium, has no derivative, or the computation was interrupted.
@@ -153,11 +73,11 @@ class Tangents:
             solve.interrupted = interrupted
             try:
                 for parameter in parameters:
-                    pair = pair_of(parameter, own_side(solve.body, state))
-                    columns.append(rows_of(Column(solve, [pair]), outputs, names))
+                    column = Column(solve, [pair_of(parameter, own_side(solve.body, state))])
+                    columns.append((column.change.positions, column.reactions() if reacting else {}))
             finally:
                 solve.restore()
-        return joined(names, parameters, columns)
+        return columns
 
 
 def own_side(body: Body, state: State, end: State | None = None) -> VariedInputs:
@@ -192,25 +112,6 @@ def pair_of(
             )
         )
     return Pair(*sides, own, step)
-
-
-def rows_of(column: Column, outputs: Outputs, names: Sequence[str]) -> dict[str, NDArray[np.float64]]:
-    """Return a dict from output name to its derivative (k,), from the column of one parameter."""
-    reactions = column.reactions() if any(name.startswith("reactions.") for name in names) else {}
-    return {name: outputs.row(name, column.change.positions, reactions) for name in names}
-
-
-def joined(
-    names: Sequence[str], parameters: Sequence[Parameter], columns: Sequence[dict[str, NDArray[np.float64]]]
-) -> Sensitivities:
-    """Return the columns of all parameters as one result."""
-    values = {name: np.stack([column[name] for column in columns], axis=1) for name in names} if columns else {}
-    return Sensitivities(
-        outputs=tuple(names),
-        parameters=tuple(each.name for each in parameters),
-        units=tuple(each.unit for each in parameters),
-        values=values,
-    )
 
 
 def require_differentiable(state: State) -> None:
