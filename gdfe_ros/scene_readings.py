@@ -22,9 +22,9 @@ from gdfe_ros.inertial_units import ImuReading, later_readings
 from gdfe_ros.mesh import HexMesh
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.scene.solvable import remarks
-from gdfe_ros.solver.result import StepResult
 from gdfe_ros.solver.settings import Policy, SolverSettings
 from gdfe_ros.solver.state import State
+from gdfe_ros.step_result import StepResult
 
 
 class SceneReadings:

@@ -26,12 +26,12 @@ from gdfe_ros.solver.body import Body, working_origin
 from gdfe_ros.solver.deadline import Deadline
 from gdfe_ros.solver.forces.actuation import LOAD_FACTOR
 from gdfe_ros.solver.motion.putting import require_free
-from gdfe_ros.solver.result import StepResult
 from gdfe_ros.solver.settings import SolverSettings
 from gdfe_ros.solver.state import Snapshot, State
 from gdfe_ros.solver.stepping.march import March
 from gdfe_ros.solver.stepping.placing import moved_along
 from gdfe_ros.solver.terms.term import Term
+from gdfe_ros.step_result import StepResult
 from gdfe_ros.steppers import make_stepper, scene_body, step_result, usual_steps
 
 if TYPE_CHECKING:

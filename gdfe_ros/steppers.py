@@ -20,13 +20,13 @@ from gdfe_ros.solver.deadline import Deadline
 from gdfe_ros.solver.forces.actuation import Actuation
 from gdfe_ros.solver.motion.inertia import mass_matrix
 from gdfe_ros.solver.motion.stepper import MotionStepper
-from gdfe_ros.solver.result import StepResult
 from gdfe_ros.solver.settings import Policy, Skip, SolverSettings, Torsion
 from gdfe_ros.solver.state import State
 from gdfe_ros.solver.stepping.march import March
 from gdfe_ros.solver.stepping.stepper import Stepper
 from gdfe_ros.solver.terms.fibres import FibreTerm
 from gdfe_ros.solver.terms.term import Term
+from gdfe_ros.step_result import StepResult
 
 SHARPER = 0.1
 """Factor of the tolerance in a motion with yielding joints of arms, which feel the error of the body's wrench."""

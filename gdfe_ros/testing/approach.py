@@ -13,7 +13,7 @@ from gdfe_ros.errors import GdfeError
 from gdfe_ros.scene import Scene
 from gdfe_ros.scene.builder import find_unheld
 from gdfe_ros.simulation import Command, Simulation
-from gdfe_ros.solver.result import StepResult
+from gdfe_ros.step_result import StepResult
 
 
 def settle(simulation: Simulation) -> None:
