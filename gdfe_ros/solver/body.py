@@ -15,7 +15,6 @@ from gdfe_ros.constraints.obstacle import SelfContact
 from gdfe_ros.constraints.rigid_body import RigidBody, rigid_among
 from gdfe_ros.materials.material import Material
 from gdfe_ros.materials.table import YOUNG, MaterialTable, pack
-from gdfe_ros.mesh import HexMesh
 from gdfe_ros.mesh.across import cells_across
 from gdfe_ros.mesh.filling import Filling
 from gdfe_ros.mesh.operators import ShapeOperators
@@ -25,9 +24,6 @@ from gdfe_ros.solver.elements.blocks import Blocks
 from gdfe_ros.solver.elements.cell_type import CellType, cell_type_of, cell_type_with
 from gdfe_ros.solver.matrix.unknowns import Unknowns, number_unknowns
 from gdfe_ros.solver.settings import Torsion
-
-FAR_AWAY = 10.0
-"""If a body is farther from the world's origin than this [body lengths], its centre becomes the solver's origin."""
 
 
 @dataclass(frozen=True)
@@ -127,12 +123,3 @@ class Body:
     def cells(self) -> NDArray[np.int32]:
         """Vertices (m, c) of the elements."""
         return self.shape.cells
-
-
-def working_origin(mesh: HexMesh) -> NDArray[np.float64]:
-    """Return the solver's origin (3,) [m]: the world's origin, or the centre of a body that is far from it.
-
-    Rounding grows with the distance: 1000 m from the origin, a body of 0.4 m is solved to 1e-7 of its size at best.
-    """
-    centre = mesh.bounds.mean(axis=0)
-    return centre if np.linalg.norm(centre) > FAR_AWAY * mesh.size else np.zeros(3)

@@ -26,9 +26,6 @@ from gdfe_ros.solver.terms.load import DeadLoadTerm, PressureTerm
 from gdfe_ros.solver.terms.term import Term, TermTable
 from gdfe_ros.solver.value import NEGLIGIBLE
 
-LOAD_FACTOR = 1.0
-"""Default command of a load."""
-
 
 class Actuation:
     """The terms of a body other than its elements.

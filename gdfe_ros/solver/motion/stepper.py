@@ -23,7 +23,6 @@ from gdfe_ros.solver.motion.impulse import ContactImpulses
 from gdfe_ros.solver.motion.inertia import FreeMass, Inertia
 from gdfe_ros.solver.motion.internal_step import FlightPredictor, InternalStep, Trial, failed, reduction, unfolded
 from gdfe_ros.solver.motion.ledger import Accounts, tell_excess
-from gdfe_ros.solver.motion.putting import pulled, put_elsewhere, require_free, stopped_at, vertices_of
 from gdfe_ros.solver.motion.scheme import Kinematics
 from gdfe_ros.solver.motion.viscosity import Viscosity
 from gdfe_ros.solver.settings import Skip, SolverSettings
@@ -249,33 +248,6 @@ class MotionStepper:
         """Return a state at ``positions`` (n, 3) [m] with the initial velocities; handles keep their poses."""
         found = placed(self.body, self.equilibrium.handles, state, positions, afresh=self.at_rest())
         return found.with_(ledger=changed(found.ledger, bound=None))
-
-    def put(self, state: State, places: Mapping[str, Pose]) -> State:
-        """Return a state with rigid bodies, by name, at poses relative to their rest poses and without velocity.
-
-        The change of energy counts as work done on them.
-
-        Raises:
-            OverlapError: a rigid body is inside of an obstacle, another rigid body, or the soft body there.
-        """
-        found = put_elsewhere(self.body, self.equilibrium.handles, self.actuation, state, places)
-        require_free(self.body, found, places)
-        return self.carried(self.released(found, vertices_of(self.body, places)), state)
-
-    def carry(self, state: State, vertices: NDArray[np.int32], positions: NDArray[np.float64]) -> State:
-        """Return a state with the vertices of soft bodies at their rows of ``positions`` (n, 3) [m], without velocity.
-
-        The bodies have moved rigidly. The change of energy counts as work done on them.
-        """
-        found = stopped_at(self.body, self.actuation, state, vertices, positions)
-        return self.carried(self.released(found, vertices), state)
-
-    def released(self, state: State, vertices: NDArray[np.int32]) -> State:
-        """Return ``state`` in which ``vertices``, which do not move, have the accelerations by their forces."""
-        if not self._began(state):
-            return state
-        still = state.with_(terms={**state.terms, inertia.NAME: self.at_rest().terms[inertia.NAME]})
-        return pulled(state, vertices, self.free_mass.accelerated(-self.equilibrium.forces(still)))
 
     def unbalanced(self, state: State) -> float:
         """Return the energy [J] that is not accounted for: kinetic + elastic + potential + dissipated - work."""

@@ -3,16 +3,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
-from gdfe_ros.constraints import Pose
-from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.errors import CommandError
-from gdfe_ros.mesh.faces import vertex_pieces
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.elements.measures import least_volume_ratio
 from gdfe_ros.solver.handle_motions import HandleMotions
@@ -53,37 +47,6 @@ def placed(body: Body, handles: HandleMotions, state: State, positions: NDArray[
         summary=changed(state.summary, converged=False, min_det=least),
         sound=least > 0.0,
     )
-
-
-def moved_along(
-    body: Body, handles: HandleMotions, state: State, poses: Mapping[str, Pose]
-) -> tuple[State, NDArray[np.float64]]:
-    """Return a state with other commanded poses, and the positions (n, 3) [m] of the vertices that move along.
-
-    Every connected piece of the body that a handle in ``poses`` holds moves with it as a rigid body.
-
-    Args:
-        body: the discretised body.
-        handles: the kinematics of its handles.
-        state: the state before.
-        poses: dict from handle or obstacle to its new pose.
-
-    Raises:
-        CommandError: a handle that is not in ``poses`` holds one of these pieces, too.
-    """
-    positions, pieces = state.positions.copy(), vertex_pieces(body.cells, len(state.positions))
-    holders = [handle for handle in body.handles if len(handle.vertices) and not isinstance(handle, RigidBody)]
-    for handle in (each for each in holders if each.name in poses):
-        along = np.isin(pieces, pieces[handle.vertices])
-        others = [each.name for each in holders if each is not handle and along[each.vertices].any()]
-        if others:
-            text = f"{', '.join(others)} hold the same piece of the body as {handle.name!r}, which cannot move alone"
-            raise CommandError(f"{text}; remedy: ~/reset or ~/reset_shape")
-        centre, old = handle.centre(body.rest), state.poses[handle.name]
-        back = Rotation.from_rotvec(old.rotation).inv().apply(positions[along] - centre - old.translation)
-        positions[along] = poses[handle.name].apply(back + centre, centre)
-    together = {**state.poses, **poses}
-    return state.with_(poses=together, base=handles.base(together, state.poses, state.base)), positions
 
 
 def completed(state: State, own: State, growths: Growths, tolerance: float) -> State:
