@@ -18,6 +18,7 @@ from gdfe_ros.constraints import Pose
 from gdfe_ros.coupling.joint_coupling import JointCoupling
 from gdfe_ros.differentiator import make_differentiator
 from gdfe_ros.errors import CommandError, OverlapError
+from gdfe_ros.grip_reach import find_far_grips
 from gdfe_ros.rigid_places import carry_soft, moved_along, put_rigid, require_free
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.scene.soft_bodies import parts_of
@@ -247,7 +248,7 @@ class Simulation(SceneReadings):
     def _require_grips(self, commands: Mapping[str, float], places: Collection[str]) -> None:
         """Raise CommandError if a grip would take hold from too far away, or if a held body is put elsewhere."""
         actuation = self.stepper.actuation
-        if texts := actuation.out_of_reach(self.state, commands):
+        if texts := find_far_grips(actuation, self.state, commands):
             raise CommandError("; ".join(texts.values()))
         holding = actuation.holding(self.state)
         soft = {name: vertices_of_soft(self.scene, [name]) for name in places if name in self.scene.soft_bodies}

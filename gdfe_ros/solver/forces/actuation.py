@@ -37,6 +37,7 @@ class Actuation:
         terms: further terms.
 
     Attributes:
+        body, actuators: the arguments.
         terms: all terms, loads first.
         table: all terms in the layout of the kernels.
         strung: cables between fixed points. Their length cannot be smaller than the distance between these points.
@@ -55,7 +56,7 @@ class Actuation:
         loads: Sequence[Load] = (),
         terms: Sequence[Term] = (),
     ) -> None:
-        self._body, self.actuators = body, tuple(actuators)
+        self.body, self.actuators = body, tuple(actuators)
         self._loads = [(PressureTerm if isinstance(load, PressureLoad) else DeadLoadTerm)(load, body) for load in loads]
         self._cables = [CableTerm(item, body) for item in self.actuators if isinstance(item, Cable)]
         self.strung = [cable for cable in self._cables if cable.strung]
@@ -119,7 +120,7 @@ class Actuation:
     def update(self, positions: NDArray[np.float64]) -> float:
         """Update the multipliers; return the largest error of a constraint, divided by the body's size."""
         misses = [term.update(positions) for term in self.terms if term.updates]
-        return max(misses, default=0.0) / self._body.size
+        return max(misses, default=0.0) / self.body.size
 
     def flaw(self, positions: NDArray[np.float64]) -> str:
         """Return a message if ``positions`` (n, 3) [m] of a solve are not acceptable; empty if they are."""
@@ -172,20 +173,6 @@ class Actuation:
     def holding(self, state: State) -> list[str]:
         """Return the names of the grips that hold something in ``state``."""
         return [grip.name for grip in self.grips if grip.holds(state.terms[grip.name])]
-
-    def out_of_reach(self, state: State, commands: Mapping[str, float]) -> dict[str, str]:
-        """Return a dict from each grip that takes hold at ``commands`` of something too far away to a message."""
-        found = {}
-        for grip in self.grips:
-            takes = commands[grip.name] > 0.0 and state.commands[grip.name] == 0.0
-            if takes and (distance := grip.distance(state)) > grip.actuator.reach:
-                item = grip.actuator
-                held = f"body {item.held!r}" if item.held else "what it holds"
-                found[grip.name] = (
-                    f"grip {grip.name!r} cannot take hold: {held} is {distance:.3g} m from {item.holder!r}; allowed: "
-                    f"up to its `reach`, {item.reach:g} m; remedy: bring them nearer first, or another reach"
-                )
-        return found
 
     def states(
         self, positions: NDArray[np.float64], commands: Mapping[str, float], operators: Operators

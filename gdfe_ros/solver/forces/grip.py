@@ -17,7 +17,6 @@ from enum import IntEnum
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from gdfe_ros.actuators.actuator import ActuatorState, Grip
@@ -26,7 +25,6 @@ from gdfe_ros.constraints import Pose
 from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.contact.overlap import Placed
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.state import Saved, State
 from gdfe_ros.solver.terms.multiplier import UpdatedTerm
@@ -98,8 +96,8 @@ class GripTerm(UpdatedTerm):
     def __init__(self, grip: Grip, body: Body) -> None:
         handles = {handle.name: handle for handle in body.handles}
         self.actuator, self._body = grip, body
-        self._holder, self._held = handles[grip.holder], handles.get(grip.held)
-        self._points = grip.vertices if self._held is None else self._held.vertices
+        self._holder, held = handles[grip.holder], handles.get(grip.held)
+        self._points = grip.vertices if held is None else held.vertices
         carriers = np.repeat(self._points[:, None], 4, axis=1)
         if self._carried:
             carriers[:] = self._holder.vertices
@@ -286,17 +284,3 @@ class GripTerm(UpdatedTerm):
     def holds(self, saved: Saved) -> bool:
         """Return whether the grip holds something, or its forces still fall, in the stored state."""
         return bool(saved["hold"][0])
-
-    def distance(self, state: State) -> float:
-        """Return the distance [m] of what the grip holds from the handle, obstacle or rigid body that it is held to."""
-        holder, held, x = self._holder, self._held, state.positions
-        if isinstance(holder, Obstacle):
-            there = Placed.now(holder, state.poses, state.positions)
-            if held is None:
-                return max(0.0, float(there.seen_from(x[self._points])[0].min()))
-            here, form = Placed.now(held, state.poses, state.positions), held.form
-            corners = there.seen_from(here.world(form.corners))[0].min() - form.rounding
-            return max(0.0, min(float(corners), float(there.seen_from(here.world(form.skin))[0].min())))
-        if held is None:
-            return float(cKDTree(x[holder.vertices]).query(x[self._points])[0].min())
-        return max(0.0, float(Placed.now(held, state.poses, state.positions).seen_from(x[holder.vertices])[0].min()))
