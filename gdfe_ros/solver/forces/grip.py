@@ -91,11 +91,11 @@ class GripTerm(UpdatedTerm):
     a displacement within the tolerance would be a force of the order of the weight.
     """
 
-    kernel, exact, neutral_command = _entry, True, 0.0
+    kernel, exact, neutral_command, stored = _entry, True, 0.0, "pull"
 
     def __init__(self, grip: Grip, body: Body) -> None:
         handles = {handle.name: handle for handle in body.handles}
-        self.actuator, self._body = grip, body
+        self.actuator, self._body, self.size = grip, body, body.size
         self._holder, held = handles[grip.holder], handles.get(grip.held)
         self._points = grip.vertices if held is None else held.vertices
         carriers = np.repeat(self._points[:, None], 4, axis=1)
@@ -191,11 +191,6 @@ class GripTerm(UpdatedTerm):
         """Set other poses or another stored state after `resume`; a grip does not depend on its command itself."""
         self.begin({**commands, self.name: self._command}, saved, positions, 0.0)
 
-    def resume(self, commands: Mapping[str, float], saved: Saved, found: Saved, positions: NDArray[np.float64]) -> None:
-        """Restore the forces at the end of a solve."""
-        self.begin(commands, saved, positions, 0.0)
-        self.own_multipliers[...] = found["pull"]
-
     def _taken(self, last: State) -> Saved:
         """Return weights and places of the points, where the state ``last`` has them."""
         points = last.positions[self._points]
@@ -234,11 +229,6 @@ class GripTerm(UpdatedTerm):
         self._updated = positions[self._points]
         self.errors.append(self.STIFF / self.FINE * float(np.linalg.norm(self._gaps(positions), axis=1).max()))
         return self.errors[-1]
-
-    @property
-    def wanders(self) -> bool:
-        """Whether the points cannot keep their places, as when two grips pull one body apart."""
-        return self.wander(self._body.size)
 
     def finish(self, saved: Saved, positions: NDArray[np.float64]) -> Saved:
         """Return the state to store: command, places and forces."""
