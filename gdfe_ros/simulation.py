@@ -31,6 +31,7 @@ from gdfe_ros.solver.settings import SolverSettings
 from gdfe_ros.solver.state import Snapshot, State
 from gdfe_ros.solver.stepping.march import March
 from gdfe_ros.solver.terms.term import Term
+from gdfe_ros.state_tree import complete
 from gdfe_ros.step_result import StepResult
 from gdfe_ros.steppers import make_stepper, scene_body, step_result, usual_steps, working_origin
 
@@ -159,7 +160,7 @@ class Simulation(SceneReadings):
     def restore(self, snapshot: Snapshot) -> None:
         """Restore a snapshot of a simulation of the same scene; raise `CommandError` if its scene is another one."""
         require_snapshot(snapshot)
-        state = self.stepper.completed(snapshot.state)
+        state = complete(snapshot.state, self.stepper)
         self._orders.require_own(snapshot)
         self.state, self.time, self.result = state, snapshot.time, None
         self._joints, self._cuts = self._carriers.restored(snapshot.joints), {}

@@ -13,8 +13,10 @@ from numpy.typing import NDArray
 
 from gdfe_ros.actuators.actuator import ActuatorState, Mode
 from gdfe_ros.constraints import Pose
+from gdfe_ros.errors import CommandError
 from gdfe_ros.solver.elements.blocks import Operators
 from gdfe_ros.solver.matrix.springs import Tangent
+from gdfe_ros.solver.motion.stepper import MotionStepper
 from gdfe_ros.solver.state import (
     Balance,
     Bound,
@@ -28,6 +30,8 @@ from gdfe_ros.solver.state import (
     Summary,
     Unfinished,
 )
+from gdfe_ros.solver.stepping.stepper import Stepper
+from gdfe_ros.solver.value import changed
 
 _VALUES = (
     Bound,
@@ -111,3 +115,28 @@ def _instance(tree: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> An
     if set(given) != names:
         raise TreeError(f"{kind.__name__} has missing or unknown fields: {sorted(set(given) ^ names)}")
     return kind(**given, operators=None) if kind is State else kind(**given)
+
+
+def complete(state: State, stepper: Stepper | MotionStepper) -> State:
+    """Return a state that was read from an archive, with the operators that follow from its commands.
+
+    A state that converged only to a larger tolerance than that of the stepper is marked as not converged.
+
+    Raises:
+        CommandError: the state belongs to another scene: vertices, handles, commands or terms differ.
+    """
+    own, growths = stepper.at_rest(), stepper.actuation.growths
+    for what, one, two in (
+        ("vertices", len(state.positions), len(own.positions)),
+        ("handles", sorted(state.poses), sorted(own.poses)),
+        ("actuators and loads", sorted(state.commands), sorted(own.commands)),
+        ("terms", sorted(state.terms), sorted(own.terms)),
+    ):
+        if one != two:
+            raise CommandError(f"the state is one of another scene: its {what} are {one}, here {two}")
+    near = state.summary.converged and state.summary.error_estimate <= stepper.settings.tolerance
+    return state.with_(
+        operators=growths.at(state.commands, growths.ungrown),
+        anchor=state.anchor and complete(state.anchor, stepper),
+        summary=changed(state.summary, converged=near),
+    )

@@ -6,12 +6,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.errors import CommandError
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.elements.measures import least_volume_ratio
 from gdfe_ros.solver.handle_motions import HandleMotions
 from gdfe_ros.solver.state import State
-from gdfe_ros.solver.terms.growth import Growths
 from gdfe_ros.solver.value import changed
 
 
@@ -46,34 +44,4 @@ def placed(body: Body, handles: HandleMotions, state: State, positions: NDArray[
         balance=None,
         summary=changed(state.summary, converged=False, min_det=least),
         sound=least > 0.0,
-    )
-
-
-def completed(state: State, own: State, growths: Growths, tolerance: float) -> State:
-    """Return a state that was read from an archive, with the operators that follow from its commands.
-
-    A state that converged only to a larger tolerance is marked as not converged.
-
-    Args:
-        state: the state from which a step will continue.
-        own: the body's undeformed state.
-        growths: the body's growths.
-        tolerance: tolerance of an equilibrium, divided by the body's size.
-
-    Raises:
-        CommandError: the state belongs to another scene: vertices, handles, commands or terms differ.
-    """
-    for what, one, two in (
-        ("vertices", len(state.positions), len(own.positions)),
-        ("handles", sorted(state.poses), sorted(own.poses)),
-        ("actuators and loads", sorted(state.commands), sorted(own.commands)),
-        ("terms", sorted(state.terms), sorted(own.terms)),
-    ):
-        if one != two:
-            raise CommandError(f"the state is one of another scene: its {what} are {one}, here {two}")
-    near = state.summary.converged and state.summary.error_estimate <= tolerance
-    return state.with_(
-        operators=growths.at(state.commands, growths.ungrown),
-        anchor=state.anchor and completed(state.anchor, own, growths, tolerance),
-        summary=changed(state.summary, converged=near),
     )

@@ -20,7 +20,7 @@ from gdfe_ros.solver.solution import Increment, Solution
 from gdfe_ros.solver.state import State
 from gdfe_ros.solver.stepping.march import March, crumpled
 from gdfe_ros.solver.stepping.path import Attempt, LoadPath, Verdict, jumped, planned_increments
-from gdfe_ros.solver.stepping.placing import completed, placed
+from gdfe_ros.solver.stepping.placing import placed
 from gdfe_ros.solver.value import changed
 
 
@@ -34,6 +34,7 @@ class Stepper:
         equilibrium: another solver of equilibria with the same methods, instead of that of the policy ``energy``.
 
     Attributes:
+        body, settings: the arguments.
         equilibrium: the solver of equilibria.
     """
 
@@ -49,7 +50,7 @@ class Stepper:
         actuation: Actuation | None = None,
         equilibrium: EquilibriumSolver | None = None,
     ) -> None:
-        self.body, self._settings = body, settings
+        self.body, self.settings = body, settings
         self.actuation = actuation or Actuation(body)
         options = {"skip": settings.skip, "threads": settings.threads}
         self.equilibrium = equilibrium or EquilibriumSolver(body, self.actuation, **options)
@@ -61,7 +62,7 @@ class Stepper:
     def rests(self, state: State, targets: Mapping[str, Pose], commands: Mapping[str, float]) -> bool:
         """Return whether ``state`` already is the equilibrium at these commands, so that no solve is needed."""
         settled = state.poses == targets and state.commands == commands
-        return settled and state.summary.converged and Skip.SOLVE in self._settings.skip
+        return settled and state.summary.converged and Skip.SOLVE in self.settings.skip
 
     def settled(self, state: State, targets: Mapping[str, Pose], commands: Mapping[str, float]) -> bool:
         """Return whether a state does not change at these commands: it is an equilibrium."""
@@ -91,8 +92,8 @@ class Stepper:
             tolerance: tolerance; None stands for the tolerance of the settings.
             deadline: once it has passed, the step ends with the state that it has reached.
         """
-        tolerance = tolerance or self._settings.tolerance * (self.FINER if self.equilibrium.handles.turn else 1.0)
-        aim, limit = {"poses": dict(targets), "commands": dict(commands)}, self._settings.max_iterations
+        tolerance = tolerance or self.settings.tolerance * (self.FINER if self.equilibrium.handles.turn else 1.0)
+        aim, limit = {"poses": dict(targets), "commands": dict(commands)}, self.settings.max_iterations
         goal = Increment(**aim, tolerance=tolerance, limit=limit, deadline=deadline)
         if unreachable := self._unreachable(state, goal):
             return March(state=state.flawed(unreachable), reached=False)
@@ -131,10 +132,6 @@ class Stepper:
     def carried(self, state: State, before: State) -> State:
         """Return ``state``: equilibria have no account of energies."""
         return state
-
-    def completed(self, state: State) -> State:
-        """Return a state that was read from an archive; see `placing.completed`."""
-        return completed(state, self.at_rest(), self.actuation.growths, self._settings.tolerance)
 
     def velocities(self, state: State) -> None:
         """Return None: equilibria have no velocity."""
