@@ -20,8 +20,7 @@ from gdfe_ros.compiled import kernel, vector_kernel
 from gdfe_ros.mesh.operators import ShapeOperators
 from gdfe_ros.solver.elements.cell_type import cell_type_of
 from gdfe_ros.solver.matrix.factor import factor_of
-from gdfe_ros.solver.matrix.inverse import Inverse, apply_free
-from gdfe_ros.solver.matrix.substitution import solve_rigid
+from gdfe_ros.solver.matrix.substitution import Inverse, apply_free, solve_rigid
 from gdfe_ros.solver.matrix.unknowns import (
     HandlePositions,
     Unknowns,
@@ -36,7 +35,7 @@ SINGULAR = 1e-10
 largest eigenvalue.
 """
 
-Solve = Callable[[NDArray[np.float64], NDArray[np.float64]], None]
+Solve = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 
 
 class Coupling(NamedTuple):
@@ -56,28 +55,20 @@ class Coupling(NamedTuple):
     fixed: NDArray[np.int64]
 
 
-def couple(
-    matrix: sparse.csc_matrix, motion: NDArray[np.float64], unknowns: Unknowns, solve: Solve, inverse: Inverse
-) -> Coupling:
-    """Return the coupling of handles in their rest poses to the free vertices, linearised.
+def eliminate_free(
+    pulled: NDArray[np.float64], motion: NDArray[np.float64], solve: Solve
+) -> tuple[NDArray[np.float64], NDArray[np.float64], bool]:
+    """Return H (3 f, 3 q), the inverse of S (3 q, 3 q), and whether S is positive semidefinite.
 
     Args:
-        matrix: the assembled matrix (n, n).
+        pulled: (3 f + 3 b, 3 q) product of a matrix and ``motion``: rows of the free vertices, then those of handles.
         motion: (3 b, 3 q) motion of the handles' vertices by the rigid rows (`rigid_motion`).
-        unknowns: the numbering of the unknowns.
-        solve: function that solves with the free block A_ff for three right-hand sides (f, 3).
-        inverse: the inverse of this block, for the kernels.
+        solve: function that returns the solutions (3 f, k) with the free block for right-hand sides (3 f, k).
     """
-    columns, members = motion.shape[1], unknowns.members
-    wide = motion.reshape(len(members), 3 * columns)
-    pulled = (matrix[:, members] @ wide).reshape(matrix.shape[0], 3, columns)
-    beside, within = (pulled[part].reshape(3 * len(part), columns) for part in (unknowns.free, members))
-    harmonic = np.zeros((columns, len(unknowns.free), 3))
-    for column, follows in zip(np.ascontiguousarray(beside.T), harmonic, strict=True):
-        solve(column.reshape(-1, 3), follows)
-    harmonic = np.ascontiguousarray(harmonic.reshape(beside.T.shape).T)
+    beside, within = np.split(pulled, [len(pulled) - len(motion)])
+    harmonic = solve(beside)
     schur = motion.T @ within - beside.T @ harmonic
-    return Coupling(harmonic, pseudo_inverse(schur)[0], inverse, unknowns.fixed)
+    return np.ascontiguousarray(harmonic), *pseudo_inverse(schur)
 
 
 def pseudo_inverse(matrix: NDArray[np.float64]) -> tuple[NDArray[np.float64], bool]:
@@ -169,12 +160,23 @@ class ConstantMatrix:
         self._factor = factor_of(block, rest[free])
         frame = HandlePositions(rest, handle_centres(rest, unknowns))
         self._motion = rigid_motion(np.zeros(3 * unknowns.rows), frame, unknowns)
-        self.coupling = couple(matrix, self._motion, unknowns, self.solve, self._factor.inverse)
+        moving, columns = np.concatenate([free, unknowns.members]), self._motion.shape[1]
+        pulled = matrix[moving][:, unknowns.members] @ self._motion.reshape(len(unknowns.members), 3 * columns)
+        pulled = pulled.reshape(3 * len(moving), columns)
+        harmonic, schur, _ = eliminate_free(pulled, self._motion, self._solve_columns)
+        self.coupling = Coupling(harmonic, schur, self._factor.inverse, unknowns.fixed)
 
     def solve(self, right: NDArray[np.float64], out: NDArray[np.float64]) -> None:
         """Solve A_ff out = right for three right-hand sides (f, 3) to double precision."""
         self._factor.solve(right, out)
         out.reshape(-1)[self._unknowns.fixed] = 0.0
+
+    def _solve_columns(self, right: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the solutions (3 f, k) of A_ff for k right-hand sides (3 f, k)."""
+        found = np.empty((right.shape[1], len(self._unknowns.free), 3))
+        for column, out in zip(np.ascontiguousarray(right.T), found, strict=True):
+            self.solve(column.reshape(-1, 3), out)
+        return np.ascontiguousarray(found.reshape(right.shape[::-1]).T)
 
     def multiply(self, motion: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the product A_ff ``motion`` (f, 3) for a motion of the free vertices."""

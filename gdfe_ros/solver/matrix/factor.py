@@ -11,7 +11,7 @@ import scipy.sparse as sparse
 from numpy.typing import NDArray
 
 from gdfe_ros.solver.matrix.fronts import Fronts
-from gdfe_ros.solver.matrix.inverse import Inverse, apply_free
+from gdfe_ros.solver.matrix.substitution import Inverse, apply_free
 
 
 class Factor:

@@ -108,7 +108,7 @@ class Minimiser:
         rows, (count, corners) = 3 * body.unknowns.rows, body.cells.shape
         scratch = np.zeros(rows), np.zeros(rows), body.rest.copy(), np.zeros((count, corners, 3))
         self._given = weight, *scratch, np.empty((len(body.rest), 9))
-        self._none = Kept.none(rows)
+        self._none = Kept.none()
         self.observer: Observer | None = None
         self.tangent: Tangent | None = None
         self.rest: Tangent | None = None
