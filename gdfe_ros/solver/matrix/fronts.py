@@ -20,7 +20,7 @@ from gdfe_ros.solver.matrix.elimination import (
     dissected,
     eliminated,
     least_degree,
-    narrow_order,
+    narrow_orders,
 )
 from gdfe_ros.solver.matrix.panels import PANEL, dot_six, six
 from gdfe_ros.solver.matrix.rotation import unrotated
@@ -191,7 +191,7 @@ class Fronts:
         slack: float = SLACK,
         kind: type[np.floating] = np.float32,
     ) -> None:
-        orders = narrow_order(graph, points), least_degree(graph), dissected(graph, points)
+        orders = *narrow_orders(graph, points), least_degree(graph), dissected(graph, points)
         found = eliminated(graph, orders, slack=slack)
         widths, heights = found.widths, found.heights
         self.price = round(size * found.work / max(1, 8 * found.entries))
