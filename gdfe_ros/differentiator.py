@@ -14,12 +14,12 @@ from gdfe_ros.command import Orders
 from gdfe_ros.constraints import Pose
 from gdfe_ros.errors import ENDED, CommandError, GdfeError
 from gdfe_ros.scene.scene import Scene
-from gdfe_ros.solver.deadline import Deadline
-from gdfe_ros.solver.motion.internal_step import InternalStep
+from gdfe_ros.solver.motion.flight import InternalStep
 from gdfe_ros.solver.motion.stepper import MotionStepper
+from gdfe_ros.solver.outcome import Deadline
 from gdfe_ros.solver.settings import Policy
+from gdfe_ros.solver.solution import March
 from gdfe_ros.solver.state import State
-from gdfe_ros.solver.stepping.march import March
 from gdfe_ros.solver.stepping.stepper import Stepper
 
 if TYPE_CHECKING:

@@ -16,8 +16,8 @@ from gdfe_ros.errors import require_named
 from gdfe_ros.materials import Curve, Material
 from gdfe_ros.materials.table import YOUNG
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.motion.dynamics import Dynamics
 from gdfe_ros.solver.sensitivity.parameter import MaterialVariant, Parameter, Variant
+from gdfe_ros.solver.settings import Dynamics
 
 AXES = ("x", "y", "z", "rx", "ry", "rz")
 """Components of a pose: translation [m] and rotation vector [rad]."""

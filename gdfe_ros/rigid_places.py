@@ -20,8 +20,7 @@ from gdfe_ros.solver.contact.overlap import inside_surface, overlaps, placed_now
 from gdfe_ros.solver.handle_motions import HandleMotions
 from gdfe_ros.solver.motion import inertia, viscosity
 from gdfe_ros.solver.motion.stepper import MotionStepper
-from gdfe_ros.solver.state import Saved, State
-from gdfe_ros.solver.value import changed
+from gdfe_ros.solver.state import Saved, State, changed
 
 UNTOLD = "bodies were moved to other places, and no step has been made since"
 

@@ -26,10 +26,10 @@ from gdfe_ros.scene.solvable import refuse_unsolvable
 from gdfe_ros.scene_readings import SceneReadings
 from gdfe_ros.soft_places import put_soft, require_soft_free, vertices_of_soft
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.deadline import Deadline
+from gdfe_ros.solver.outcome import Deadline
 from gdfe_ros.solver.settings import SolverSettings
+from gdfe_ros.solver.solution import March
 from gdfe_ros.solver.state import Snapshot, State
-from gdfe_ros.solver.stepping.march import March
 from gdfe_ros.solver.terms.term import Term
 from gdfe_ros.state_tree import complete
 from gdfe_ros.step_result import StepResult

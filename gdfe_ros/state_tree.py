@@ -15,7 +15,7 @@ from gdfe_ros.actuators.actuator import ActuatorState, Mode
 from gdfe_ros.constraints import Pose
 from gdfe_ros.errors import CommandError
 from gdfe_ros.solver.elements.blocks import Operators
-from gdfe_ros.solver.matrix.springs import Tangent
+from gdfe_ros.solver.matrix.assembly import Tangent
 from gdfe_ros.solver.motion.stepper import MotionStepper
 from gdfe_ros.solver.state import (
     Balance,
@@ -29,9 +29,9 @@ from gdfe_ros.solver.state import (
     State,
     Summary,
     Unfinished,
+    changed,
 )
 from gdfe_ros.solver.stepping.stepper import Stepper
-from gdfe_ros.solver.value import changed
 
 _VALUES = (
     Bound,

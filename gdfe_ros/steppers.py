@@ -17,13 +17,13 @@ from gdfe_ros.mesh import HexMesh
 from gdfe_ros.paper.relative import RelativeEquilibrium
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.deadline import Deadline
 from gdfe_ros.solver.forces.actuation import Actuation
 from gdfe_ros.solver.motion.inertia import mass_matrix
 from gdfe_ros.solver.motion.stepper import MotionStepper
+from gdfe_ros.solver.outcome import Deadline
 from gdfe_ros.solver.settings import Policy, Skip, SolverSettings, Torsion
+from gdfe_ros.solver.solution import March
 from gdfe_ros.solver.state import State
-from gdfe_ros.solver.stepping.march import March
 from gdfe_ros.solver.stepping.stepper import Stepper
 from gdfe_ros.solver.terms.fibres import FibreTerm
 from gdfe_ros.solver.terms.term import Term

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,8 +18,26 @@ from numpy.typing import NDArray
 from gdfe_ros.actuators.actuator import ActuatorState
 from gdfe_ros.constraints import Pose
 from gdfe_ros.solver.elements.blocks import Operators
-from gdfe_ros.solver.matrix.springs import Tangent
-from gdfe_ros.solver.value import changed
+from gdfe_ros.solver.matrix.assembly import Tangent
+
+Value = TypeVar("Value")
+
+
+def changed(value: Value, **changes: object) -> Value:
+    """Return a copy of a frozen dataclass with the named attributes replaced.
+
+    ``__post_init__`` is not called again. `dataclasses.replace` takes ten times as long, which is a tenth of the time
+    of a small body's step.
+
+    Raises:
+        TypeError: there is no such attribute.
+    """
+    copy = object.__new__(type(value))
+    copy.__dict__.update(value.__dict__, **changes)
+    if len(copy.__dict__) != len(value.__dict__):
+        unknown = changes.keys() - value.__dict__.keys()
+        raise TypeError(f"a {type(value).__name__} has no {', '.join(sorted(unknown))}")
+    return copy
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

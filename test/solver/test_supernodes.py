@@ -14,10 +14,9 @@ from scipy.sparse.linalg import spsolve
 from gdfe_ros.mesh import HexMesh, bar
 from gdfe_ros.mesh.operators import shape_operators
 from gdfe_ros.mesh.round_bodies import sphere
-from gdfe_ros.solver.matrix import factor as factors
-from gdfe_ros.solver.matrix.constant_matrix import assemble
+from gdfe_ros.solver.matrix import constant_matrix as factors
+from gdfe_ros.solver.matrix.constant_matrix import Factor, assemble
 from gdfe_ros.solver.matrix.elimination import dissected, eliminated, narrow_orders
-from gdfe_ros.solver.matrix.factor import Factor
 
 MESHES = {
     "bar": bar([1.0, 0.2, 0.2], [30, 6, 6]),

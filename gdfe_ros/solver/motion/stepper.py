@@ -13,27 +13,23 @@ from scipy import sparse
 from gdfe_ros.constraints import Pose
 from gdfe_ros.materials.table import SHEAR
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.deadline import Deadline, past
 from gdfe_ros.solver.equilibrium.energy import EquilibriumSolver
 from gdfe_ros.solver.forces.actuation import Actuation
 from gdfe_ros.solver.motion import inertia
-from gdfe_ros.solver.motion.dynamics import BackwardEuler, Dynamics, Scheme
-from gdfe_ros.solver.motion.flight import Flight
+from gdfe_ros.solver.motion.flight import Flight, FlightPredictor, InternalStep, Trial, failed, reduction, unfolded
 from gdfe_ros.solver.motion.impulse import ContactImpulses
 from gdfe_ros.solver.motion.inertia import FreeMass, Inertia
-from gdfe_ros.solver.motion.internal_step import FlightPredictor, InternalStep, Trial, failed, reduction, unfolded
 from gdfe_ros.solver.motion.ledger import Accounts, tell_excess
 from gdfe_ros.solver.motion.scheme import Kinematics
 from gdfe_ros.solver.motion.viscosity import Viscosity
-from gdfe_ros.solver.settings import Skip, SolverSettings
-from gdfe_ros.solver.solution import Increment, Solution
-from gdfe_ros.solver.state import State
-from gdfe_ros.solver.stepping.march import March
+from gdfe_ros.solver.outcome import Deadline, past
+from gdfe_ros.solver.settings import BackwardEuler, Dynamics, Scheme, Skip, SolverSettings
+from gdfe_ros.solver.solution import Increment, March, Solution
+from gdfe_ros.solver.state import State, changed
 from gdfe_ros.solver.stepping.path import Verdict
-from gdfe_ros.solver.stepping.placing import placed
+from gdfe_ros.solver.stepping.stepper import placed
 from gdfe_ros.solver.terms.term import Term
-from gdfe_ros.solver.value import NEGLIGIBLE, changed
-from gdfe_ros.solver.vectors import largest
+from gdfe_ros.solver.vectors import NEGLIGIBLE, largest
 
 
 class MotionStepper:

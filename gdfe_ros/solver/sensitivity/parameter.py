@@ -17,9 +17,9 @@ from gdfe_ros.materials.table import MaterialTable, pack
 from gdfe_ros.mesh.filling import Filling
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.motion import inertia, viscosity
-from gdfe_ros.solver.motion.dynamics import Dynamics
 from gdfe_ros.solver.motion.inertia import Inertia, mass_matrix
 from gdfe_ros.solver.motion.viscosity import Viscosity
+from gdfe_ros.solver.settings import Dynamics
 from gdfe_ros.solver.terms.load import DeadLoadTerm
 from gdfe_ros.solver.terms.term import Term
 

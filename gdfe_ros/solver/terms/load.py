@@ -28,7 +28,7 @@ from gdfe_ros.solver.state import Saved, State
 from gdfe_ros.solver.terms.multiplier import Anderson, UpdatedTerm
 from gdfe_ros.solver.terms.term import Term, as_arrays, term_kernel
 from gdfe_ros.solver.terms.volume import COUNT, FACES, NODES, PRODUCTS, face_forces, pack_faces, volume_curvature
-from gdfe_ros.solver.value import NEGLIGIBLE
+from gdfe_ros.solver.vectors import NEGLIGIBLE
 
 PRESSURE, VOLUME, APEX, EDGE = 0, 1, 2, 5
 """Offsets in ``reals`` of p [Pa], a volume [m^3] that is subtracted to keep energies small, the cones' common point
