@@ -29,7 +29,7 @@ from benchmarks.peers.peer import worker_environment
 from benchmarks.replay import figures, summed
 from benchmarks.report import run_script
 from gdfe_ros.scene import load_scene
-from gdfe_ros.solver.result import StepResult
+from gdfe_ros.step_result import StepResult
 from gdfe_ros.testing import make_env, make_vector_env
 from gdfe_ros.testing.environment import SoftRobotEnv
 

@@ -14,7 +14,7 @@ import numpy as np
 from benchmarks.markdown import markdown_table
 from gdfe_ros import Command, Simulation, load_scene
 from gdfe_ros.examples.pick import forces_of, make_schedule
-from gdfe_ros.solver.result import StepResult
+from gdfe_ros.step_result import StepResult
 
 PHASES = {
     "closes on the box": (0.8, 2.3),

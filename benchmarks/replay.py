@@ -9,7 +9,7 @@ from itertools import islice
 import numpy as np
 
 from gdfe_ros.simulation import Simulation
-from gdfe_ros.solver.result import StepResult
+from gdfe_ros.step_result import StepResult
 
 ITERATIONS = ": iterations"
 """Suffix of the name of a number of iterations."""

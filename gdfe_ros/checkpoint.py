@@ -28,7 +28,7 @@ from gdfe_ros.bounded_text import load_json, load_json_object
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.regular_file import LARGEST, read_bytes
 from gdfe_ros.simulation import Simulation
-from gdfe_ros.solver.state import TreeError, from_tree, to_tree
+from gdfe_ros.state_tree import TreeError, from_tree, to_tree
 
 FORMAT = 3
 """Version of the archive's format; version 1 was a pickle, 2 left out what contacts push in motion."""

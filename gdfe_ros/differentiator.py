@@ -14,17 +14,16 @@ from gdfe_ros.command import Orders
 from gdfe_ros.constraints import Pose
 from gdfe_ros.errors import ENDED, CommandError, GdfeError
 from gdfe_ros.scene.scene import Scene
-from gdfe_ros.solver.deadline import Deadline
-from gdfe_ros.solver.motion.internal_step import InternalStep
+from gdfe_ros.solver.motion.flight import InternalStep
 from gdfe_ros.solver.motion.stepper import MotionStepper
+from gdfe_ros.solver.outcome import Deadline
 from gdfe_ros.solver.settings import Policy
+from gdfe_ros.solver.solution import March
 from gdfe_ros.solver.state import State
-from gdfe_ros.solver.stepping.march import March
 from gdfe_ros.solver.stepping.stepper import Stepper
 
 if TYPE_CHECKING:
-    from gdfe_ros.derivatives import Derivatives
-    from gdfe_ros.solver.sensitivity.columns import Sensitivities
+    from gdfe_ros.derivatives import Derivatives, Sensitivities
     from gdfe_ros.solver.sensitivity.motion import Trail
 
 CHANGE, TOLERANCE = 1e-2, 1e-8

@@ -17,7 +17,7 @@ from __future__ import annotations
 import gc
 import hashlib
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from copy import copy
 from importlib import import_module
 from typing import Any, NamedTuple
@@ -25,7 +25,7 @@ from typing import Any, NamedTuple
 import llvmlite.binding as llvm
 import numba
 from numba.core import cgutils, compiler, config, ir, sigutils, types
-from numba.core.caching import CompileResultCacheImpl, FunctionCache, NullCache
+from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile, NullCache
 from numba.core.ccallback import CFunc
 from numba.core.compiler import CompileResult
 from numba.core.compiler_lock import global_compiler_lock
@@ -173,11 +173,34 @@ class LinkedCacheImpl(CompileResultCacheImpl):
         return result
 
 
+class LinkedCacheFile(IndexDataCacheFile):
+    """The files of a cache. Those of another version of the package, which name types that are gone, count as absent.
+
+    Numba reads all types in an index before it compares the index with the kernel's source.
+    """
+
+    def _load_index(self) -> dict[Any, str]:
+        with suppress(ImportError, AttributeError):
+            return super()._load_index()
+        return {}
+
+    def load(self, key: Any) -> Any:
+        """Return the contents of the file for numba's key of a signature; None if there is none."""
+        with suppress(ImportError, AttributeError):
+            return super().load(key)
+        return None
+
+
 class LinkedCache(FunctionCache):
     """Cache of one kernel. A kernel that another process compiles is waited for, and then loaded."""
 
     _impl_class = LinkedCacheImpl
     _lock: int | None = None
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        super().__init__(function)
+        own = self._impl
+        self._cache_file = LinkedCacheFile(self._cache_path, own.filename_base, own.locator.get_source_stamp())
 
     def load_overload(self, signature: Any, context: Any) -> CompileResult | None:
         """Return the kernel; if it has to be compiled, None, and other processes wait until `release`.

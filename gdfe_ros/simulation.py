@@ -11,31 +11,32 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gdfe_ros.actuators.load import LOAD_FACTOR
 from gdfe_ros.arms.carriers import Carriers, Motions
 from gdfe_ros.command import Command, Orders, checked_positions, require_countable, require_snapshot, require_times
 from gdfe_ros.constraints import Pose
 from gdfe_ros.coupling.joint_coupling import JointCoupling
 from gdfe_ros.differentiator import make_differentiator
 from gdfe_ros.errors import CommandError, OverlapError
+from gdfe_ros.grip_reach import find_far_grips
+from gdfe_ros.rigid_places import carry_soft, moved_along, put_rigid, require_free
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.scene.soft_bodies import parts_of
 from gdfe_ros.scene.solvable import refuse_unsolvable
 from gdfe_ros.scene_readings import SceneReadings
 from gdfe_ros.soft_places import put_soft, require_soft_free, vertices_of_soft
-from gdfe_ros.solver.body import Body, working_origin
-from gdfe_ros.solver.deadline import Deadline
-from gdfe_ros.solver.forces.actuation import LOAD_FACTOR
-from gdfe_ros.solver.motion.putting import require_free
-from gdfe_ros.solver.result import StepResult
+from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.outcome import Deadline
 from gdfe_ros.solver.settings import SolverSettings
+from gdfe_ros.solver.solution import March
 from gdfe_ros.solver.state import Snapshot, State
-from gdfe_ros.solver.stepping.march import March
-from gdfe_ros.solver.stepping.placing import moved_along
 from gdfe_ros.solver.terms.term import Term
-from gdfe_ros.steppers import make_stepper, scene_body, step_result, usual_steps
+from gdfe_ros.state_tree import complete
+from gdfe_ros.step_result import StepResult
+from gdfe_ros.steppers import make_stepper, scene_body, step_result, usual_steps, working_origin
 
 if TYPE_CHECKING:
-    from gdfe_ros.solver.sensitivity.columns import Sensitivities
+    from gdfe_ros.derivatives import Sensitivities
 
 WARM_UP = 1e-3
 """Displacement of the handles, divided by the body's size, in the step that compiles every kernel."""
@@ -115,7 +116,7 @@ class Simulation(SceneReadings):
         self.reset()
         self.time = before.time
         try:
-            self.state = self.stepper.put(self.state, places) if places else self.state
+            self.state = put_rigid(self.stepper, self.state, places) if places else self.state
         except OverlapError:
             self.restore(before)
             raise
@@ -159,7 +160,7 @@ class Simulation(SceneReadings):
     def restore(self, snapshot: Snapshot) -> None:
         """Restore a snapshot of a simulation of the same scene; raise `CommandError` if its scene is another one."""
         require_snapshot(snapshot)
-        state = self.stepper.completed(snapshot.state)
+        state = complete(snapshot.state, self.stepper)
         self._orders.require_own(snapshot)
         self.state, self.time, self.result = state, snapshot.time, None
         self._joints, self._cuts = self._carriers.restored(snapshot.joints), {}
@@ -238,9 +239,9 @@ class Simulation(SceneReadings):
         if soft:
             vertices, moved = vertices_of_soft(self.scene, soft), state.positions.copy()
             moved[vertices] = put_soft(self.scene, moved + self.origin, soft)[vertices] - self.origin
-            state = self.stepper.carry(state, vertices, moved)
+            state = carry_soft(self.stepper, state, vertices, moved)
         if rigid := {name: pose for name, pose in places.items() if name not in soft}:
-            state = self.stepper.put(state, rigid)
+            state = put_rigid(self.stepper, state, rigid)
         if soft:
             require_soft_free(self.scene, state.poses, state.positions + self.origin, soft)
         return state
@@ -248,7 +249,7 @@ class Simulation(SceneReadings):
     def _require_grips(self, commands: Mapping[str, float], places: Collection[str]) -> None:
         """Raise CommandError if a grip would take hold from too far away, or if a held body is put elsewhere."""
         actuation = self.stepper.actuation
-        if texts := actuation.out_of_reach(self.state, commands):
+        if texts := find_far_grips(actuation, self.state, commands):
             raise CommandError("; ".join(texts.values()))
         holding = actuation.holding(self.state)
         soft = {name: vertices_of_soft(self.scene, [name]) for name in places if name in self.scene.soft_bodies}

@@ -13,25 +13,28 @@ from numpy.typing import NDArray
 
 from gdfe_ros.constraints.rigid_body import rigid_among
 from gdfe_ros.materials import cell_densities
+from gdfe_ros.mesh import HexMesh
 from gdfe_ros.paper.relative import RelativeEquilibrium
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.deadline import Deadline
 from gdfe_ros.solver.forces.actuation import Actuation
 from gdfe_ros.solver.motion.inertia import mass_matrix
 from gdfe_ros.solver.motion.stepper import MotionStepper
-from gdfe_ros.solver.result import StepResult
+from gdfe_ros.solver.outcome import Deadline
 from gdfe_ros.solver.settings import Policy, Skip, SolverSettings, Torsion
+from gdfe_ros.solver.solution import March
 from gdfe_ros.solver.state import State
-from gdfe_ros.solver.stepping.march import March
 from gdfe_ros.solver.stepping.stepper import Stepper
 from gdfe_ros.solver.terms.fibres import FibreTerm
 from gdfe_ros.solver.terms.term import Term
+from gdfe_ros.step_result import StepResult
 
 SHARPER = 0.1
 """Factor of the tolerance in a motion with yielding joints of arms, which feel the error of the body's wrench."""
 RELATIVE_STEPS = 20
 """Default load steps of a program under the ``relative`` policy."""
+FAR_AWAY = 10.0
+"""If a body is farther from the world's origin than this [body lengths], its centre becomes the solver's origin."""
 
 
 def make_stepper(
@@ -135,6 +138,15 @@ def scene_body(scene: Scene, origin: NDArray[np.float64], torsion: Torsion = Tor
         size=mesh.size,
         skin=mesh.touching,
     )
+
+
+def working_origin(mesh: HexMesh) -> NDArray[np.float64]:
+    """Return the solver's origin (3,) [m]: the world's origin, or the centre of a body that is far from it.
+
+    Rounding grows with the distance: 1000 m from the origin, a body of 0.4 m is solved to 1e-7 of its size at best.
+    """
+    centre = mesh.bounds.mean(axis=0)
+    return centre if np.linalg.norm(centre) > FAR_AWAY * mesh.size else np.zeros(3)
 
 
 def usual_steps(scene: Scene, policy: Policy) -> int | None:

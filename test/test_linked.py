@@ -59,6 +59,38 @@ def test_a_caller_follows_a_changed_kernel(tmp_path: Path) -> None:
     assert float(_run(tmp_path)[0]) == 6.0 * int(float(first) / 2.0)
 
 
+TYPED = """
+from gdfe_ros.compiled import kernel
+
+@kernel
+def total(row):
+    return row.x + 1.0
+"""
+TYPE = """
+from typing import NamedTuple
+
+class Row(NamedTuple):
+    x: float
+"""
+
+
+def test_a_cache_of_types_that_are_gone_counts_as_absent(tmp_path: Path) -> None:
+    """After an upgrade that moved a type, an unchanged kernel is compiled anew, and then loaded again."""
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache"), "PYTHONPATH": str(tmp_path)}
+    (tmp_path / "kernels.py").write_text(TYPED)
+
+    def run(module: str) -> list[str]:
+        hits = "*kernels.total.stats.cache_hits.values()"
+        use = f"import kernels, {module}; print(kernels.total({module}.Row(2.0)), {hits})"
+        done = subprocess.run([sys.executable, "-c", use], env=environment, capture_output=True, text=True, check=True)
+        return done.stdout.split()
+
+    (tmp_path / "old.py").write_text(TYPE)
+    assert [run("old"), run("old")] == [["3.0"], ["3.0", "1"]]
+    (tmp_path / "old.py").rename(tmp_path / "new.py")
+    assert [run("new"), run("new")] == [["3.0"], ["3.0", "1"]]
+
+
 FOREIGN = """
 import numpy as np
 from numba import njit

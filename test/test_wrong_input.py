@@ -12,8 +12,7 @@ from gdfe_ros import Command, Pose, Simulation
 from gdfe_ros.actuators import Gravity
 from gdfe_ros.errors import CommandError
 from gdfe_ros.scene import scene_from_text
-from gdfe_ros.solver.motion.dynamics import Damping, Dynamics
-from gdfe_ros.solver.settings import SolverSettings
+from gdfe_ros.solver.settings import Damping, Dynamics, SolverSettings
 
 SCENE = """\
 name: wrong

@@ -7,7 +7,7 @@ from typing import Any
 
 from gdfe_ros import Command, Simulation
 from gdfe_ros.scene import Scene, scene_from_text
-from gdfe_ros.solver.result import StepResult
+from gdfe_ros.step_result import StepResult
 
 
 def scene_of(text: str, **overrides: Any) -> Scene:

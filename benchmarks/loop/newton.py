@@ -89,8 +89,8 @@ def _make_state(simulation: Any, positions: np.ndarray, efforts: Mapping[str, fl
         efforts: dict from actuator to its tension [N] or pressure [Pa].
     """
     from gdfe_ros.solver.elements.measures import update_hourglass_scales
-    from gdfe_ros.solver.stepping.placing import placed
-    from gdfe_ros.solver.value import changed
+    from gdfe_ros.solver.state import changed
+    from gdfe_ros.solver.stepping.stepper import placed
 
     volume_pressures = import_module("gdfe_ros.solver.elements.fields").volume_pressures
     equilibrium, rest = simulation.stepper.equilibrium, simulation.stepper.at_rest()

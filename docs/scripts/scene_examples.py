@@ -17,8 +17,7 @@ from gdfe_ros.scene import (
     schema,
 )
 from gdfe_ros.scene.material_schema import LAW_MODELS
-from gdfe_ros.solver.motion.dynamics import Branch, Damping, Dynamics
-from gdfe_ros.solver.settings import SolverSettings
+from gdfe_ros.solver.settings import Branch, Damping, Dynamics, SolverSettings
 
 SCENE = """\
 name: soft_arm

@@ -19,6 +19,8 @@ GAUSS = 3.0**-0.5
 """Absolute value of the reference coordinates of the two Gauss points in each direction."""
 TET_ORDER = 3
 """Number of integration points of a tetrahedron along each direction; products of two shape functions have degree 4."""
+LOAD_FACTOR = 1.0
+"""Default command of a load."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

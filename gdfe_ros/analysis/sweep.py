@@ -26,7 +26,7 @@ from gdfe_ros.errors import GdfeError
 from gdfe_ros.regular_file import read_text
 from gdfe_ros.scene import scene_from_text
 from gdfe_ros.simulation import Simulation
-from gdfe_ros.solver.result import StepResult
+from gdfe_ros.step_result import StepResult
 from gdfe_ros.workers import run_tasks
 
 if TYPE_CHECKING:

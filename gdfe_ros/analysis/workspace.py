@@ -21,7 +21,7 @@ from gdfe_ros.bounded_text import quoted
 from gdfe_ros.errors import GdfeError, require_named
 from gdfe_ros.scene import Scene, scene_from_text
 from gdfe_ros.simulation import Command, Simulation
-from gdfe_ros.solver.result import StepResult
+from gdfe_ros.step_result import StepResult
 from gdfe_ros.workers import map_tasks
 
 if TYPE_CHECKING:

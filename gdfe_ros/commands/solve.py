@@ -23,8 +23,8 @@ from gdfe_ros.entry import INTERRUPTED
 from gdfe_ros.scene import Scene, load_scene
 from gdfe_ros.scene.override import read_overrides
 from gdfe_ros.simulation import Simulation
-from gdfe_ros.solver.result import StepResult
 from gdfe_ros.solver.settings import Policy, SolverSettings
+from gdfe_ros.step_result import StepResult
 from gdfe_ros.terminal import QUANTITIES, PlainConsole, make_table
 
 NOT_CONVERGED = 3

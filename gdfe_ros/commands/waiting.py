@@ -26,7 +26,7 @@ from gdfe_ros.terminal import PlainConsole
 
 if TYPE_CHECKING:
     from gdfe_ros.recording.step import StepRecord
-    from gdfe_ros.solver.result import StepResult
+    from gdfe_ros.step_result import StepResult
 
 SILENT = 1.0
 """Time [s] before the text appears at a terminal; most scenes are ready earlier."""

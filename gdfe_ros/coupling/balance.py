@@ -18,7 +18,7 @@ from gdfe_ros.coupling.link_motion import LinkMotion
 from gdfe_ros.solver.contact.touch import Touch
 from gdfe_ros.solver.motion.scheme import Rule
 from gdfe_ros.solver.state import State
-from gdfe_ros.solver.value import NEGLIGIBLE
+from gdfe_ros.solver.vectors import NEGLIGIBLE
 
 Vector = NDArray[np.float64]
 Links = Mapping[str, LinkMotion]

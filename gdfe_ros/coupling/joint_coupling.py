@@ -17,16 +17,15 @@ from gdfe_ros.constraints.pose import Pose
 from gdfe_ros.coupling.balance import BalanceSearch, JointBalance, Links, distance, on_links
 from gdfe_ros.coupling.link_motion import LinkMotion
 from gdfe_ros.solver.contact.touch import Touch
-from gdfe_ros.solver.deadline import Deadline, past
-from gdfe_ros.solver.motion.dynamics import Dynamics
-from gdfe_ros.solver.motion.internal_step import reduction
+from gdfe_ros.solver.motion.flight import reduction
 from gdfe_ros.solver.motion.stepper import MotionStepper
-from gdfe_ros.solver.outcome import join
-from gdfe_ros.solver.state import State
-from gdfe_ros.solver.stepping.march import March
+from gdfe_ros.solver.outcome import Deadline, join, past
+from gdfe_ros.solver.settings import Dynamics
+from gdfe_ros.solver.solution import March
+from gdfe_ros.solver.state import State, changed
 from gdfe_ros.solver.stepping.path import on_path
 from gdfe_ros.solver.stepping.stepper import Stepper
-from gdfe_ros.solver.value import NEGLIGIBLE, changed
+from gdfe_ros.solver.vectors import NEGLIGIBLE
 
 Vector = NDArray[np.float64]
 BALANCED = 0.1

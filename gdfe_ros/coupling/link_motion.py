@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.solver.motion.dynamics import Dynamics
 from gdfe_ros.solver.motion.scheme import Kinematics, Rule
+from gdfe_ros.solver.settings import Dynamics
 
 Vector = NDArray[np.float64]
 

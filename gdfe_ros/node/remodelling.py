@@ -12,13 +12,14 @@ from gdfe_ros.constraints import Pose
 from gdfe_ros.errors import GdfeError, OverlapError
 from gdfe_ros.materials import Linear, NeoHookean
 from gdfe_ros.mesh.mesh import MeshPart
+from gdfe_ros.node.carry import Correspondence, carried, match_loose, match_vertices, with_bodies_of
 from gdfe_ros.node.interface.parameters import MODULUS
+from gdfe_ros.rigid_places import put_rigid, release
 from gdfe_ros.scene.loader import scene_from_text
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.scene.soft_bodies import parts_of
 from gdfe_ros.simulation import Command, Simulation
 from gdfe_ros.soft_places import require_soft_free
-from gdfe_ros.solver.motion.carry import Correspondence, carried, match_loose, match_vertices, with_bodies_of
 
 _LONG = 1e9
 """Duration of a step [s] so long that no rate limit restricts a command."""
@@ -95,11 +96,11 @@ def take_over(old: Simulation, new: Simulation) -> None:
     soft = parts_of(new.scene.mesh).keys() - parts_of(old.scene.mesh).keys()
     try:
         if added:
-            new.state = new.stepper.put(new.state, dict.fromkeys(added, Pose()))
+            new.state = put_rigid(new.stepper, new.state, dict.fromkeys(added, Pose()))
         require_soft_free(new.scene, new.state.poses, new.state.positions + new.origin, soft)
         for part in (new.scene.mesh.parts[name] for name in soft):
             vertices = part.first_vertex + np.arange(part.mesh.n_vertices)
-            new.state = new.stepper.released(new.state, vertices)
+            new.state = release(new.stepper, new.state, vertices)
     except OverlapError:
         new.restore(fresh)
         raise

@@ -24,9 +24,8 @@ from gdfe_ros.solver.elements.barrier import flattened
 from gdfe_ros.solver.elements.blocks import Operators
 from gdfe_ros.solver.elements.corners import mean_gradient
 from gdfe_ros.solver.equilibrium.predictor import Predictor
-from gdfe_ros.solver.forces.actuation import Actuation
+from gdfe_ros.solver.forces.actuation import Actuation, handle_reactions
 from gdfe_ros.solver.forces.pressures import store_energies
-from gdfe_ros.solver.forces.reactions import handle_reactions
 from gdfe_ros.solver.handle_motions import HandleMotions
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix, close_coupling, scattered
 from gdfe_ros.solver.matrix.unknowns import gather_rigid_rows, gather_rows, place

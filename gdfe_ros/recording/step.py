@@ -24,9 +24,9 @@ if TYPE_CHECKING:
     from gdfe_ros.arms.carriers import JointReading
     from gdfe_ros.arms.dynamics import LinkFrame
     from gdfe_ros.element_fields import ElementFields
+    from gdfe_ros.inertial_units import ImuReading
     from gdfe_ros.simulation import Command, Simulation
-    from gdfe_ros.solver.motion.imu import ImuReading
-    from gdfe_ros.solver.result import StepResult
+    from gdfe_ros.step_result import StepResult
 
 FORMAT = 1
 _LARGEST = 4_000_000

@@ -20,8 +20,7 @@ from gdfe_ros.materials import Material
 from gdfe_ros.materials.fibre_layer import FibreLayer
 from gdfe_ros.mesh import HexMesh
 from gdfe_ros.scene.program import Program
-from gdfe_ros.solver.motion.dynamics import Dynamics
-from gdfe_ros.solver.settings import SolverSettings
+from gdfe_ros.solver.settings import Dynamics, SolverSettings
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

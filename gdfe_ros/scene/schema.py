@@ -19,8 +19,7 @@ from gdfe_ros.scene.material_schema import FibreLayerModel, MaterialModel
 from gdfe_ros.scene.mesh_schema import MeshModel, PlacedMeshModel, SkinModel
 from gdfe_ros.scene.obstacle_schema import BodyModel, ObstacleModel, SelfContactModel, SensorModel
 from gdfe_ros.scene.program import Program
-from gdfe_ros.solver.motion.dynamics import Dynamics
-from gdfe_ros.solver.settings import SolverSettings
+from gdfe_ros.solver.settings import Dynamics, SolverSettings
 
 #: Pattern of names, which become parts of ROS topics and of command lines.
 NAME = re.compile(r"^[A-Za-z][A-Za-z0-9_]*$")

@@ -23,8 +23,7 @@ from gdfe_ros.mesh.touching import outline
 from gdfe_ros.mesh.walls import flat_walls
 from gdfe_ros.paper.shape_factor import calibration_remarks
 from gdfe_ros.scene.scene import Scene
-from gdfe_ros.solver.motion.dynamics import Dynamics, Scheme
-from gdfe_ros.solver.settings import Policy, SolverSettings
+from gdfe_ros.solver.settings import Dynamics, Policy, Scheme, SolverSettings
 
 LARGEST_CONTRAST = 1e10
 """Largest ratio of Young's moduli in a body; double precision does not resolve larger ratios. 1e6 is tested."""

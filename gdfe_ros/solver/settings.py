@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Settings of the solver."""
+"""Settings of the solver, and of the dynamics of a scene."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Annotated
 
-from gdfe_ros.keys import CheckedKeys, Meaning
-from gdfe_ros.quantity import Quantity
+from gdfe_ros.keys import CheckedKeys, FieldError, Meaning
+from gdfe_ros.quantity import Quantity, Vector
 
 
 class Policy(str, Enum):
@@ -100,3 +100,145 @@ class SolverSettings(CheckedKeys):
         object.__setattr__(self, "torsion", Torsion(self.torsion))
         if self.torsion is Torsion.SECTION and self.policy is Policy.RELATIVE:
             raise ValueError("torsion: section needs policy: energy; relative has no hourglass energy; leave it out")
+
+
+THICKEST = 1e8
+"""Largest viscosity [Pa s]. With a larger viscosity, the rounding of strains causes larger forces than the elastic
+forces of soft bodies.
+"""
+
+
+class Scheme(str, Enum):
+    """Time integration scheme; all are of second order (docs/theory/motion.md)."""
+
+    BDF2 = "bdf2"
+    NEWMARK = "newmark"
+    GENERALISED_ALPHA = "generalised_alpha"
+
+
+_DRAG = Quantity("damping force per mass and velocity, relative to the world", "1/s", least=0.0, most=1e6)
+_VISCOSITY = Quantity(
+    "viscosity: stress per rate of strain, in addition to the material's stress", "Pa s", least=0.0, most=THICKEST
+)
+_SHARE = Quantity("fraction of the instantaneous modulus that this branch carries", above=0.0, below=1.0)
+_TIME = Quantity("relaxation time, in which the branch's stress falls to 1/e", "s", above=0.0, most=1e9)
+_SCHEME = Meaning(
+    "bdf2: damps motion that the steps are too long to resolve; newmark: conserves the energy; "
+    "generalised_alpha: damps unresolved motion by the amount that rho_inf sets"
+)
+_RHO = Quantity(
+    "spectral radius of generalised_alpha: fraction of an infinitely fast motion that remains after a step",
+    least=0.0,
+    most=1.0,
+)
+_PRONY = Meaning("branches of a Prony series; the sum of their shares is less than 1")
+_VELOCITY = Quantity("velocity of every vertex at the start [x, y, z]", "m/s", least=-1e4, most=1e4, count=3)
+_SPIN = Quantity(
+    "angular velocity about the centre of mass at the start [x, y, z]", "rad/s", least=-1e4, most=1e4, count=3
+)
+
+
+@dataclass(frozen=True)
+class Damping(CheckedKeys):
+    """Damping of a body in motion.
+
+    The viscosity is the viscous second Piola-Kirchhoff stress, divided by the rate of the Green strain.
+    """
+
+    mass: Annotated[float, _DRAG] = 0.0
+    viscosity: Annotated[float, _VISCOSITY] = 0.0
+
+
+@dataclass(frozen=True)
+class Branch(CheckedKeys):
+    """A branch of a Prony series: stiffness that relaxes. The material's law is the stiffness after full relaxation."""
+
+    share: Annotated[float, _SHARE]
+    time: Annotated[float, _TIME]
+
+
+@dataclass(frozen=True)
+class Dynamics(CheckedKeys):
+    """Inertia, damping and time steps; without this entry every step ends in a static equilibrium.
+
+    A step of a simulation is divided into equal internal steps. The branches of the Prony series are parallel to the
+    material, as in a generalised Maxwell body.
+
+    Attributes:
+        restarts: whether every step is a first step, of a motion without a past.
+
+    Raises:
+        ValueError: a value is out of range.
+    """
+
+    scheme: Annotated[Scheme, _SCHEME] = Scheme.GENERALISED_ALPHA
+    rho_inf: Annotated[float, _RHO] = 0.8
+    step: Annotated[float, Quantity("longest internal step in time", "s", least=1e-6, most=10.0)] = 0.005
+    damping: Damping = Damping()
+    prony: Annotated[tuple[Branch, ...], _PRONY] = ()
+    velocity: Annotated[Vector, _VELOCITY] = (0.0, 0.0, 0.0)
+    spin: Annotated[Vector, _SPIN] = (0.0, 0.0, 0.0)
+
+    restarts = False
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        object.__setattr__(self, "scheme", Scheme(self.scheme))
+        if self.rho_inf != Dynamics.rho_inf:
+            self.require_effect()
+        total = sum(branch.share for branch in self.prony)
+        if total >= 1.0:
+            raise ValueError(
+                f"the shares of the Prony series sum to {total:.6g}; allowed: less than 1; remedy: smaller "
+                "shares, because the rest up to 1 carries slow loads"
+            )
+
+    def require_effect(self) -> None:
+        """Raise FieldError if the scheme ignores ``rho_inf``."""
+        if self.scheme is not Scheme.GENERALISED_ALPHA:
+            text = f"belongs to the scheme generalised_alpha and would be ignored by {self.scheme.value}"
+            raise FieldError("rho_inf", self.rho_inf, f"{text}; remedy: leave it out, or set scheme: generalised_alpha")
+
+    @property
+    def radius(self) -> float:
+        """Spectral radius at infinite frequency: 1 for ``newmark``, 0 for ``bdf2``."""
+        return {Scheme.NEWMARK: 1.0, Scheme.BDF2: 0.0}.get(self.scheme, self.rho_inf)
+
+    @property
+    def undamped(self) -> bool:
+        """Whether the scheme has no numerical damping; `generalised_alpha` with the radius 1 is `newmark`."""
+        return self.radius == 1.0
+
+    @property
+    def swing(self) -> float:
+        """Energy that the first step may add, divided by h^2 a^T M a with the accelerations a at the start.
+
+        Numerical damping removes this energy later.
+        """
+        damped = 0.0 if self.scheme is Scheme.BDF2 else (1.0 - self.radius) / (1.0 + self.radius)
+        return 0.125 * damped**2
+
+    @property
+    def damps(self) -> bool:
+        """Whether the material resists changes of strain."""
+        return bool(self.damping.viscosity or self.prony)
+
+    def relaxation(self, shear: float) -> float:
+        """Return the longest time constant [s] of the creep of a material with the shear modulus ``shear`` [Pa]."""
+        return max([0.5 * self.damping.viscosity / shear, *(branch.time for branch in self.prony)])
+
+    @property
+    def slow_share(self) -> float:
+        """Fraction of the instantaneous modulus that remains in slow motion, to which the material's law applies."""
+        return 1.0 - sum(branch.share for branch in self.prony)
+
+
+class BackwardEuler(Dynamics):
+    """The dynamics of a scene in steps of backward Euler, the first step of `bdf2`: they need only the last state."""
+
+    restarts = True
+
+    @classmethod
+    def of(cls, dynamics: Dynamics) -> BackwardEuler:
+        """Return the same dynamics with other steps."""
+        return cls(**{**vars(dynamics), "scheme": Scheme.BDF2, "rho_inf": Dynamics.rho_inf})

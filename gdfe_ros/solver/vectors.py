@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compiled helpers for vectors: copies of parts of flat vectors, and distances between two sets of positions.
+"""Compiled helpers for vectors: copies of parts of flat vectors, distances between two sets of positions, and zero.
 
 An assignment of slices in a kernel has a test of their shapes, with a message made of text: a tenth of a second to
 compile for each of them.
@@ -10,6 +10,9 @@ from __future__ import annotations
 import math
 
 from gdfe_ros.compiled import inlined, kernel
+
+NEGLIGIBLE = 1e-9
+"""Relative difference, or fraction of a whole, that counts as zero."""
 
 
 @inlined

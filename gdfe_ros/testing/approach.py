@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 
 from gdfe_ros.actuators import Mode
 from gdfe_ros.errors import GdfeError
+from gdfe_ros.grip_reach import find_far_grips
 from gdfe_ros.scene import Scene
 from gdfe_ros.scene.builder import find_unheld
 from gdfe_ros.simulation import Command, Simulation
-from gdfe_ros.solver.result import StepResult
+from gdfe_ros.step_result import StepResult
 
 
 def settle(simulation: Simulation) -> None:
@@ -95,7 +96,7 @@ class Approach:
         simulation, present = self._simulation, self.applied
         before = simulation.snapshot()
         asked = dict(zip(self._names, (np.asarray(wanted) >= 0.5).astype(float), strict=True))
-        far = simulation.stepper.actuation.out_of_reach(simulation.state, asked)
+        far = find_far_grips(simulation.stepper.actuation, simulation.state, asked)
         wanted = np.where([name in far for name in self._names], present, wanted)
         change = np.clip(wanted - present, -self._reach, self._reach)
         for share in _SHARES[: 1 if whole else None]:

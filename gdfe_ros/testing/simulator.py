@@ -20,6 +20,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, Header, String
 
 from gdfe_ros.actuators import Mode
+from gdfe_ros.actuators.load import LOAD_FACTOR
 from gdfe_ros.command import Orders
 from gdfe_ros.constraints import Pose
 from gdfe_ros.errors import CommandError, GdfeError, OverlapError
@@ -34,7 +35,6 @@ from gdfe_ros.scene.arms import joint_starts
 from gdfe_ros.scene.loader import load_scene
 from gdfe_ros.scene.override import override_words
 from gdfe_ros.simulation import Command
-from gdfe_ros.solver.forces.actuation import LOAD_FACTOR
 from gdfe_ros.testing.client import PATIENCE, STATE_QOS, Client, Deadlock
 from gdfe_ros.testing.consumed import ACTUATION
 from gdfe_ros.testing.process import NodeProcess

@@ -16,13 +16,13 @@ from sensor_msgs.msg import Imu, PointCloud2
 
 from gdfe_ros.constraints import Pose
 from gdfe_ros.contacts import POINT
+from gdfe_ros.inertial_units import ImuReading
 from gdfe_ros.node.interface import topics
 from gdfe_ros.node.interface.topics import pose_and_wrench
 from gdfe_ros.node.messages import to_time
 from gdfe_ros.recording.published import IMU, POSE, WRENCH
 from gdfe_ros.recording.step import StepRecord
 from gdfe_ros.scene.scene import Scene
-from gdfe_ros.solver.motion.imu import ImuReading
 
 Moment = tuple[int, int]
 

@@ -15,8 +15,8 @@ from gdfe_ros.errors import CommandError, SceneError
 from gdfe_ros.scene import scene_from_text
 from gdfe_ros.simulation import Command
 from gdfe_ros.solver.solution import Increment
+from gdfe_ros.solver.state import changed
 from gdfe_ros.solver.stepping.path import Attempt, LoadPath, Verdict
-from gdfe_ros.solver.value import changed
 from test.written import advance
 
 SHEAR = 1e6 / (2 * 1.4999)

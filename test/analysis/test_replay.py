@@ -18,7 +18,7 @@ from gdfe_ros.cli import main
 from gdfe_ros.constraints import Pose
 from gdfe_ros.errors import SceneError
 from gdfe_ros.scene import load_scene
-from gdfe_ros.solver.matrix.factor import Factor
+from gdfe_ros.solver.matrix.constant_matrix import Factor
 
 
 def _pose(z: float) -> dict[str, Pose]:

@@ -17,6 +17,7 @@ from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import Imu, PointCloud2, PointField
 
 from gdfe_ros.constraints import Pose
+from gdfe_ros.inertial_units import ImuReading
 from gdfe_ros.node import messages
 from gdfe_ros.recording.packing import Packer
 from gdfe_ros.recording.published import (
@@ -35,7 +36,6 @@ from gdfe_ros.recording.published import (
 )
 from gdfe_ros.scene import load_scene
 from gdfe_ros.simulation import Command, Simulation
-from gdfe_ros.solver.motion.imu import ImuReading
 
 FRAME = "robot/base_link"
 HEAD = messages.header(12_250_000_000, FRAME)

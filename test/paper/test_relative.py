@@ -18,8 +18,8 @@ from gdfe_ros.mesh import HexMesh, bar
 from gdfe_ros.paper.relative import RelativeEquilibrium
 from gdfe_ros.paper.shape_factor import geometric_ratio
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.deadline import Deadline
 from gdfe_ros.solver.elements.measures import least_volume_ratio
+from gdfe_ros.solver.outcome import Deadline
 from gdfe_ros.solver.solution import Increment, Solution
 from gdfe_ros.solver.state import State
 

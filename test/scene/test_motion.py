@@ -10,8 +10,7 @@ import pytest
 from gdfe_ros import Simulation, load_scene
 from gdfe_ros.errors import SceneError
 from gdfe_ros.scene import scene_from_text
-from gdfe_ros.solver.motion.dynamics import Branch, Damping, Scheme
-from gdfe_ros.solver.settings import Policy, SolverSettings
+from gdfe_ros.solver.settings import Branch, Damping, Policy, Scheme, SolverSettings
 
 
 def test_all_keys_are_read() -> None:

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from gdfe_ros.simulation import Command
-from gdfe_ros.solver.matrix import factor
-from gdfe_ros.solver.matrix.factor import factor_of
+from gdfe_ros.solver.matrix import constant_matrix
+from gdfe_ros.solver.matrix.constant_matrix import factor_of
 from test.written import simulate
 
 SCENE = """
@@ -28,12 +28,12 @@ def made(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """Return a list that grows by the number of vertices of each factor made from now on."""
     found = []
 
-    class WatchedFactor(factor.Factor):
+    class WatchedFactor(constant_matrix.Factor):
         def __init__(self, matrix: object, points: object) -> None:
             found.append(len(points))
             super().__init__(matrix, points)
 
-    monkeypatch.setattr(factor, "Factor", WatchedFactor)
+    monkeypatch.setattr(constant_matrix, "Factor", WatchedFactor)
     return found
 
 
@@ -59,7 +59,7 @@ def test_another_matrix_has_another_factor() -> None:
     """A matrix that differs in the last bit of one entry has its own factor; each factor solves its own matrix."""
     random = np.random.default_rng(0)
     root = random.standard_normal((30, 30))
-    matrix, points = factor.sparse.csc_matrix(root @ root.T + np.eye(30)), random.standard_normal((30, 3))
+    matrix, points = constant_matrix.sparse.csc_matrix(root @ root.T + np.eye(30)), random.standard_normal((30, 3))
     other = matrix.copy()
     other[0, 0] = np.nextafter(matrix[0, 0], np.inf)
     assert factor_of(matrix, points) is not factor_of(other, points)

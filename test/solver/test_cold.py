@@ -11,7 +11,7 @@ import pytest
 from benchmarks.torture.honesty import STREAMS, TRUTHS, error_of, played
 from gdfe_ros import Command, Pose, Simulation
 from gdfe_ros.scene import scene_from_text
-from gdfe_ros.solver.result import StepResult
+from gdfe_ros.step_result import StepResult
 
 TEXT = """\
 name: held

@@ -19,9 +19,9 @@ from gdfe_ros.materials import Linear, Material, NeoHookean
 from gdfe_ros.mesh import HexMesh, bar
 from gdfe_ros.simulation import Command, Simulation
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.deadline import Deadline
 from gdfe_ros.solver.equilibrium.energy import EquilibriumSolver
-from gdfe_ros.solver.forces.reactions import vertex_forces
+from gdfe_ros.solver.forces.actuation import vertex_forces
+from gdfe_ros.solver.outcome import Deadline
 from gdfe_ros.solver.settings import Policy
 from gdfe_ros.solver.solution import Increment, Solution
 

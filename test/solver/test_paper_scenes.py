@@ -17,7 +17,7 @@ from scipy.optimize import brentq
 
 from gdfe_ros.scene import load_scene
 from gdfe_ros.simulation import Simulation
-from gdfe_ros.solver.result import StepResult
+from gdfe_ros.step_result import StepResult
 
 REFERENCES = Path(__file__).parents[1] / "data" / "reference"
 

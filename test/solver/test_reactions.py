@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from gdfe_ros.constraints import Handle
 from gdfe_ros.mesh import HexMesh, bar
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.forces.reactions import handle_reactions, vertex_forces
+from gdfe_ros.solver.forces.actuation import handle_reactions, vertex_forces
 
 MakeBody = Callable[..., Body]
 End = Callable[[HexMesh, str], NDArray[np.int32]]

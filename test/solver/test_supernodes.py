@@ -14,10 +14,9 @@ from scipy.sparse.linalg import spsolve
 from gdfe_ros.mesh import HexMesh, bar
 from gdfe_ros.mesh.operators import shape_operators
 from gdfe_ros.mesh.round_bodies import sphere
-from gdfe_ros.solver.matrix import factor as factors
-from gdfe_ros.solver.matrix.constant_matrix import assemble
-from gdfe_ros.solver.matrix.elimination import dissected, eliminated, narrow_order
-from gdfe_ros.solver.matrix.factor import Factor
+from gdfe_ros.solver.matrix import constant_matrix as factors
+from gdfe_ros.solver.matrix.constant_matrix import Factor, assemble
+from gdfe_ros.solver.matrix.elimination import dissected, eliminated, narrow_orders
 
 MESHES = {
     "bar": bar([1.0, 0.2, 0.2], [30, 6, 6]),
@@ -99,7 +98,8 @@ def test_dissection_fills_less_where_a_body_is_thick() -> None:
     """For a cube of 15 cells per edge, nested dissection has at most 0.8 of the narrow order's entries."""
     mesh = bar([1.0, 1.0, 1.0], [15, 15, 15])
     graph = stiffness(mesh).tocsr()
-    narrow, halves = (eliminated(graph, [order(graph, mesh.vertices)]).entries for order in (narrow_order, dissected))
+    kinds = narrow_orders(graph, mesh.vertices), [dissected(graph, mesh.vertices)]
+    narrow, halves = (eliminated(graph, orders).entries for orders in kinds)
     assert halves < 0.8 * narrow
 
 

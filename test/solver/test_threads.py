@@ -11,7 +11,7 @@ SCENES = ["bend5", "three_chamber_arm"]
 _CODE = """
 import hashlib, sys
 from gdfe_ros import Simulation, load_scene
-from gdfe_ros.solver.matrix import factor as factors
+from gdfe_ros.solver.matrix import constant_matrix as factors
 threads, *names = sys.argv[1:]
 for name, coarse in (*((name, factors.Factor.COARSE_FROM) for name in names), ("tensile", 1)):
     factors.Factor.COARSE_FROM = coarse

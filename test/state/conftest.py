@@ -13,7 +13,7 @@ from gdfe_ros import Command, Pose, Simulation
 from gdfe_ros.mesh import HexMesh
 from gdfe_ros.scene import scene_from_text
 from gdfe_ros.scene.scene import Scene
-from gdfe_ros.solver.result import StepResult
+from gdfe_ros.step_result import StepResult
 
 FIXED = "base: {where: {face: x-}, fixed: true}"
 GROWTH = "heat: {growth: {stretch: [0.9, 1, 1], where: {box: {z: [0, 1]}}}}"

@@ -10,7 +10,7 @@ import pytest
 
 from gdfe_ros import Command, Pose, Simulation, load_scene
 from gdfe_ros.scene import scene_from_text
-from gdfe_ros.solver.result import StepResult
+from gdfe_ros.step_result import StepResult
 from test.written import advance
 
 BALL = """\

@@ -13,7 +13,7 @@ import pytest
 
 from gdfe_ros import Simulation
 from gdfe_ros.scene import scene_from_text
-from gdfe_ros.solver.result import StepResult
+from gdfe_ros.step_result import StepResult
 
 FOLDED = r"fold|inside out"
 REMEDY = r"reset|rest|smaller|slower|set_positions|finer"

@@ -13,6 +13,7 @@ from dataclasses import replace
 from diagnostic_msgs.msg import DiagnosticArray
 from std_msgs.msg import String
 
+from gdfe_ros.actuators.load import LOAD_FACTOR
 from gdfe_ros.constraints import Pose
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.live.interface import Ability, ShownRun, View
@@ -28,7 +29,6 @@ from gdfe_ros.recording.step import Begin, StepRecord
 from gdfe_ros.scene.arms import joint_starts
 from gdfe_ros.scene.loader import scene_from_text
 from gdfe_ros.scene.scene import Scene
-from gdfe_ros.solver.forces.actuation import LOAD_FACTOR
 from gdfe_ros.testing.state import PublishedState
 
 PATIENCE = 5.0

@@ -13,7 +13,7 @@ import numpy as np
 
 from gdfe_ros.compiled import internal, kernel
 from gdfe_ros.solver.descent.loop import apply_initial
-from gdfe_ros.solver.descent.pairs import inner
+from gdfe_ros.solver.descent.workspace import inner
 from gdfe_ros.solver.matrix.rotation import left_jacobian_transposed
 from gdfe_ros.solver.matrix.unknowns import rigid_part
 

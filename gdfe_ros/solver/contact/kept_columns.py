@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.solver.matrix.constant_matrix import Coupling
-from gdfe_ros.solver.matrix.inverse import apply_free
-from gdfe_ros.solver.matrix.substitution import GROUP, HIGH, Kept, multiply_columns, reduce_columns
+from gdfe_ros.solver.matrix.substitution import GROUP, HIGH, Kept, apply_free, multiply_columns, reduce_columns
 
 Array = NDArray[np.float64]
 Numbers = NDArray[np.int64]

@@ -20,8 +20,8 @@ import math
 from gdfe_ros.compiled import inlined, internal, kernel
 from gdfe_ros.materials.tensor import cofactor, determinant, times
 from gdfe_ros.solver.elements.corners import mean_gradient
-from gdfe_ros.solver.matrix.inverse import apply_free
 from gdfe_ros.solver.matrix.rotation import rotation_matrix
+from gdfe_ros.solver.matrix.substitution import apply_free
 from gdfe_ros.solver.matrix.unknowns import clear_fixed, gather_rows, place
 from gdfe_ros.solver.vectors import largest
 

@@ -18,7 +18,7 @@ from gdfe_ros.compiled import inlined
 from gdfe_ros.mesh.operators import ShapeOperators
 from gdfe_ros.mesh.tet_operators import TetOperators
 from gdfe_ros.solver.elements.hourglass import couplings
-from gdfe_ros.solver.value import NEGLIGIBLE
+from gdfe_ros.solver.vectors import NEGLIGIBLE
 
 LANES = 8
 """Number of elements in a block. The innermost loops run over the elements of a block."""

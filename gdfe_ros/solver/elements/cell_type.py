@@ -21,7 +21,7 @@ from gdfe_ros.mesh.operators import ShapeOperators, grown_operators, shape_opera
 from gdfe_ros.mesh.tet_faces import tet_boundary
 from gdfe_ros.mesh.tet_operators import TetOperators, gradients, grown_tet_operators, tet_operators
 from gdfe_ros.mesh.tetrahedra import EDGES, PARTS
-from gdfe_ros.solver.elements import hexahedra, tangent_rows, tetrahedra
+from gdfe_ros.solver.elements import hexahedra, tetrahedra
 from gdfe_ros.solver.elements.blocks import Blocks, hex_geometry, make_blocks, tet_geometry
 
 _INLINED = {"nogil": True, "error_model": "numpy", "forceinline": True, "no_cpython_wrapper": True}
@@ -150,7 +150,7 @@ HEXAHEDRA = CellType(
     grown_operators,
     hex_geometry,
     _hex_matrix,
-    tangent_rows.element_tangents,
+    hexahedra.element_tangents,
     True,
     boundary_faces,
     ((0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7)),

@@ -1,27 +1,174 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compiled functions of quadratic tetrahedra: response, tangents and measures (see `CellKernels`)."""
+"""Compiled response, tangents and measures of quadratic tetrahedra (see `CellKernels`).
+
+They are P2 with a split volume term (docs/theory/tetrahedra.md). A material's volume stiffness has two parts: a local
+one acts at the four integration points, and the rest acts on the element's mean volume ratio. The table of materials
+has the local parts (`local_share`).
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
 from gdfe_ros.compiled import inlined, internal, kernel
-from gdfe_ros.materials.tensor import cofactor, determinant
+from gdfe_ros.materials.material import Law
+from gdfe_ros.materials.stress import corotated, logarithmic_volume, volumetric
+from gdfe_ros.materials.table import LAME, LOCAL, PENALTY, SHEAR
+from gdfe_ros.materials.tensor import cofactor, determinant, times
+from gdfe_ros.mesh.tetrahedra import POINTS
 from gdfe_ros.mesh.triples import combine, corner
 from gdfe_ros.solver.elements.blocks import (
+    ENERGY,
     GEOMETRY_OF_TET,
+    GRADIENT,
+    GRADIENTS,
+    INVERSE,
+    LAME_ROW,
     LANES,
     NODES,
+    PENALTY_ROW,
+    PRESSURE,
+    SHEAR_ROW,
+    SLOPE,
     STORED_ENERGY,
+    STRESS,
     TET_GEOMETRY_ROWS,
     TET_ROWS,
     TOTAL,
+    WEIGHT,
+    load3,
+    load9,
     load_geometry,
     load_nodes,
+    store3,
+    store9,
     store_nodes,
 )
-from gdfe_ros.solver.elements.tangent_rows import SPACING
-from gdfe_ros.solver.elements.tet_rows import L, load_shares, point_slopes, respond
+from gdfe_ros.solver.elements.hexahedra import SPACING
+from gdfe_ros.solver.elements.stress_rows import stress_rows
+
+L = tuple(tuple(float(value) for value in point) for point in POINTS)
+"""Barycentric coordinates of the integration points, as constants of the kernels."""
+
+
+@inlined
+def load_shares(b, law, elements, material, table):
+    """Copy the lanes' moduli at the integration points into the rows from which the laws read them."""
+    for lane in range(LANES):
+        k = material[elements[lane]]
+        b[PRESSURE * LANES + lane] = 0.0
+        b[SHEAR_ROW * LANES + lane] = table.parameters[k, SHEAR]
+        b[LAME_ROW * LANES + lane] = table.parameters[k, LOCAL] if law == Law.NEO_HOOKEAN else 0.0
+        b[PENALTY_ROW * LANES + lane] = 0.0 if law == Law.NEO_HOOKEAN else table.parameters[k, LOCAL]
+
+
+@inlined
+def point_slopes(place, corners, middles):
+    """Return dx/dxi (3) of one coordinate at the point with barycentric coordinates ``place`` (4).
+
+    ``corners`` (4) and ``middles`` (6) are the coordinate at the nodes.
+    """
+    l0, l1, l2, l3 = place
+    x4, x5, x6, x7, x8, x9 = middles
+    g0 = (4.0 * l0 - 1.0) * corners[0] + 4.0 * (l1 * x4 + l2 * x6 + l3 * x7)
+    g1 = (4.0 * l1 - 1.0) * corners[1] + 4.0 * (l0 * x4 + l2 * x5 + l3 * x8)
+    g2 = (4.0 * l2 - 1.0) * corners[2] + 4.0 * (l0 * x6 + l1 * x5 + l3 * x9)
+    g3 = (4.0 * l3 - 1.0) * corners[3] + 4.0 * (l0 * x7 + l1 * x8 + l2 * x9)
+    return g1 - g0, g2 - g0, g3 - g0
+
+
+@inlined
+def node(b, a, axis, lane):
+    """Return a coordinate of the lane's node ``a``."""
+    return b[(NODES + 10 * axis + a) * LANES + lane]
+
+
+@inlined
+def gather_point(b, place, inverse, row):
+    """Write F at an integration point to the rows from ``row`` on; ``inverse`` is the first row of dxi/dX there."""
+    for lane in range(LANES):
+        m = load9(b, inverse, lane)
+        for axis in range(3):
+            corners = node(b, 0, axis, lane), node(b, 1, axis, lane), node(b, 2, axis, lane), node(b, 3, axis, lane)
+            first = node(b, 4, axis, lane), node(b, 5, axis, lane), node(b, 6, axis, lane)
+            last = node(b, 7, axis, lane), node(b, 8, axis, lane), node(b, 9, axis, lane)
+            d1, d2, d3 = point_slopes(place, corners, first + last)
+            store3(b, row + 3 * axis, lane, combine(d1, m[:3], d2, m[3:6], d3, m[6:]))
+
+
+@inlined
+def add(b, row, lane, value):
+    """Add ``value`` to the entry of ``row`` and ``lane``."""
+    b[row * LANES + lane] += value
+
+
+@inlined
+def scatter_point(b, place, inverse):
+    """Add the node forces of one integration point; the rows of the stress must contain the point's weight times P."""
+    l0, l1, l2, l3 = place
+    for lane in range(LANES):
+        m = load9(b, inverse, lane)
+        for axis in range(3):
+            s, i = load3(b, STRESS + 3 * axis, lane), TOTAL + 10 * axis
+            g1, g2, g3 = times(m, s)
+            g0 = -(g1 + g2 + g3)
+            add(b, i, lane, (4.0 * l0 - 1.0) * g0)
+            add(b, i + 1, lane, (4.0 * l1 - 1.0) * g1)
+            add(b, i + 2, lane, (4.0 * l2 - 1.0) * g2)
+            add(b, i + 3, lane, (4.0 * l3 - 1.0) * g3)
+            add(b, i + 4, lane, 4.0 * (l1 * g0 + l0 * g1))
+            add(b, i + 5, lane, 4.0 * (l2 * g1 + l1 * g2))
+            add(b, i + 6, lane, 4.0 * (l2 * g0 + l0 * g2))
+            add(b, i + 7, lane, 4.0 * (l3 * g0 + l0 * g3))
+            add(b, i + 8, lane, 4.0 * (l3 * g1 + l1 * g3))
+            add(b, i + 9, lane, 4.0 * (l3 * g2 + l2 * g3))
+
+
+@inlined
+def mean_volume_rows(b, elements, material, pressure, table):
+    """Write the pressure [Pa] and the energy [J] of the volume term, which acts on the mean volume ratio."""
+    for lane in range(LANES):
+        b[SLOPE * LANES + lane], b[STORED_ENERGY * LANES + lane] = 0.0, 0.0
+    for g in range(4):
+        for lane in range(LANES):
+            f, w = load9(b, GRADIENTS + 9 * g, lane), b[(GEOMETRY_OF_TET + WEIGHT + g) * LANES + lane]
+            add(b, SLOPE, lane, w * determinant(f, cofactor(f)))
+            add(b, STORED_ENERGY, lane, w)
+    for lane in range(LANES):
+        e = elements[lane]
+        k, volume = material[e], b[STORED_ENERGY * LANES + lane]
+        ratio = b[SLOPE * LANES + lane] / volume
+        energy, slope = volumetric(ratio, pressure[e], table.parameters[k, PENALTY])
+        if table.parameters[k, LAME] != 0.0:
+            more, steeper = logarithmic_volume(ratio, table.parameters[k, LAME])
+            energy, slope = energy + more, slope + steeper
+        b[SLOPE * LANES + lane], b[STORED_ENERGY * LANES + lane] = slope, volume * energy
+
+
+@inlined
+def add_mean_stress(b, weight):
+    """Add the mean volume's stress to P of an integration point; multiply P and energy by the row ``weight``."""
+    for lane in range(LANES):
+        c, w = cofactor(load9(b, GRADIENT, lane)), b[weight * LANES + lane]
+        p, s = load9(b, STRESS, lane), b[SLOPE * LANES + lane]
+        store9(b, STRESS, lane, corotated(p, c, -s, w, 0.0, c))  # w (P + s cof F)
+        add(b, STORED_ENERGY, lane, w * b[ENERGY * LANES + lane])
+
+
+@inlined
+def respond(b, law, elements, material, pressure, table):
+    """Write node forces [N] and energy [J] of a block from its rows of node coordinates, geometry and moduli."""
+    for g in range(4):
+        gather_point(b, L[g], GEOMETRY_OF_TET + INVERSE + 9 * g, GRADIENTS + 9 * g)
+    mean_volume_rows(b, elements, material, pressure, table)
+    for i in range(30 * LANES):
+        b[TOTAL * LANES + i] = 0.0
+    for g in range(4):
+        for i in range(9 * LANES):
+            b[GRADIENT * LANES + i] = b[(GRADIENTS + 9 * g) * LANES + i]
+        stress_rows(b, law, elements, material, table)
+        add_mean_stress(b, GEOMETRY_OF_TET + WEIGHT + g)
+        scatter_point(b, L[g], GEOMETRY_OF_TET + INVERSE + 9 * g)
 
 
 @inlined

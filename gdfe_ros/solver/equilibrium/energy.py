@@ -20,17 +20,15 @@ from gdfe_ros.solver.descent.active_set import ActiveSet
 from gdfe_ros.solver.equilibrium.predictor import Predictor
 from gdfe_ros.solver.equilibrium.solve import Model, Solve
 from gdfe_ros.solver.equilibrium.stability import Stability
-from gdfe_ros.solver.forces.actuation import Actuation
+from gdfe_ros.solver.forces.actuation import Actuation, vertex_forces
 from gdfe_ros.solver.forces.pressures import at_rest
-from gdfe_ros.solver.forces.reactions import vertex_forces
 from gdfe_ros.solver.handle_motions import HandleMotions
 from gdfe_ros.solver.matrix.constant_matrix import SINGULAR, ConstantMatrix, assemble
 from gdfe_ros.solver.minimise.level import TangentLevel
 from gdfe_ros.solver.minimise.minimiser import Minimiser, Observer
 from gdfe_ros.solver.settings import Skip
 from gdfe_ros.solver.solution import Increment, Solution
-from gdfe_ros.solver.state import State, Summary
-from gdfe_ros.solver.value import changed
+from gdfe_ros.solver.state import State, Summary, changed
 
 
 class EquilibriumSolver:

@@ -9,21 +9,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.deadline import past
 from gdfe_ros.solver.descent.active_set import ActiveSet
-from gdfe_ros.solver.descent.pairs import history, load_history
 from gdfe_ros.solver.descent.search import ROUNDING
-from gdfe_ros.solver.descent.workspace import Problem
+from gdfe_ros.solver.descent.workspace import Problem, history, load_history
 from gdfe_ros.solver.elements.barrier import flattened
 from gdfe_ros.solver.elements.measures import LEAST_SCALE, MOST_SCALE, update_hourglass_scales
 from gdfe_ros.solver.elements.response import Watch
 from gdfe_ros.solver.equilibrium.predictor import Prediction
-from gdfe_ros.solver.forces.actuation import Actuation
+from gdfe_ros.solver.forces.actuation import Actuation, handle_reactions
 from gdfe_ros.solver.forces.pressures import Pressures, store_energies
-from gdfe_ros.solver.forces.reactions import handle_reactions
 from gdfe_ros.solver.handle_motions import HandleMotions
 from gdfe_ros.solver.minimise.minimiser import Minimiser, Task
-from gdfe_ros.solver.outcome import Outcome, join, tell
+from gdfe_ros.solver.outcome import Outcome, join, past, tell
 from gdfe_ros.solver.solution import Increment, Solution
 from gdfe_ros.solver.state import ElementState, State, Summary, Unfinished
 

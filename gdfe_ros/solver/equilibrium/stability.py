@@ -15,15 +15,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.solver.deadline import past
 from gdfe_ros.solver.descent.loop import UNPROVEN
 from gdfe_ros.solver.descent.search import ROUNDING
 from gdfe_ros.solver.equilibrium.solve import Model, Solve
 from gdfe_ros.solver.minimise.curvature import Lanczos, Lowest, TangentProducts
 from gdfe_ros.solver.minimise.minimiser import Minimiser, Task
-from gdfe_ros.solver.outcome import Outcome, join, tell
+from gdfe_ros.solver.outcome import Outcome, join, past, tell
 from gdfe_ros.solver.solution import Solution
-from gdfe_ros.solver.value import changed
+from gdfe_ros.solver.state import changed
 from gdfe_ros.solver.vectors import largest, largest_distance
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The external terms of a body, and their commands."""
+"""The external terms of a body, their commands, and the reactions of handles and obstacles."""
 
 from __future__ import annotations
 
@@ -10,24 +10,24 @@ from numpy.typing import NDArray
 
 from gdfe_ros.actuators.actuator import Actuator, ActuatorState, Cable, Chamber, Grip, Growth, Mode
 from gdfe_ros.actuators.load import Load, PressureLoad
+from gdfe_ros.compiled import kernel
 from gdfe_ros.constraints import Pose
-from gdfe_ros.solver.body import Body
+from gdfe_ros.materials.tensor import scaled
+from gdfe_ros.mesh.triples import corner, cross, minus, plus
+from gdfe_ros.solver.body import Body, Growths
 from gdfe_ros.solver.contact.contact import Contact
 from gdfe_ros.solver.contact.contact_term import HeldLoads
 from gdfe_ros.solver.contact.pairs import contacts_of
 from gdfe_ros.solver.elements.blocks import Operators
 from gdfe_ros.solver.forces.grip import GripTerm
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
+from gdfe_ros.solver.matrix.unknowns import vertex_force
 from gdfe_ros.solver.state import Balance, Saved, State
 from gdfe_ros.solver.terms.cable import CableTerm
 from gdfe_ros.solver.terms.chamber import ChamberTerm
-from gdfe_ros.solver.terms.growth import Growths
 from gdfe_ros.solver.terms.load import DeadLoadTerm, PressureTerm
 from gdfe_ros.solver.terms.term import Term, TermTable
-from gdfe_ros.solver.value import NEGLIGIBLE
-
-LOAD_FACTOR = 1.0
-"""Default command of a load."""
+from gdfe_ros.solver.vectors import NEGLIGIBLE
 
 
 class Actuation:
@@ -40,6 +40,7 @@ class Actuation:
         terms: further terms.
 
     Attributes:
+        body, actuators: the arguments.
         terms: all terms, loads first.
         table: all terms in the layout of the kernels.
         strung: cables between fixed points. Their length cannot be smaller than the distance between these points.
@@ -58,7 +59,7 @@ class Actuation:
         loads: Sequence[Load] = (),
         terms: Sequence[Term] = (),
     ) -> None:
-        self._body, self.actuators = body, tuple(actuators)
+        self.body, self.actuators = body, tuple(actuators)
         self._loads = [(PressureTerm if isinstance(load, PressureLoad) else DeadLoadTerm)(load, body) for load in loads]
         self._cables = [CableTerm(item, body) for item in self.actuators if isinstance(item, Cable)]
         self.strung = [cable for cable in self._cables if cable.strung]
@@ -122,7 +123,7 @@ class Actuation:
     def update(self, positions: NDArray[np.float64]) -> float:
         """Update the multipliers; return the largest error of a constraint, divided by the body's size."""
         misses = [term.update(positions) for term in self.terms if term.updates]
-        return max(misses, default=0.0) / self._body.size
+        return max(misses, default=0.0) / self.body.size
 
     def flaw(self, positions: NDArray[np.float64]) -> str:
         """Return a message if ``positions`` (n, 3) [m] of a solve are not acceptable; empty if they are."""
@@ -176,20 +177,6 @@ class Actuation:
         """Return the names of the grips that hold something in ``state``."""
         return [grip.name for grip in self.grips if grip.holds(state.terms[grip.name])]
 
-    def out_of_reach(self, state: State, commands: Mapping[str, float]) -> dict[str, str]:
-        """Return a dict from each grip that takes hold at ``commands`` of something too far away to a message."""
-        found = {}
-        for grip in self.grips:
-            takes = commands[grip.name] > 0.0 and state.commands[grip.name] == 0.0
-            if takes and (distance := grip.distance(state)) > grip.actuator.reach:
-                item = grip.actuator
-                held = f"body {item.held!r}" if item.held else "what it holds"
-                found[grip.name] = (
-                    f"grip {grip.name!r} cannot take hold: {held} is {distance:.3g} m from {item.holder!r}; allowed: "
-                    f"up to its `reach`, {item.reach:g} m; remedy: bring them nearer first, or another reach"
-                )
-        return found
-
     def states(
         self, positions: NDArray[np.float64], commands: Mapping[str, float], operators: Operators
     ) -> dict[str, ActuatorState]:
@@ -236,3 +223,65 @@ def past_limit(actuators: Sequence[Actuator], last: Mapping[str, float], command
         if each.mode in other and commands.get(each.name) != last.get(each.name)
     ]
     return f"remedy: {', '.join(found)}, which holds shapes that a force or a pressure cannot" if found else ""
+
+
+def handle_reactions(
+    body: Body,
+    positions: NDArray[np.float64],
+    force: NDArray[np.float64],
+    outside: NDArray[np.float64] | None = None,
+    contacts: Sequence[Contact] = (),
+    grips: Sequence[GripTerm] = (),
+) -> dict[str, NDArray[np.float64]]:
+    """Return the force and moment that each handle and each obstacle exerts on the body.
+
+    Args:
+        body: the discretised body.
+        positions: (n, 3) [m].
+        force: corner forces dE/dx (m, c, 3) [N] at these positions.
+        outside: dE/dx (n, 3) [N] of the external terms; None if there are none.
+        contacts: contact terms of the obstacles.
+        grips: grips, whose forces are added to those of the handles and obstacles that hold.
+
+    Returns:
+        Dict from handle or obstacle name to wrench (6,): force [N], then moment [N m]. The moment is about the mean of
+        the handle's current vertices, or about the obstacle's origin.
+    """
+    reactions = {contact.name: contact.wrench(positions) for contact in contacts if contact.on_body}
+    for handle in body.handles:
+        if handle.name in reactions:
+            continue
+        forces = vertex_forces(body, handle.vertices, force)
+        if outside is not None:
+            forces += outside[handle.vertices]
+        reactions[handle.name] = np.empty(6)
+        _sum_wrench(positions, handle.vertices, forces, reactions[handle.name])
+    for grip in (each for each in grips if each.presses):
+        reactions[grip.actuator.holder] = reactions[grip.actuator.holder] + grip.wrench(positions)
+    return reactions
+
+
+def vertex_forces(body: Body, vertices: NDArray[np.int32], force: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the internal force dE/dx (k, 3) [N] at ``vertices`` (k,) from corner forces (m, c, 3) [N]."""
+    total = np.empty((len(vertices), 3))
+    _gather_forces(force, body.unknowns, vertices, total)
+    return total
+
+
+@kernel
+def _gather_forces(force, unknowns, vertices, total):
+    for i in range(len(vertices)):
+        total[i, 0], total[i, 1], total[i, 2] = vertex_force(force, unknowns, vertices[i])
+
+
+@kernel
+def _sum_wrench(x, vertices, forces, wrench):
+    """Write the sum of ``forces`` (k, 3) [N] and their moment [N m] about the vertices' mean position to ``wrench``."""
+    centre, force, moment = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    for v in vertices:
+        centre = plus(centre, scaled(corner(x, v), 1.0 / len(vertices)))
+    for i in range(len(vertices)):
+        f = corner(forces, i)
+        force, moment = plus(force, f), plus(moment, cross(minus(corner(x, vertices[i]), centre), f))
+    for axis in range(3):
+        wrench[axis], wrench[3 + axis] = force[axis], moment[axis]

@@ -17,14 +17,12 @@ from enum import IntEnum
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from gdfe_ros.actuators.actuator import ActuatorState, Grip
 from gdfe_ros.compiled import kernel
 from gdfe_ros.constraints import Pose
 from gdfe_ros.constraints.obstacle import Obstacle
-from gdfe_ros.constraints.overlap import Placed
 from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
@@ -93,13 +91,13 @@ class GripTerm(UpdatedTerm):
     a displacement within the tolerance would be a force of the order of the weight.
     """
 
-    kernel, exact, neutral_command = _entry, True, 0.0
+    kernel, exact, neutral_command, stored = _entry, True, 0.0, "pull"
 
     def __init__(self, grip: Grip, body: Body) -> None:
         handles = {handle.name: handle for handle in body.handles}
-        self.actuator, self._body = grip, body
-        self._holder, self._held = handles[grip.holder], handles.get(grip.held)
-        self._points = grip.vertices if self._held is None else self._held.vertices
+        self.actuator, self._body, self.size = grip, body, body.size
+        self._holder, held = handles[grip.holder], handles.get(grip.held)
+        self._points = grip.vertices if held is None else held.vertices
         carriers = np.repeat(self._points[:, None], 4, axis=1)
         if self._carried:
             carriers[:] = self._holder.vertices
@@ -193,11 +191,6 @@ class GripTerm(UpdatedTerm):
         """Set other poses or another stored state after `resume`; a grip does not depend on its command itself."""
         self.begin({**commands, self.name: self._command}, saved, positions, 0.0)
 
-    def resume(self, commands: Mapping[str, float], saved: Saved, found: Saved, positions: NDArray[np.float64]) -> None:
-        """Restore the forces at the end of a solve."""
-        self.begin(commands, saved, positions, 0.0)
-        self.own_multipliers[...] = found["pull"]
-
     def _taken(self, last: State) -> Saved:
         """Return weights and places of the points, where the state ``last`` has them."""
         points = last.positions[self._points]
@@ -236,11 +229,6 @@ class GripTerm(UpdatedTerm):
         self._updated = positions[self._points]
         self.errors.append(self.STIFF / self.FINE * float(np.linalg.norm(self._gaps(positions), axis=1).max()))
         return self.errors[-1]
-
-    @property
-    def wanders(self) -> bool:
-        """Whether the points cannot keep their places, as when two grips pull one body apart."""
-        return self.wander(self._body.size)
 
     def finish(self, saved: Saved, positions: NDArray[np.float64]) -> Saved:
         """Return the state to store: command, places and forces."""
@@ -286,17 +274,3 @@ class GripTerm(UpdatedTerm):
     def holds(self, saved: Saved) -> bool:
         """Return whether the grip holds something, or its forces still fall, in the stored state."""
         return bool(saved["hold"][0])
-
-    def distance(self, state: State) -> float:
-        """Return the distance [m] of what the grip holds from the handle, obstacle or rigid body that it is held to."""
-        holder, held, x = self._holder, self._held, state.positions
-        if isinstance(holder, Obstacle):
-            there = Placed.now(holder, state.poses, state.positions)
-            if held is None:
-                return max(0.0, float(there.seen_from(x[self._points])[0].min()))
-            here, form = Placed.now(held, state.poses, state.positions), held.form
-            corners = there.seen_from(here.world(form.corners))[0].min() - form.rounding
-            return max(0.0, min(float(corners), float(there.seen_from(here.world(form.skin))[0].min())))
-        if held is None:
-            return float(cKDTree(x[holder.vertices]).query(x[self._points])[0].min())
-        return max(0.0, float(Placed.now(held, state.poses, state.positions).seen_from(x[holder.vertices])[0].min()))

@@ -5,12 +5,16 @@ It does not couple x, y and z, but a rotation does. The rigid rows are therefore
 elimination. About the rest pose, a handle moves its vertices by dx = dt + dtheta x r, with the undeformed position r
 relative to its centre. With the motion B of the vertices by the rigid rows, the free vertices follow by -H with
 H = A_ff^-1 A_fm B, and the rigid rows have the Schur complement S = B^T A_mm B - (A_fm B)^T H.
+
+Equal matrices in a process have one factor.
 """
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable
 from typing import NamedTuple
+from weakref import WeakValueDictionary
 
 import numpy as np
 import scipy.sparse as sparse
@@ -19,9 +23,8 @@ from numpy.typing import NDArray
 from gdfe_ros.compiled import kernel, vector_kernel
 from gdfe_ros.mesh.operators import ShapeOperators
 from gdfe_ros.solver.elements.cell_type import cell_type_of
-from gdfe_ros.solver.matrix.factor import factor_of
-from gdfe_ros.solver.matrix.inverse import Inverse, apply_free
-from gdfe_ros.solver.matrix.substitution import solve_rigid
+from gdfe_ros.solver.matrix.fronts import Fronts
+from gdfe_ros.solver.matrix.substitution import Inverse, apply_free, solve_rigid
 from gdfe_ros.solver.matrix.unknowns import (
     HandlePositions,
     Unknowns,
@@ -31,12 +34,77 @@ from gdfe_ros.solver.matrix.unknowns import (
     rigid_motion,
 )
 
+
+class Factor:
+    """A factored matrix.
+
+    Args:
+        matrix: (f, f), symmetric positive definite.
+        points: (f, 3) positions of its vertices [m].
+
+    Attributes:
+        inverse: the inverse for the kernels. If rounding leaves the matrix not definite, as for a body that nothing
+            holds, it is the inverse of the matrix plus a small multiple of its largest diagonal entry.
+    """
+
+    COARSE_FROM = 4_000_000
+    """A factor with at least this number of entries is stored in single precision."""
+    REGULAR = 1e-12
+    """Multiple of the largest diagonal entry that is added to the diagonal of a matrix without a factor; it grows
+    tenfold until there is one.
+    """
+    ZEROS = 0.3
+    """Largest fraction of zeros in a supernode. This matrix is factored once and used often; broad supernodes are then
+    fastest.
+    """
+    REFINED = 3
+    """Number of corrections of a solution with a factor in single precision."""
+
+    def __init__(self, matrix: sparse.csc_matrix, points: NDArray[np.float64]) -> None:
+        self._matrix = matrix
+        graph = matrix.tocsr()
+        graph.sort_indices()
+        fronts, added = Fronts(graph, points, size=1, slack=self.ZEROS, kind=np.float64), self.REGULAR
+        own = graph.indices == np.repeat(np.arange(len(points)), np.diff(graph.indptr))
+        while not fronts.factor(graph.data[:, None, None]):
+            graph.data[own] += added * graph.data[own].max()
+            added *= 10.0
+        kept, none = fronts.kept, np.zeros(0)
+        coarse = len(kept.values) >= self.COARSE_FROM
+        values = (none, kept.values.astype(np.float32)) if coarse else (kept.values, none.astype(np.float32))
+        self.inverse = Inverse(kept.plan, kept.order, *values)
+
+    def solve(self, right: NDArray[np.float64], out: NDArray[np.float64]) -> None:
+        """Write the solution (f, 3) of three right-hand sides (f, 3) to ``out``, to double precision."""
+        apply_free(self.inverse, right.reshape(-1), out.reshape(-1))
+        for _ in range(self.REFINED if len(self.inverse.coarse) else 0):
+            change = np.empty_like(out)
+            apply_free(self.inverse, (right - self._matrix @ out).reshape(-1), change.reshape(-1))
+            out += change
+
+
+_MADE: WeakValueDictionary[bytes, Factor] = WeakValueDictionary()
+"""Dict from the digest of a matrix and its vertices to the factor that is in use in the process."""
+
+
+def factor_of(matrix: sparse.csc_matrix, points: NDArray[np.float64]) -> Factor:
+    """Return the factor of a matrix (f, f); an equal matrix in the process has the same factor."""
+    digest = hashlib.blake2b(str(matrix.shape).encode())
+    for part in (matrix.indptr, matrix.indices, matrix.data, points):
+        digest.update(np.ascontiguousarray(part).data)
+    key = digest.digest()
+    found = _MADE.get(key)
+    if found is None:
+        found = _MADE.setdefault(key, Factor(matrix, points))
+    return found
+
+
 SINGULAR = 1e-10
 """A rigid motion counts as having no stiffness if its eigenvalue of the Schur complement is below this fraction of the
 largest eigenvalue.
 """
 
-Solve = Callable[[NDArray[np.float64], NDArray[np.float64]], None]
+Solve = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 
 
 class Coupling(NamedTuple):
@@ -56,28 +124,20 @@ class Coupling(NamedTuple):
     fixed: NDArray[np.int64]
 
 
-def couple(
-    matrix: sparse.csc_matrix, motion: NDArray[np.float64], unknowns: Unknowns, solve: Solve, inverse: Inverse
-) -> Coupling:
-    """Return the coupling of handles in their rest poses to the free vertices, linearised.
+def eliminate_free(
+    pulled: NDArray[np.float64], motion: NDArray[np.float64], solve: Solve
+) -> tuple[NDArray[np.float64], NDArray[np.float64], bool]:
+    """Return H (3 f, 3 q), the inverse of S (3 q, 3 q), and whether S is positive semidefinite.
 
     Args:
-        matrix: the assembled matrix (n, n).
+        pulled: (3 f + 3 b, 3 q) product of a matrix and ``motion``: rows of the free vertices, then those of handles.
         motion: (3 b, 3 q) motion of the handles' vertices by the rigid rows (`rigid_motion`).
-        unknowns: the numbering of the unknowns.
-        solve: function that solves with the free block A_ff for three right-hand sides (f, 3).
-        inverse: the inverse of this block, for the kernels.
+        solve: function that returns the solutions (3 f, k) with the free block for right-hand sides (3 f, k).
     """
-    columns, members = motion.shape[1], unknowns.members
-    wide = motion.reshape(len(members), 3 * columns)
-    pulled = (matrix[:, members] @ wide).reshape(matrix.shape[0], 3, columns)
-    beside, within = (pulled[part].reshape(3 * len(part), columns) for part in (unknowns.free, members))
-    harmonic = np.zeros((columns, len(unknowns.free), 3))
-    for column, follows in zip(np.ascontiguousarray(beside.T), harmonic, strict=True):
-        solve(column.reshape(-1, 3), follows)
-    harmonic = np.ascontiguousarray(harmonic.reshape(beside.T.shape).T)
+    beside, within = np.split(pulled, [len(pulled) - len(motion)])
+    harmonic = solve(beside)
     schur = motion.T @ within - beside.T @ harmonic
-    return Coupling(harmonic, pseudo_inverse(schur)[0], inverse, unknowns.fixed)
+    return np.ascontiguousarray(harmonic), *pseudo_inverse(schur)
 
 
 def pseudo_inverse(matrix: NDArray[np.float64]) -> tuple[NDArray[np.float64], bool]:
@@ -169,12 +229,23 @@ class ConstantMatrix:
         self._factor = factor_of(block, rest[free])
         frame = HandlePositions(rest, handle_centres(rest, unknowns))
         self._motion = rigid_motion(np.zeros(3 * unknowns.rows), frame, unknowns)
-        self.coupling = couple(matrix, self._motion, unknowns, self.solve, self._factor.inverse)
+        moving, columns = np.concatenate([free, unknowns.members]), self._motion.shape[1]
+        pulled = matrix[moving][:, unknowns.members] @ self._motion.reshape(len(unknowns.members), 3 * columns)
+        pulled = pulled.reshape(3 * len(moving), columns)
+        harmonic, schur, _ = eliminate_free(pulled, self._motion, self._solve_columns)
+        self.coupling = Coupling(harmonic, schur, self._factor.inverse, unknowns.fixed)
 
     def solve(self, right: NDArray[np.float64], out: NDArray[np.float64]) -> None:
         """Solve A_ff out = right for three right-hand sides (f, 3) to double precision."""
         self._factor.solve(right, out)
         out.reshape(-1)[self._unknowns.fixed] = 0.0
+
+    def _solve_columns(self, right: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the solutions (3 f, k) of A_ff for k right-hand sides (3 f, k)."""
+        found = np.empty((right.shape[1], len(self._unknowns.free), 3))
+        for column, out in zip(np.ascontiguousarray(right.T), found, strict=True):
+            self.solve(column.reshape(-1, 3), out)
+        return np.ascontiguousarray(found.reshape(right.shape[::-1]).T)
 
     def multiply(self, motion: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the product A_ff ``motion`` (f, 3) for a motion of the free vertices."""

@@ -243,24 +243,22 @@ cross-section thus have equal coordinates.
 """
 
 
-def narrow_order(graph: sparse.csr_matrix, points: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Return an order (f,) of the vertices with a small bandwidth.
+def narrow_orders(graph: sparse.csr_matrix, points: NDArray[np.float64]) -> list[NDArray[np.int64]]:
+    """Return orders (f,) of the vertices with a small bandwidth.
 
-    Two kinds of orders are compared, and the order of least bandwidth is returned: by cross-sections along a principal
-    axis, and reverse Cuthill-McKee. For straight bodies, the first has half the bandwidth of the second.
+    The first is by cross-sections along the longest principal axis, the second is reverse Cuthill-McKee. For straight
+    bodies, the first has half the bandwidth of the second.
 
     Args:
         graph: (f, f), an entry for every two vertices that share an element.
         points: (f, 3) [m].
     """
     if not len(points):
-        return np.zeros(0, np.int64)
+        return []
     centred = points - points.mean(axis=0)
     along = centred @ np.linalg.svd(centred, full_matrices=False)[2].T
     along = np.round(along / max(float(np.abs(along).max()), 1e-300), DIGITS)
-    orders = [np.lexsort((along[:, (k + 2) % 3], along[:, (k + 1) % 3], along[:, k])) for k in range(3)]
-    orders.append(reverse_cuthill_mckee(graph, symmetric_mode=True).astype(np.int64))
-    return min(orders, key=lambda order: spread(graph, order))
+    return [np.lexsort(along.T[::-1]), reverse_cuthill_mckee(graph, symmetric_mode=True).astype(np.int64)]
 
 
 def least_degree(graph: sparse.csr_matrix) -> NDArray[np.int64]:
@@ -309,11 +307,3 @@ def dissected(graph: sparse.csr_matrix, points: NDArray[np.float64]) -> NDArray[
         order[end - len(middle) : end] = middle
         parts += [(lower, begin), (upper, begin + len(lower))]
     return order
-
-
-def spread(graph: sparse.csr_matrix, order: NDArray[np.int64]) -> int:
-    """Return the half bandwidth of an order: the largest difference of the positions of two neighbours in it."""
-    rank = np.empty(len(order), np.int64)
-    rank[order] = np.arange(len(order))
-    rows = np.repeat(np.arange(len(order)), np.diff(graph.indptr))
-    return int(np.abs(rank[rows] - rank[graph.indices]).max(initial=0))

@@ -20,7 +20,7 @@ from gdfe_ros.solver.matrix.elimination import (
     dissected,
     eliminated,
     least_degree,
-    narrow_order,
+    narrow_orders,
 )
 from gdfe_ros.solver.matrix.panels import PANEL, dot_six, six
 from gdfe_ros.solver.matrix.rotation import unrotated
@@ -191,7 +191,7 @@ class Fronts:
         slack: float = SLACK,
         kind: type[np.floating] = np.float32,
     ) -> None:
-        orders = narrow_order(graph, points), least_degree(graph), dissected(graph, points)
+        orders = *narrow_orders(graph, points), least_degree(graph), dissected(graph, points)
         found = eliminated(graph, orders, slack=slack)
         widths, heights = found.widths, found.heights
         self.price = round(size * found.work / max(1, 8 * found.entries))
@@ -218,11 +218,9 @@ class Fronts:
         self._kind = np.dtype(kind)
         self.memory = self._kind.itemsize * int(self._plan.value_start[-1]) + 8 * (2 * room**2 + self._height)
         self._ends = np.empty(room, np.int64)
-        count, empty = len(found.order), {"values": np.empty(0, kind), "local": np.empty((1, room))}
-        bare = Kept.none(3 * count)._replace(plan=self._plan, order=found.order, **empty)
-        self.kept = bare._replace(
-            x=np.empty((1, 3 * count)), harmonic=np.zeros((3 * count, 0)), frames=unrotated(count)
-        )
+        count = len(found.order)
+        given = {"plan": self._plan, "order": found.order, "values": np.empty(0, kind)}
+        self.kept = Kept.none()._replace(**given, harmonic=np.zeros((3 * count, 0)), frames=unrotated(count))
         self._fronts = self._panel = self._stack = np.empty(0)
 
     def factor(self, blocks: NDArray[np.float64]) -> bool:

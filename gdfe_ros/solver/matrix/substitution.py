@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compiled solutions with a kept sparse factor K = U^T U: forward and backward, supernode by supernode.
+"""Compiled solutions with a sparse factor K = U^T U: forward and backward, supernode by supernode.
 
 A factor with three rows for each vertex has one right-hand side at a time; one with one row serves x, y and z together.
+Each supernode's part of it is then read once for all three: a large factor fits into no cache, and reading it dominates
+the time of a solution. Such a factor is stored in single precision.
 
 Two corrections follow, if a body needs them. First, handles with a free axis have rigid rows in addition to the rows of
 the factor. Their Schur complement S is dense. Second, springs of lengths and volumes add G^T G to K, which would fill
@@ -49,6 +51,22 @@ class Plan(NamedTuple):
     value_start: NDArray[np.int64]
 
 
+class Inverse(NamedTuple):
+    """An inverse (f, f) for x, y and z alike; it is never modified, so that threads may use it together.
+
+    Attributes:
+        plan: the index arrays.
+        order: (f,) vertices in the order of their elimination.
+        values: entries of the factor; empty if ``coarse`` is used.
+        coarse: these entries in single precision; empty if they are in double precision.
+    """
+
+    plan: Plan
+    order: NDArray[np.int64]
+    values: NDArray[np.float64]
+    coarse: NDArray[np.float32]
+
+
 class Kept(NamedTuple):
     """A factor for the kernels, with q rigid rows and m springs.
 
@@ -56,45 +74,46 @@ class Kept(NamedTuple):
         plan: the index arrays.
         values: entries of the factor, in single or double precision; the next factorisation overwrites them.
         order: (f,) vertices in the order of their elimination.
-        x, local: scratch (1, 3 f) and (1, w).
         harmonic: (3 f, q) displacement of the free vertices that each rigid row causes, times -1.
         schur: (q, q) inverse of the Schur complement S.
         springs: (m, 3 f + q) rows G.
         reach: (m, 3 f + q) rows of W^T.
         inner: (m, m) inverse of 1 + G W.
         frames: (f, 9) rotations of the vertices since the factor was taken; the factor follows them.
-        turned: (3 f + q,) scratch.
         fixed: (k,) int64 components that are constant (`Unknowns.fixed`); the factor does not couple them to others.
     """
 
     plan: Plan
     values: NDArray[np.floating]
     order: NDArray[np.int64]
-    x: NDArray[np.float64]
-    local: NDArray[np.float64]
     harmonic: NDArray[np.float64]
     schur: NDArray[np.float64]
     springs: NDArray[np.float64]
     reach: NDArray[np.float64]
     inner: NDArray[np.float64]
     frames: NDArray[np.float64]
-    turned: NDArray[np.float64]
     fixed: NDArray[np.int64]
 
     @classmethod
-    def none(cls, rows: int) -> Kept:
-        """Return an empty factor, in place of which the constant matrix preconditions ``rows`` unknowns."""
+    def none(cls) -> Kept:
+        """Return an empty factor, in place of which the constant matrix preconditions."""
         index, squares = np.zeros(0, np.int64), [np.zeros((0, 0))] * 5
-        values, frames, turned = np.zeros(0, np.float32), np.zeros((0, 9)), np.zeros(rows)
-        return cls(
-            Plan(*[index] * 9), values, index, np.zeros((1, 0)), np.zeros((1, 0)), *squares, frames, turned, index
-        )
+        return cls(Plan(*[index] * 9), np.zeros(0, np.float32), index, *squares, np.zeros((0, 9)), index)
+
+
+@vector_kernel
+def apply_free(inverse, right, out):
+    """Write A_ff^-1 right to the first rows of ``out``, for three right-hand sides (f, 3), flat."""
+    if len(inverse.coarse) > 0:
+        solve_free(inverse.coarse, inverse, (0,), right, out)
+    else:
+        solve_free(inverse.values, inverse, (0,), right, out)
 
 
 @vector_kernel
 def solve_kept(kept, right, out):
     """Write the solution for the right-hand side ``right`` (3 f + q,) to ``out`` (3 f + q,)."""
-    count, frames, turned = len(kept.frames), kept.frames, kept.turned
+    count, frames, turned = len(kept.frames), kept.frames, np.empty(len(right))
     for i in range(count):
         r0, r1, r2 = right[3 * i], right[3 * i + 1], right[3 * i + 2]
         for j in range(3):
@@ -111,7 +130,7 @@ def solve_kept(kept, right, out):
 @vector_kernel
 def solve_unturned(kept, right, out):
     """Solve as `solve_kept` does, but without the rotations since the factor was taken."""
-    solve_free(kept, right, out)
+    solve_free(kept.values, kept, (0, 1, 2), right, out)
     if len(kept.schur):
         solve_rigid(kept.harmonic, kept.schur, right, out)
     if len(kept.springs):
@@ -163,24 +182,28 @@ def connect(springs, reach, inner, out):
 
 
 @vector_internal
-def solve_free(kept, right, out):
-    """Write K^-1 ``right`` (3 f,) of the free vertices to ``out`` (3 f,)."""
-    x = kept.x
-    for i in range(len(kept.order)):
+def solve_free(values, factor, axes, right, out):
+    """Write the solution for ``right`` (3 f,) of the free vertices to ``out`` (3 f,), by a factor's ``values``.
+
+    A vertex has as many rows of the factor as ``axes`` has numbers: three, or one for x, y and z alike.
+    """
+    order, size = factor.order, len(axes)
+    x = np.empty((3 // size, size * len(order)))
+    for i in range(len(order)):
         for axis in range(3):
-            x[0, 3 * i + axis] = right[3 * kept.order[i] + axis]
-    solve_ordered(kept.values, kept.plan, (0, 1, 2), x, kept.local)
-    for i in range(len(kept.order)):
+            x[axis // size, size * i + axis % size] = right[3 * order[i] + axis]
+    solve_ordered(values, factor.plan, axes, x, np.empty_like(x))
+    for i in range(len(order)):
         for axis in range(3):
-            out[3 * kept.order[i] + axis] = x[0, 3 * i + axis]
+            out[3 * order[i] + axis] = x[axis // size, size * i + axis % size]
 
 
 @vector_internal
 def solve_ordered(values, plan, axes, x, local):
     """Replace each row of ``x`` (k, s f), in the order of elimination, by the solution for it.
 
-    A vertex has as many rows of the factor as ``axes`` has numbers: s = 3 with k = 1, or s = 1 with k = 3. ``local``
-    (k, w) is scratch for the rows of any supernode.
+    A vertex has s rows of the factor, as many as ``axes`` has numbers; k is 3 / s. ``local`` (k, w) is scratch for the
+    rows of any supernode.
     """
     for node in range(len(plan.first) - 1):
         rows = plan.rows[plan.row_start[node] : plan.row_start[node + 1]]

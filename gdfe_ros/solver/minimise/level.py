@@ -19,12 +19,11 @@ from gdfe_ros.compiled import kernel
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.descent.workspace import Problem
 from gdfe_ros.solver.elements.barrier import add_walls
-from gdfe_ros.solver.elements.tangent_rows import SPACING
-from gdfe_ros.solver.matrix.assembly import Assembly
-from gdfe_ros.solver.matrix.constant_matrix import pseudo_inverse
+from gdfe_ros.solver.elements.hexahedra import SPACING
+from gdfe_ros.solver.matrix.assembly import Assembly, Tangent
+from gdfe_ros.solver.matrix.constant_matrix import eliminate_free
 from gdfe_ros.solver.matrix.fronts import Fronts, unturned_solutions
 from gdfe_ros.solver.matrix.rotation import unrotated, vertex_rotations
-from gdfe_ros.solver.matrix.springs import Tangent
 from gdfe_ros.solver.matrix.substitution import Kept, solve_kept
 from gdfe_ros.solver.matrix.unknowns import generalise, rigid_motion
 from gdfe_ros.solver.terms.term import Term
@@ -231,7 +230,7 @@ class TangentLevel:
 
     def _load(self, tangent: Tangent) -> bool:
         """Factor a tangent; return whether it is positive definite."""
-        self._loaded, motion, count = None, tangent.motion, self._free
+        self._loaded, motion = None, tangent.motion
         blocks = tangent.blocks[self._among_free] if motion.size else tangent.blocks
         if not self._factor.factor(blocks):
             return False
@@ -239,13 +238,10 @@ class TangentLevel:
         self.kept.frames[...] = unrotated(len(self.kept.frames))
         if motion.size:
             pulled = self._assembly.by_members(tangent.blocks) @ motion
-            harmonic = self._factor.solve(pulled[:count])
-            schur = motion.T @ pulled[count:] - pulled[:count].T @ harmonic
-            inverse, definite = pseudo_inverse(schur)
+            harmonic, inverse, definite = eliminate_free(pulled, motion, self._factor.solve)
             if not definite:
                 return False
-            rigid = {"harmonic": np.ascontiguousarray(harmonic), "schur": inverse}
-            self.kept = self.kept._replace(**rigid, turned=np.empty(count + motion.shape[1]))
+            self.kept = self.kept._replace(harmonic=harmonic, schur=inverse)
         self._connect(tangent)
         return True
 

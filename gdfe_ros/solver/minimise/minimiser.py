@@ -13,16 +13,15 @@ from numpy.typing import NDArray
 
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact.contact_forces import ContactForces
-from gdfe_ros.solver.deadline import Deadline, past
 from gdfe_ros.solver.descent.active_set import ActiveSet
 from gdfe_ros.solver.descent.arc import follow_arc_once
 from gdfe_ros.solver.descent.loop import ENDLESS, Metric, descend, move_once, precondition
 from gdfe_ros.solver.descent.search import ROUNDING, advance
 from gdfe_ros.solver.descent.workspace import Problem, Workspace, numbers
-from gdfe_ros.solver.matrix.springs import Tangent
+from gdfe_ros.solver.matrix.assembly import Tangent
 from gdfe_ros.solver.matrix.substitution import Kept
 from gdfe_ros.solver.minimise.level import TangentLevel
-from gdfe_ros.solver.outcome import Outcome
+from gdfe_ros.solver.outcome import Deadline, Outcome, past
 from gdfe_ros.solver.vectors import largest, largest_distance
 
 _TEAM = threading.Lock()
@@ -108,7 +107,7 @@ class Minimiser:
         rows, (count, corners) = 3 * body.unknowns.rows, body.cells.shape
         scratch = np.zeros(rows), np.zeros(rows), body.rest.copy(), np.zeros((count, corners, 3))
         self._given = weight, *scratch, np.empty((len(body.rest), 9))
-        self._none = Kept.none(rows)
+        self._none = Kept.none()
         self.observer: Observer | None = None
         self.tangent: Tangent | None = None
         self.rest: Tangent | None = None

@@ -1,16 +1,25 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Progress of a time step: internal steps of equal length, which are halved on failure."""
+"""Progress of a time step: internal steps of equal length, their predicted end, and what follows from them."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
 
-from gdfe_ros.solver.solution import Solution
-from gdfe_ros.solver.state import Failure, State
-from gdfe_ros.solver.stepping.march import March
-from gdfe_ros.solver.stepping.path import Path
-from gdfe_ros.solver.value import changed
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.elements.measures import least_volume_ratio
+from gdfe_ros.solver.equilibrium.predictor import Prediction, Predictor
+from gdfe_ros.solver.handle_motions import HandleMotions
+from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
+from gdfe_ros.solver.motion import inertia
+from gdfe_ros.solver.motion.scheme import Kinematics
+from gdfe_ros.solver.settings import Dynamics
+from gdfe_ros.solver.solution import March, Solution
+from gdfe_ros.solver.state import Failure, State, changed
+from gdfe_ros.solver.stepping.path import Path, Verdict
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -100,3 +109,106 @@ class Flight(Path):
             failure = Failure(**asked, duration=self.duration, length=self.longest, reason=text)
         state = self.state.with_(ledger=changed(self.state.ledger, failure=failure))
         return changed(self, state=state.flawed(text, error_estimate=math.inf), flaw=text).march(skipped)
+
+
+class FlightPredictor(Predictor):
+    """Predicts the end of a step of one length from a state and its velocities.
+
+    Args:
+        body: the discretised body.
+        handles: the kinematics of its handles.
+        matrix: the constant matrix.
+        h: length of the step [s].
+        masses: (n,) masses of the vertices [kg].
+    """
+
+    SHARES = (1.0, 0.5, 0.25, 0.125, 0.0)
+    """Fractions of the free flight that are tried in turn until no element is folded. A force on one light vertex may
+    move it across many cells in a step, and a start with folds ends in another equilibrium. Without handles, the centre
+    of mass always moves by the whole free flight: the minimisation corrects it only to within the tolerance, and
+    momentum would change.
+    """
+
+    def __init__(
+        self, body: Body, handles: HandleMotions, matrix: ConstantMatrix, h: float, masses: NDArray[np.float64]
+    ) -> None:
+        super().__init__(body, handles, matrix)
+        self._h = h
+        self._shares = np.zeros_like(masses) if body.handles else masses / masses.sum()
+
+    def predict(self, state: State, base: NDArray[np.float64], change: NDArray[np.float64]) -> Prediction:
+        """Return the start of a solve that moves the handles from ``state`` to ``base`` (n, 3) [m]."""
+        now, h, last, held = Kinematics.of(state.terms[inertia.NAME]), self._h, state.motion, self._held
+        slides, turns = state.slides, state.turns
+        if last is not None:
+            slides, turns = slides + last.slides, turns + last.turns
+        flight = h * now.velocity + 0.5 * h * h * now.trend
+        drift, flight = self._shares @ flight, flight[self._free]
+        led = state.positions.copy()
+        led[held] += base[held] - state.base[held]
+        for share in (*self.SHARES, 1.0):  # handles may fold elements whatever the other vertices do
+            start = led.copy()
+            start[self._free] += share * flight + (1.0 - share) * drift
+            if least_volume_ratio(start, self._shape) > 0.0:
+                break
+        return Prediction(state.with_(positions=start, base=base, slides=slides, turns=turns), 1.0)
+
+
+ACCURACY = 3.0
+"""Tolerance of an internal step, divided by the solver's tolerance and by the distance h^2 |a| of the fastest vertex.
+The tolerance is at most the solver's tolerance.
+"""
+FINEST = 1e-4
+"""Least tolerance of an internal step, divided by the solver's tolerance."""
+
+
+def reduction(moved: float, size: float) -> float:
+    """Return the tolerance of an internal step in which a body moves by ``moved`` [m], divided by the solver's."""
+    return min(1.0, max(FINEST, ACCURACY * moved / size))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class InternalStep:
+    """An accepted internal step, for observers of a motion.
+
+    Attributes:
+        before, after: states before and after the internal step.
+        h: its length [s].
+        share: fraction of the whole step's change of commands that is completed after the internal step.
+        dynamics: its scheme and damping; None for the start of a motion, which only computes the accelerations of
+            ``after``.
+    """
+
+    before: State
+    after: State
+    h: float
+    share: float = 0.0
+    dynamics: Dynamics | None = None
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Trial:
+    """A solved internal step, and what follows from it.
+
+    Attributes:
+        flight: the flight with the iterations of the trial, at the state before it.
+        solution: the last solution.
+        verdict: what follows; `Verdict.STOP` if an interruption ended the solve.
+        step: the internal step; None if it is not accepted.
+    """
+
+    flight: Flight
+    solution: Solution
+    verdict: Verdict
+    step: InternalStep | None = None
+
+
+def unfolded(solution: Solution) -> bool:
+    """Return whether no element is folded or inverted."""
+    return not solution.diverged and solution.min_det > 0.0
+
+
+def failed(solution: Solution) -> bool:
+    """Return whether a solution failed and a shorter step may succeed."""
+    stuck = not (solution.converged or solution.exhausted)
+    return stuck or not unfolded(solution)

@@ -26,11 +26,10 @@ from gdfe_ros.solver.contact.complementarity import solve_laws
 from gdfe_ros.solver.contact.compliance import join, project, pull
 from gdfe_ros.solver.contact.contact_term import ROUNDING, ContactTerm
 from gdfe_ros.solver.contact.stencil import pad_columns
-from gdfe_ros.solver.motion.dynamics import Dynamics
 from gdfe_ros.solver.motion.inertia import NAME, FreeMass
 from gdfe_ros.solver.motion.scheme import Kinematics, Rule
-from gdfe_ros.solver.state import State
-from gdfe_ros.solver.value import changed
+from gdfe_ros.solver.settings import Dynamics
+from gdfe_ros.solver.state import State, changed
 
 Array = NDArray[np.float64]
 

@@ -21,8 +21,8 @@ from gdfe_ros.mesh.filling import Filling
 from gdfe_ros.mesh.triples import corner, cross, dot
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.matrix.constant_matrix import scattered
-from gdfe_ros.solver.motion.dynamics import Dynamics
 from gdfe_ros.solver.motion.scheme import Kinematics, Rule, Vectors, stiffness
+from gdfe_ros.solver.settings import Dynamics
 from gdfe_ros.solver.state import Saved
 from gdfe_ros.solver.terms.term import Term, as_arrays, term_kernel
 from gdfe_ros.sparse_lu import LuFactor

@@ -9,12 +9,12 @@ from scipy import sparse
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.handle_motions import HandleMotions
 from gdfe_ros.solver.motion import inertia, viscosity
-from gdfe_ros.solver.motion.dynamics import Dynamics, Scheme
 from gdfe_ros.solver.motion.scheme import Kinematics
 from gdfe_ros.solver.outcome import join
-from gdfe_ros.solver.state import Array, Bound, Ledger, State
+from gdfe_ros.solver.settings import Dynamics, Scheme
+from gdfe_ros.solver.state import Array, Bound, Ledger, State, changed
 from gdfe_ros.solver.stepping.path import work_between
-from gdfe_ros.solver.value import NEGLIGIBLE, changed
+from gdfe_ros.solver.vectors import NEGLIGIBLE
 
 
 class Accounts:

@@ -17,9 +17,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.solver.motion.dynamics import Dynamics, Scheme
-from gdfe_ros.solver.state import Saved
-from gdfe_ros.solver.value import changed
+from gdfe_ros.solver.settings import Dynamics, Scheme
+from gdfe_ros.solver.state import Saved, changed
 
 Vectors = NDArray[np.float64]
 

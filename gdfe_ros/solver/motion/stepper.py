@@ -13,28 +13,23 @@ from scipy import sparse
 from gdfe_ros.constraints import Pose
 from gdfe_ros.materials.table import SHEAR
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.deadline import Deadline, past
 from gdfe_ros.solver.equilibrium.energy import EquilibriumSolver
 from gdfe_ros.solver.forces.actuation import Actuation
 from gdfe_ros.solver.motion import inertia
-from gdfe_ros.solver.motion.dynamics import BackwardEuler, Dynamics, Scheme
-from gdfe_ros.solver.motion.flight import Flight
+from gdfe_ros.solver.motion.flight import Flight, FlightPredictor, InternalStep, Trial, failed, reduction, unfolded
 from gdfe_ros.solver.motion.impulse import ContactImpulses
 from gdfe_ros.solver.motion.inertia import FreeMass, Inertia
-from gdfe_ros.solver.motion.internal_step import FlightPredictor, InternalStep, Trial, failed, reduction, unfolded
 from gdfe_ros.solver.motion.ledger import Accounts, tell_excess
-from gdfe_ros.solver.motion.putting import pulled, put_elsewhere, require_free, stopped_at, vertices_of
 from gdfe_ros.solver.motion.scheme import Kinematics
 from gdfe_ros.solver.motion.viscosity import Viscosity
-from gdfe_ros.solver.settings import Skip, SolverSettings
-from gdfe_ros.solver.solution import Increment, Solution
-from gdfe_ros.solver.state import State
-from gdfe_ros.solver.stepping.march import March
+from gdfe_ros.solver.outcome import Deadline, past
+from gdfe_ros.solver.settings import BackwardEuler, Dynamics, Scheme, Skip, SolverSettings
+from gdfe_ros.solver.solution import Increment, March, Solution
+from gdfe_ros.solver.state import State, changed
 from gdfe_ros.solver.stepping.path import Verdict
-from gdfe_ros.solver.stepping.placing import completed, placed
+from gdfe_ros.solver.stepping.stepper import placed
 from gdfe_ros.solver.terms.term import Term
-from gdfe_ros.solver.value import NEGLIGIBLE, changed
-from gdfe_ros.solver.vectors import largest
+from gdfe_ros.solver.vectors import NEGLIGIBLE, largest
 
 
 class MotionStepper:
@@ -48,6 +43,7 @@ class MotionStepper:
         acting: function that returns the actuation with given additional terms.
 
     Attributes:
+        body, settings: the arguments.
         equilibrium: equilibrium solver of internal steps of the longest length.
         actuation: the external terms of these internal steps.
         mass: the argument.
@@ -80,7 +76,7 @@ class MotionStepper:
         mass: sparse.csr_matrix,
         acting: Callable[[Sequence[Term]], Actuation],
     ) -> None:
-        self.body, self._settings, self._dynamics, self.mass = body, settings, dynamics, mass
+        self.body, self.settings, self._dynamics, self.mass = body, settings, dynamics, mass
         self.free_mass = FreeMass(body, mass)
         self._euler, self._acting, self._impulses = BackwardEuler.of(dynamics), acting, ContactImpulses(self.free_mass)
         self._made: dict[tuple[bool, float], EquilibriumSolver] = {}
@@ -109,8 +105,8 @@ class MotionStepper:
         self._made[key] = EquilibriumSolver(
             self.body,
             self._acting(own),
-            skip=self._settings.skip,
-            threads=self._settings.threads,
+            skip=self.settings.skip,
+            threads=self.settings.threads,
             predictor=lambda *given: FlightPredictor(self.body, *given, h, masses),
             softening=not self._dynamics.undamped,
         )
@@ -123,9 +119,9 @@ class MotionStepper:
     def rests(self, state: State, targets: Mapping[str, Pose], commands: Mapping[str, float]) -> bool:
         """Return whether a body with handles is at rest and would stay at rest at these commands."""
         same = state.poses == targets and state.commands == commands and state.summary.converged
-        if not (same and Skip.SOLVE in self._settings.skip and self.body.handles and self._began(state)):
+        if not (same and Skip.SOLVE in self.settings.skip and self.body.handles and self._began(state)):
             return False
-        now, near = self._accounts.kinematics(state), self._settings.tolerance * self.body.size
+        now, near = self._accounts.kinematics(state), self.settings.tolerance * self.body.size
         slow = self._calm * largest(now.velocity.ravel()) <= near
         return slow and self._calm**2 * largest(now.acceleration.ravel()) <= near
 
@@ -160,7 +156,7 @@ class MotionStepper:
         began = self.started(state, commands)
         if observer is not None and began is not state:
             observer(InternalStep(before=state, after=began, h=step))
-        given = {"tolerance": self._settings.tolerance, "limit": self._settings.max_iterations, "deadline": deadline}
+        given = {"tolerance": self.settings.tolerance, "limit": self.settings.max_iterations, "deadline": deadline}
         goal = Increment(poses=targets, commands=commands, **given)
         count = max(1, math.ceil(due / step - NEGLIGIBLE))
         march = self._fly(Flight.over(began, goal, count, duration=due), observer)
@@ -170,7 +166,7 @@ class MotionStepper:
 
     def _fly(self, flight: Flight, observer: Callable[[InternalStep], None] | None) -> March:
         """Return the outcome of a flight."""
-        failure = flight.state.ledger.failure if Skip.SOLVE in self._settings.skip else None
+        failure = flight.state.ledger.failure if Skip.SOLVE in self.settings.skip else None
         if failure is not None and flight.repeats(failure):
             return changed(flight, flaw=failure.reason).march({Skip.SOLVE.value: 1})
         deadline = flight.goal.deadline
@@ -222,7 +218,7 @@ class MotionStepper:
         state, h, (poses, commands) = flight.state, flight.length, flight.aim
         now = Kinematics.of(state.terms[inertia.NAME])
         bent, moved = h * h * largest(now.acceleration.ravel()), h * largest(now.velocity.ravel())
-        size, tolerance = self.body.size, self._settings.tolerance
+        size, tolerance = self.body.size, self.settings.tolerance
         problem = changed(
             flight.goal,
             poses=poses,
@@ -250,33 +246,6 @@ class MotionStepper:
         found = placed(self.body, self.equilibrium.handles, state, positions, afresh=self.at_rest())
         return found.with_(ledger=changed(found.ledger, bound=None))
 
-    def put(self, state: State, places: Mapping[str, Pose]) -> State:
-        """Return a state with rigid bodies, by name, at poses relative to their rest poses and without velocity.
-
-        The change of energy counts as work done on them.
-
-        Raises:
-            OverlapError: a rigid body is inside of an obstacle, another rigid body, or the soft body there.
-        """
-        found = put_elsewhere(self.body, self.equilibrium.handles, self.actuation, state, places)
-        require_free(self.body, found, places)
-        return self.carried(self.released(found, vertices_of(self.body, places)), state)
-
-    def carry(self, state: State, vertices: NDArray[np.int32], positions: NDArray[np.float64]) -> State:
-        """Return a state with the vertices of soft bodies at their rows of ``positions`` (n, 3) [m], without velocity.
-
-        The bodies have moved rigidly. The change of energy counts as work done on them.
-        """
-        found = stopped_at(self.body, self.actuation, state, vertices, positions)
-        return self.carried(self.released(found, vertices), state)
-
-    def released(self, state: State, vertices: NDArray[np.int32]) -> State:
-        """Return ``state`` in which ``vertices``, which do not move, have the accelerations by their forces."""
-        if not self._began(state):
-            return state
-        still = state.with_(terms={**state.terms, inertia.NAME: self.at_rest().terms[inertia.NAME]})
-        return pulled(state, vertices, self.free_mass.accelerated(-self.equilibrium.forces(still)))
-
     def unbalanced(self, state: State) -> float:
         """Return the energy [J] that is not accounted for: kinetic + elastic + potential + dissipated - work."""
         found = self.energies(state)
@@ -293,10 +262,6 @@ class MotionStepper:
         """Return ``state`` with the account of energies of ``before``: what has changed between them is work done."""
         ledger = changed(state.ledger, lost=before.ledger.lost)
         return self.continued(state.with_(ledger=ledger), self.unbalanced(before))
-
-    def completed(self, state: State) -> State:
-        """Return a state that was read from an archive; see `placing.completed`."""
-        return completed(state, self.at_rest(), self.actuation.growths, self._settings.tolerance)
 
     def velocities(self, state: State) -> NDArray[np.float64]:
         """Return the velocity (n, 3) [m/s] of every vertex, a copy."""

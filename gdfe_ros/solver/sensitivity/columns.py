@@ -1,105 +1,197 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Derivatives at an equilibrium, one column per parameter, and the result of their computation."""
+"""Derivatives of solves, one column per parameter: varied inputs, and the derivatives that result from them."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.blas import one_blas_thread
-from gdfe_ros.errors import CommandError, GdfeError, require_named
+from gdfe_ros.constraints import Pose
+from gdfe_ros.errors import GdfeError
+from gdfe_ros.materials.table import MaterialTable
 from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.elements.measures import update_hourglass_scales
 from gdfe_ros.solver.equilibrium.energy import EquilibriumSolver
+from gdfe_ros.solver.forces.actuation import handle_reactions
+from gdfe_ros.solver.matrix.unknowns import HandlePositions, place
+from gdfe_ros.solver.minimise.curvature import TangentProducts
 from gdfe_ros.solver.minimise.level import TangentLevel
-from gdfe_ros.solver.motion.dynamics import Dynamics
-from gdfe_ros.solver.sensitivity.linearised import Linearised
+from gdfe_ros.solver.sensitivity.linearised import Linearised, difference, mapped
 from gdfe_ros.solver.sensitivity.parameter import Parameter
-from gdfe_ros.solver.sensitivity.side import Column, Pair, VariedInputs
+from gdfe_ros.solver.settings import Dynamics
 from gdfe_ros.solver.state import State
+from gdfe_ros.solver.terms.term import Term
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Sensitivities:
-    """Derivatives of outputs with respect to parameters.
+class VariedInputs:
+    """Inputs of a varied solve.
 
     Attributes:
-        outputs: names, in the order of the rows.
-        parameters: names, in the order of the columns.
-        units: units of the parameters; empty for a dimensionless parameter.
-        values: dict from output name to its derivatives (k, p) float64, in the output's unit divided by the parameter's
-            unit; outputs are positions [m], forces [N] and moments [N m].
+        start: state at the beginning.
+        commands: dict from actuator or load name to command.
+        poses: dict from handle name to commanded pose.
+        table: packed materials.
+        terms: dict from term name to a term that replaces the term of this name.
     """
 
-    outputs: tuple[str, ...]
-    parameters: tuple[str, ...]
-    units: tuple[str, ...]
-    values: Mapping[str, NDArray[np.float64]]
-
-    @property
-    def matrix(self) -> NDArray[np.float64]:
-        """All rows (sum of k, p), output by output.
-
-        Raises:
-            CommandError: no parameter was requested, e.g. because the scene has no actuators.
-        """
-        if not self.parameters:
-            raise CommandError("no derivatives: no parameter was named, and the scene may have no actuators")
-        rows = [self.values[name] for name in self.outputs]
-        return np.concatenate(rows) if rows else np.zeros((0, len(self.parameters)))
-
-    def of(self, output: str, parameter: str) -> NDArray[np.float64]:
-        """Return d(output)/d(parameter) (k,).
-
-        Raises:
-            CommandError: the output or the parameter was not requested.
-        """
-        for name, known in ((output, self.outputs), (parameter, self.parameters)):
-            if name not in known:
-                raise CommandError(f"{name!r} was not asked for; asked for: {', '.join(known) or 'nothing'}")
-        return self.values[output][:, self.parameters.index(parameter)]
+    start: State
+    commands: Mapping[str, float]
+    poses: Mapping[str, Pose]
+    table: MaterialTable
+    terms: Mapping[str, Term] = field(default_factory=dict)
 
 
-class Outputs:
-    """The outputs of a scene: ``positions``, ``probes.<name>``, ``reactions.<handle or obstacle>``.
+class Pair(NamedTuple):
+    """Inputs of two varied solves, for a central difference about the linearised solve.
+
+    Attributes:
+        above, below: inputs with a quantity increased and decreased.
+        middle: inputs of the linearised solve.
+        step: half of the difference of the quantity between ``above`` and ``below``, in the unit of the quantity.
+    """
+
+    above: VariedInputs
+    below: VariedInputs
+    middle: VariedInputs
+    step: float
+
+    def difference(self, value: Callable[[VariedInputs], T]) -> T:
+        """Return the derivative of what ``value`` returns, an array or a mapping or tuple of arrays."""
+        return difference(value(self.above), value(self.below), 2.0 * self.step)
+
+
+class Column:
+    """Derivative of a solve with respect to one parameter: the sum of the derivatives for several pairs of inputs.
 
     Args:
-        probes: dict from name to material point.
-        reacting: names of handles and obstacles.
-        count: number of vertices of the mesh.
+        solve: the linearised solve.
+        pairs: pairs of varied inputs.
+
+    Attributes:
+        change: derivative of positions and multipliers.
+
+    Raises:
+        GdfeError: the tangent is singular, so that there is no derivative.
     """
 
-    def __init__(self, probes: Mapping[str, object], reacting: Sequence[str], count: int) -> None:
-        self._probes, self._reacting, self._count = probes, tuple(reacting), count
+    def __init__(self, solve: Linearised, pairs: Sequence[Pair]) -> None:
+        self._solve, self._pairs, body = solve, pairs, solve.body
+        self._numbers, forces = np.zeros(len(solve.numbers)), np.zeros_like(solve.x)
+        change, driven = np.zeros(len(solve.multipliers)), np.zeros_like(solve.x)
+        turned = np.zeros(3 * body.unknowns.rigid_rows)
+        for pair in pairs:
+            pulled, updated = self._terms_part(pair)
+            forces, change = forces + pulled + self._elements_part(pair), change + updated
+            driven += pair.difference(lambda side: self._placed(side)[0])
+            if len(turned):
+                turned += pair.difference(lambda side: solve.rigid_part(solve.u, self._placed(side)[1]))
+        if driven.any():
+            answer, followed = solve.product(driven, np.zeros_like(solve.multipliers))
+            forces, change = forces + answer, change + followed
+        self._forces, found = forces, solve.solve(forces, change, turned)
+        self.change = found._replace(positions=found.positions + driven)
 
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of all outputs."""
-        probes = (f"probes.{name}" for name in self._probes)
-        return (*probes, *(f"reactions.{name}" for name in self._reacting), "positions")
+    def reactions(self) -> dict[str, NDArray[np.float64]]:
+        """Return a dict from handle or obstacle name to the derivative (6,) of its reaction on the body."""
+        solve, change = self._solve, self.change
+        forces = self._forces + solve.product(solve.moved(change.unknowns), change.multipliers)[0]
+        step, found = solve.spacing / max(solve.reach(change.positions, change.multipliers), 1e-300), []
+        for sign in (step, -step):
+            solve.actuation.table.reals[...] = solve.numbers + sign * self._numbers
+            solve.joint.hold(solve.multipliers + sign * change.multipliers)
+            given = solve.x + sign * change.positions, solve.no_forces()
+            solve.turn_contacts(given[0])
+            outside = solve.forces + sign * forces
+            others = solve.actuation.contacts, solve.actuation.grips
+            found.append(handle_reactions(solve.body, *given, outside, *others))
+        solve.restore()
+        return difference(*found, 2.0 * step)
 
-    def named(self, names: Sequence[str] | None) -> tuple[str, ...]:
-        """Return ``names`` after a check; the names of all probes for None.
+    def after(self, made: Callable[[VariedInputs, NDArray[np.float64]], T]) -> T:
+        """Return the derivative of ``made(side, positions)``, a mapping of arrays, at the end of the solve.
 
-        Raises:
-            CommandError: there is no such output.
+        Before each call, the terms are set to the inputs ``side``. A derivative that is NaN counts as zero.
         """
-        if names is None:
-            return tuple(f"probes.{name}" for name in self._probes)
-        for name in names:
-            require_named("output", name, self.names, " in this scene")
-        return tuple(names)
+        solve, change, own = self._solve, self.change, self._pairs[0].middle
 
-    def row(
-        self, name: str, motion: NDArray[np.float64], reactions: Mapping[str, NDArray[np.float64]]
-    ) -> NDArray[np.float64]:
-        """Return the derivative (k,) of an output from the derivatives of positions (n, 3) and reactions (6,)."""
-        if name == "positions":
-            return motion[: self._count].ravel()
-        kind, _, own = name.partition(".")
-        return self._probes[own].at(motion)[0] if kind == "probes" else reactions[own]
+        def value(side: VariedInputs, step: float = 0.0) -> T:
+            x = solve.x + step * change.positions
+            self._varied(side, x)
+            solve.joint.hold(solve.multipliers + step * change.multipliers)
+            return made(side, x)
+
+        largest = max(solve.reach(change.positions, change.multipliers), 1e-300)
+        step = TangentProducts.SPACING * solve.body.size / largest
+        parts = [pair.difference(value) for pair in self._pairs]
+        parts.append(difference(value(own, step), value(own, -step), 2.0 * step))
+        solve.restore()
+        return mapped(lambda *each: np.nan_to_num(sum(each)), *parts)
+
+    def _placed(self, side: VariedInputs) -> tuple[NDArray[np.float64], HandlePositions]:
+        """Return positions (n, 3) [m] and the frame with the handles at the poses of ``side``."""
+        solve, end, handles = self._solve, self._solve.end, self._solve.handles
+        base = handles.base(side.poses, end.poses, end.base)
+        if base is end.base:
+            return solve.x, solve.frame
+        x, frame = solve.x.copy(), handles.frame(base)
+        prescribed = solve.body.unknowns.prescribed
+        x[prescribed] = base[prescribed]
+        place(solve.u, frame, solve.body.unknowns, x)
+        return x, frame
+
+    def _varied(self, side: VariedInputs, x: NDArray[np.float64]) -> None:
+        """Set all terms to the inputs ``side``, with the multipliers at the end of the solve."""
+        solve = self._solve
+        for term in solve.actuation.terms:
+            own = side.terms.get(term.name, term)
+            own.aim(side.poses, side.start)
+            own.vary(side.commands, side.start.terms[term.name], x)
+            if own is not term:
+                term.reals[...] = own.reals
+        solve.joint.hold(solve.multipliers)
+
+    def _terms_part(self, pair: Pair) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the derivatives of the terms' forces (n, 3) and updated multipliers (k,) at constant positions."""
+        solve, first, own = self._solve, pair.above, pair.middle
+        if not first.terms and (first.commands, first.poses, first.start) == (own.commands, own.poses, own.start):
+            return np.zeros_like(solve.x), np.zeros_like(solve.multipliers)
+
+        def numbers(side: VariedInputs) -> NDArray[np.float64]:
+            solve.restore()
+            self._varied(side, self._placed(side)[0])
+            return solve.actuation.table.reals.copy()
+
+        slope, found = pair.difference(numbers), []
+        self._numbers += slope
+        for sign in (pair.step, -pair.step):
+            solve.actuation.table.reals[...] = solve.numbers + sign * slope
+            found.append((solve.term_forces(solve.x), solve.joint.updated(solve.x)))
+        solve.restore()
+        return difference(*found, 2.0 * pair.step)
+
+    def _elements_part(self, pair: Pair) -> NDArray[np.float64]:
+        """Return the derivative of the elements' forces (n, 3) at constant positions."""
+        solve, growths, before = self._solve, self._solve.actuation.growths, self._solve.end.operators
+        same = all(growths.at(side.commands, before) is before for side in (pair.above, pair.below))
+        if same and pair.above.table is pair.below.table:
+            return np.zeros_like(solve.x)
+
+        def forces(side: VariedInputs) -> NDArray[np.float64]:
+            operators, scale = growths.at(side.commands, before), solve.scale.copy()
+            if len(solve.softening):
+                given = solve.softening, operators.shape, solve.body.material, side.table
+                update_hourglass_scales(solve.x, *given, scale)
+            return solve.element_forces(side.table, operators=operators, scale=scale)
+
+        return pair.difference(forces)
 
 
 class Tangents:
@@ -137,13 +229,14 @@ class Tangents:
     def found(
         self,
         state: State,
-        outputs: Outputs,
-        names: Sequence[str],
         parameters: Sequence[Parameter],
         *,
+        reacting: bool,
         interrupted: Callable[[], bool] | None = None,
-    ) -> Sensitivities:
-        """Return d(output)/d(parameter) at an equilibrium, for the named outputs and parameters.
+    ) -> list[tuple[NDArray[np.float64], Mapping[str, NDArray[np.float64]]]]:
+        """Return the derivatives at an equilibrium, for each parameter: of positions (n, 3), and of reactions.
+
+        ``reacting`` is whether those of reactions are wanted: dict from handle or obstacle name to derivative (6,).
 
         Raises:
             GdfeError: the state is no equilibrium, has no derivative, or the computation was interrupted.
@@ -153,11 +246,11 @@ class Tangents:
             solve.interrupted = interrupted
             try:
                 for parameter in parameters:
-                    pair = pair_of(parameter, own_side(solve.body, state))
-                    columns.append(rows_of(Column(solve, [pair]), outputs, names))
+                    column = Column(solve, [pair_of(parameter, own_side(solve.body, state))])
+                    columns.append((column.change.positions, column.reactions() if reacting else {}))
             finally:
                 solve.restore()
-        return joined(names, parameters, columns)
+        return columns
 
 
 def own_side(body: Body, state: State, end: State | None = None) -> VariedInputs:
@@ -192,25 +285,6 @@ def pair_of(
             )
         )
     return Pair(*sides, own, step)
-
-
-def rows_of(column: Column, outputs: Outputs, names: Sequence[str]) -> dict[str, NDArray[np.float64]]:
-    """Return a dict from output name to its derivative (k,), from the column of one parameter."""
-    reactions = column.reactions() if any(name.startswith("reactions.") for name in names) else {}
-    return {name: outputs.row(name, column.change.positions, reactions) for name in names}
-
-
-def joined(
-    names: Sequence[str], parameters: Sequence[Parameter], columns: Sequence[dict[str, NDArray[np.float64]]]
-) -> Sensitivities:
-    """Return the columns of all parameters as one result."""
-    values = {name: np.stack([column[name] for column in columns], axis=1) for name in names} if columns else {}
-    return Sensitivities(
-        outputs=tuple(names),
-        parameters=tuple(each.name for each in parameters),
-        units=tuple(each.unit for each in parameters),
-        values=values,
-    )
 
 
 def require_differentiable(state: State) -> None:

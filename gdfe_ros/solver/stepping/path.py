@@ -17,10 +17,8 @@ from gdfe_ros.solver.forces.actuation import inflated
 from gdfe_ros.solver.handle_motions import HandleMotions, find_deviation
 from gdfe_ros.solver.matrix.rotation import apply_left_jacobian
 from gdfe_ros.solver.outcome import Outcome, join, tell
-from gdfe_ros.solver.solution import Increment, Solution
-from gdfe_ros.solver.state import State
-from gdfe_ros.solver.stepping.march import March
-from gdfe_ros.solver.value import changed
+from gdfe_ros.solver.solution import Increment, March, Solution
+from gdfe_ros.solver.state import State, changed
 from gdfe_ros.solver.vectors import largest_distance
 
 LARGEST_TURN = math.radians(100.0)

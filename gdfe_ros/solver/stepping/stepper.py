@@ -10,18 +10,50 @@ from numpy.typing import NDArray
 
 from gdfe_ros.constraints import Pose
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.deadline import Deadline, past
 from gdfe_ros.solver.elements.barrier import THRESHOLD
+from gdfe_ros.solver.elements.measures import least_volume_ratio
 from gdfe_ros.solver.equilibrium.energy import EquilibriumSolver
 from gdfe_ros.solver.forces.actuation import Actuation, past_limit
-from gdfe_ros.solver.outcome import REMEDY_OF_FOLDS, Outcome, join, tell
+from gdfe_ros.solver.handle_motions import HandleMotions
+from gdfe_ros.solver.outcome import REMEDY_OF_FOLDS, Deadline, Outcome, join, past, tell
 from gdfe_ros.solver.settings import Skip, SolverSettings
-from gdfe_ros.solver.solution import Increment, Solution
-from gdfe_ros.solver.state import State
-from gdfe_ros.solver.stepping.march import March, crumpled
+from gdfe_ros.solver.solution import Increment, March, Solution, crumpled
+from gdfe_ros.solver.state import State, changed
 from gdfe_ros.solver.stepping.path import Attempt, LoadPath, Verdict, jumped, planned_increments
-from gdfe_ros.solver.stepping.placing import completed, placed
-from gdfe_ros.solver.value import changed
+
+
+def placed(body: Body, handles: HandleMotions, state: State, positions: NDArray[np.float64], *, afresh: State) -> State:
+    """Return a state at ``positions`` (n, 3) [m] with the handles at their commanded poses.
+
+    Args:
+        body: the discretised body.
+        handles: the kinematics of its handles.
+        state: the state from which the commands and the growth are taken.
+        positions: positions of all vertices; a handle without free axes keeps its commanded positions, and the free
+            motion of any other handle is fitted.
+        afresh: the undeformed state, from which the initial pressures, captured shapes and motion are taken.
+    """
+    moved = positions.copy()
+    slides, turns = handles.fit(moved, state.base)
+    for handle in body.handles:
+        own = handle.vertices
+        if handle.slide is not None:
+            moved[own] = np.where(handle.slide, moved[own], state.base[own])
+        elif not handle.loose:
+            moved[own] = state.base[own]
+    least = float(least_volume_ratio(moved, state.operators.shape))
+    return afresh.with_(
+        positions=moved,
+        base=state.base,
+        poses=state.poses,
+        commands=state.commands,
+        slides=slides,
+        turns=turns,
+        operators=state.operators,
+        balance=None,
+        summary=changed(state.summary, converged=False, min_det=least),
+        sound=least > 0.0,
+    )
 
 
 class Stepper:
@@ -34,6 +66,7 @@ class Stepper:
         equilibrium: another solver of equilibria with the same methods, instead of that of the policy ``energy``.
 
     Attributes:
+        body, settings: the arguments.
         equilibrium: the solver of equilibria.
     """
 
@@ -49,7 +82,7 @@ class Stepper:
         actuation: Actuation | None = None,
         equilibrium: EquilibriumSolver | None = None,
     ) -> None:
-        self.body, self._settings = body, settings
+        self.body, self.settings = body, settings
         self.actuation = actuation or Actuation(body)
         options = {"skip": settings.skip, "threads": settings.threads}
         self.equilibrium = equilibrium or EquilibriumSolver(body, self.actuation, **options)
@@ -61,7 +94,7 @@ class Stepper:
     def rests(self, state: State, targets: Mapping[str, Pose], commands: Mapping[str, float]) -> bool:
         """Return whether ``state`` already is the equilibrium at these commands, so that no solve is needed."""
         settled = state.poses == targets and state.commands == commands
-        return settled and state.summary.converged and Skip.SOLVE in self._settings.skip
+        return settled and state.summary.converged and Skip.SOLVE in self.settings.skip
 
     def settled(self, state: State, targets: Mapping[str, Pose], commands: Mapping[str, float]) -> bool:
         """Return whether a state does not change at these commands: it is an equilibrium."""
@@ -91,8 +124,8 @@ class Stepper:
             tolerance: tolerance; None stands for the tolerance of the settings.
             deadline: once it has passed, the step ends with the state that it has reached.
         """
-        tolerance = tolerance or self._settings.tolerance * (self.FINER if self.equilibrium.handles.turn else 1.0)
-        aim, limit = {"poses": dict(targets), "commands": dict(commands)}, self._settings.max_iterations
+        tolerance = tolerance or self.settings.tolerance * (self.FINER if self.equilibrium.handles.turn else 1.0)
+        aim, limit = {"poses": dict(targets), "commands": dict(commands)}, self.settings.max_iterations
         goal = Increment(**aim, tolerance=tolerance, limit=limit, deadline=deadline)
         if unreachable := self._unreachable(state, goal):
             return March(state=state.flawed(unreachable), reached=False)
@@ -129,10 +162,6 @@ class Stepper:
     def carried(self, state: State, before: State) -> State:
         """Return ``state``: equilibria have no account of energies."""
         return state
-
-    def completed(self, state: State) -> State:
-        """Return a state that was read from an archive; see `placing.completed`."""
-        return completed(state, self.at_rest(), self.actuation.growths, self._settings.tolerance)
 
     def velocities(self, state: State) -> None:
         """Return None: equilibria have no velocity."""

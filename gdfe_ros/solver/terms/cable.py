@@ -28,7 +28,7 @@ from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.state import Saved
 from gdfe_ros.solver.terms.multiplier import EFFORT, STIFFNESS, TARGET, EffortTerm
 from gdfe_ros.solver.terms.term import as_arrays, share, spread, term_kernel, weighted
-from gdfe_ros.solver.value import NEGLIGIBLE
+from gdfe_ros.solver.vectors import NEGLIGIBLE
 
 EYELET, EXCESS, CARRIERS, WEIGHTS = range(STIFFNESS + 1, STIFFNESS + 5)
 """Offsets in ``reals``, after T [N], l [m] and k [N/m], of e [m], c [m], the number of vertices that carry each point,

@@ -28,7 +28,7 @@ from gdfe_ros.solver.state import Saved, State
 from gdfe_ros.solver.terms.multiplier import Anderson, UpdatedTerm
 from gdfe_ros.solver.terms.term import Term, as_arrays, term_kernel
 from gdfe_ros.solver.terms.volume import COUNT, FACES, NODES, PRODUCTS, face_forces, pack_faces, volume_curvature
-from gdfe_ros.solver.value import NEGLIGIBLE
+from gdfe_ros.solver.vectors import NEGLIGIBLE
 
 PRESSURE, VOLUME, APEX, EDGE = 0, 1, 2, 5
 """Offsets in ``reals`` of p [Pa], a volume [m^3] that is subtracted to keep energies small, the cones' common point
@@ -71,7 +71,7 @@ class PressureTerm(UpdatedTerm):
     GROWTH = 1e3
     """The forces' iteration may diverge by itself; the history of its acceleration is kept up to this growth."""
 
-    kernel = pressure_entry
+    kernel, stored = pressure_entry, "edge"
 
     def __init__(self, load: PressureLoad, body: Body) -> None:
         self._load, self._faces = load, load.quads.astype(np.int32)
@@ -86,7 +86,7 @@ class PressureTerm(UpdatedTerm):
         numbers = np.concatenate([[0.0, 0.0], middle, np.zeros(3 * len(self._edge))])
         super().__init__(load.name, numbers, np.concatenate([head, self._edge]).astype(np.int32))
         self.exact = self.conservative = not len(self._edge)
-        self._rest, self._size, self._softness, self._last = body.rest, body.size, 0.0, None
+        self._rest, self.size, self._softness, self._last = body.rest, body.size, 0.0, None
 
     @property
     def updates(self) -> bool:
@@ -146,11 +146,6 @@ class PressureTerm(UpdatedTerm):
         numbers[VOLUME] += np.vdot(self.own_multipliers, positions[self._edge] - numbers[APEX:EDGE])
         self._swept = float(saved["swept"][0])
 
-    def resume(self, commands: Mapping[str, float], saved: Saved, found: Saved, positions: NDArray[np.float64]) -> None:
-        """Restore the forces at the end of a solve."""
-        self.begin(commands, saved, positions, 0.0)
-        self.own_multipliers[...] = found["edge"]
-
     def update(self, positions: NDArray[np.float64]) -> float:
         """Let the forces at open edges follow; return their change as a displacement [m], divided by `FINE`."""
         change = (self.renewed(positions) - self.own_multipliers).ravel()
@@ -158,11 +153,6 @@ class PressureTerm(UpdatedTerm):
         moved = abs(self.reals[PRESSURE]) * np.linalg.norm(change.reshape(-1, 3), axis=1).sum()
         self.errors.append(float(moved) * self._softness / self.FINE)
         return self.errors[-1]
-
-    @property
-    def wanders(self) -> bool:
-        """Whether the forces at open edges do not settle."""
-        return self.wander(self._size)
 
     def finish(self, saved: Saved, positions: NDArray[np.float64]) -> Saved:
         """Return the state to store: the volume that the faces have swept, and the vectors b."""

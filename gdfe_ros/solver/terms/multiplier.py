@@ -21,7 +21,9 @@ class UpdatedTerm(Term):
     Attributes:
         own_multipliers: the multipliers, of any shape; a view.
         renewed: method that returns the multipliers, in this shape, after an update at positions (n, 3) [m].
+        stored: name under which the stored state has the multipliers; other rows may follow them there.
         errors: error of the constraints [m] before each update of a solve.
+        size: size of the body [m].
     """
 
     PATIENCE, FAINT = 6, 1e-5
@@ -30,15 +32,21 @@ class UpdatedTerm(Term):
     """
     own_multipliers: Array
     renewed: Callable[[Array], Array]
+    stored: str
     errors: Sequence[float] = ()
+    size = 0.0
 
-    def wander(self, size: float) -> bool:
-        """Return whether updates do not settle; ``size`` [m] is that of the body.
-
-        They go to and fro, or the constraints contradict each other.
-        """
+    @property
+    def wanders(self) -> bool:
+        """Whether updates do not settle: they go to and fro, or the constraints contradict each other."""
         errors = self.errors
-        return len(errors) >= self.PATIENCE and errors[-1] >= max(errors[0], self.FAINT * size)
+        return len(errors) >= self.PATIENCE and errors[-1] >= max(errors[0], self.FAINT * self.size)
+
+    def resume(self, commands: Mapping[str, float], saved: Saved, found: Saved, positions: Array) -> None:
+        """Restore the multipliers at the end of a solve."""
+        self.begin(commands, saved, positions, 0.0)
+        if self.updates:
+            self.own_multipliers[...] = found[self.stored][: len(self.own_multipliers)]
 
     @property
     def multipliers(self) -> Array:
@@ -69,6 +77,7 @@ class EffortTerm(UpdatedTerm):
     of it. The constant matrix gives this stiffness. The ratio is large enough for few updates. It is small enough to
     cause only one outlying eigenvalue, which the history of a minimisation resolves.
     """
+    stored = "effort"
 
     def fit_penalty(self, matrix: ConstantMatrix, force: Array) -> None:
         """Set the penalty of a term that acts on the vertices with ``force`` (n, 3) at unit tension or pressure.
@@ -101,12 +110,6 @@ class EffortTerm(UpdatedTerm):
         before = self.reals[EFFORT]
         (self.reals[EFFORT],) = self.renewed(positions)
         return float(abs(self.reals[EFFORT] - before) / (self.reals[STIFFNESS] * self.area))
-
-    def resume(self, commands: Mapping[str, float], saved: Saved, found: Saved, positions: Array) -> None:
-        """Restore the effort at the end of a solve."""
-        self.begin(commands, saved, positions, 0.0)
-        if self.updates:
-            self.reals[EFFORT] = found["effort"][0]
 
     def followed(self, saved: Saved, ratio: float) -> float:
         """Return the initial effort of a solve: the last one plus ``ratio`` times the last change."""

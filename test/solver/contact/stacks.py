@@ -13,7 +13,7 @@ from gdfe_ros.mesh import HexMesh
 from gdfe_ros.mesh.generators import bar
 from gdfe_ros.scene.loader import scene_from_text
 from gdfe_ros.simulation import Simulation
-from gdfe_ros.solver.result import StepResult
+from gdfe_ros.step_result import StepResult
 
 STACK = """
 name: stack

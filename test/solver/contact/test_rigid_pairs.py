@@ -16,8 +16,8 @@ from gdfe_ros.contacts import contact_names
 from gdfe_ros.scene.loader import scene_from_text
 from gdfe_ros.solver.contact import answer, complementarity, contact_forces
 from gdfe_ros.solver.motion import impulse, inertia
-from gdfe_ros.solver.result import StepResult
-from gdfe_ros.solver.value import changed
+from gdfe_ros.solver.state import changed
+from gdfe_ros.step_result import StepResult
 from test.written import advance
 
 FLOORED = {

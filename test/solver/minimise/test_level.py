@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from gdfe_ros import Simulation
 from gdfe_ros.scene import scene_from_text
 from gdfe_ros.solver.equilibrium.solve import Solve
-from gdfe_ros.solver.matrix.springs import Tangent
+from gdfe_ros.solver.matrix.assembly import Tangent
 from gdfe_ros.solver.minimise.curvature import TangentProducts
 from gdfe_ros.solver.minimise.level import TangentLevel
 from test.solver.whole_tangent import whole_tangent

@@ -11,7 +11,7 @@ import pytest
 from gdfe_ros import Command, Simulation
 from gdfe_ros.scene.loader import scene_from_text
 from gdfe_ros.solver.motion.ledger import Accounts
-from gdfe_ros.solver.result import StepResult
+from gdfe_ros.step_result import StepResult
 from test.solver.motion.landings import THROWN, thrown
 
 CUBE = """

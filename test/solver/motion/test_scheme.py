@@ -6,8 +6,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gdfe_ros.solver.motion.dynamics import Branch, Damping, Dynamics, Scheme
 from gdfe_ros.solver.motion.scheme import Kinematics, Rule
+from gdfe_ros.solver.settings import Branch, Damping, Dynamics, Scheme
 
 FREQUENCY = 2.0
 

@@ -13,8 +13,8 @@ from gdfe_ros import Command, Pose
 from gdfe_ros.materials import NeoHookean
 from gdfe_ros.mesh.generators import bar
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.motion.dynamics import Branch, Damping, Dynamics
 from gdfe_ros.solver.motion.viscosity import Viscosity
+from gdfe_ros.solver.settings import Branch, Damping, Dynamics
 from gdfe_ros.solver.terms.term import TermTable, terms_energy
 
 DYNAMICS = Dynamics(damping=Damping(viscosity=300.0), prony=(Branch(0.2, 0.05), Branch(0.1, 0.5)))

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from gdfe_ros import Command, Pose, Simulation
 from gdfe_ros.scene import scene_from_text
 from gdfe_ros.scene.scene import Scene
-from gdfe_ros.solver.result import StepResult
+from gdfe_ros.step_result import StepResult
 
 BAR = """\
 name: bar

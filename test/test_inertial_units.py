@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 import pytest
@@ -12,15 +12,18 @@ from scipy.spatial.transform import Rotation
 from gdfe_ros import Command, Pose, Simulation, load_scene
 from gdfe_ros.actuators.embedding import embed
 from gdfe_ros.errors import CommandError
+from gdfe_ros.inertial_units import imu_reading
 from gdfe_ros.mesh.operators import shape_operators
-from gdfe_ros.solver.motion.imu import imu_reading
+from test.solver.motion.conftest import BAR
+from test.written import simulate
 
+moving = partial(simulate, BAR)
 WEIGHT = {"weight": {"gravity": [0.0, 0.0, -9.81]}}
 PROBES = {"tip": [0.1, 0.0, 0.0], "side": [0.07, 0.01, 0.01]}
 
 
 @pytest.mark.exact("an exact zero without a shift")
-def test_a_falling_body_reads_nothing(moving: Callable) -> None:
+def test_a_falling_body_reads_nothing() -> None:
     """Units of a freely flying body read no acceleration and no angular velocity, at any velocity."""
     falling = moving(handles={}, loads=WEIGHT, probes=PROBES, dynamics__velocity=[1.0, -2.0, 3.0])
     for _ in range(5):
@@ -32,7 +35,7 @@ def test_a_falling_body_reads_nothing(moving: Callable) -> None:
 
 
 @pytest.mark.parametrize("factor", [1.0, -0.5])
-def test_a_body_at_rest_reads_gravity_upward(moving: Callable, factor: float) -> None:
+def test_a_body_at_rest_reads_gravity_upward(factor: float) -> None:
     """A unit of a bar at rest reads, in its cell's rotated frame, the upward acceleration that opposes gravity."""
     sagging = moving(loads=WEIGHT, probes=PROBES, dynamics__damping__mass=30.0, dynamics__scheme="bdf2")
     sagging.step(Command(loads={"weight": factor}))
@@ -45,7 +48,7 @@ def test_a_body_at_rest_reads_gravity_upward(moving: Callable, factor: float) ->
         np.testing.assert_allclose(reading.angular_velocity, 0.0, atol=1e-3)
 
 
-def test_a_spinning_body_reads_its_turn_and_what_keeps_it_on_its_circle(moving: Callable) -> None:
+def test_a_spinning_body_reads_its_turn_and_what_keeps_it_on_its_circle() -> None:
     """Units of a spinning stiff body read the angular velocity about its axis, and omega^2 r toward the centre."""
     motion = {"dynamics__spin": [0.0, 0.0, 20.0], "dynamics__step": 0.0005, "dynamics__scheme": "bdf2"}
     spinning = moving(handles={}, probes=PROBES, materials__rubber__young=1.0e8, **motion)
@@ -60,7 +63,7 @@ def test_a_spinning_body_reads_its_turn_and_what_keeps_it_on_its_circle(moving: 
         np.testing.assert_allclose(reading.linear_acceleration, -400.0 * arm, atol=0.01 * 400.0 * 0.05)
 
 
-def test_the_turn_of_a_stretching_cell_is_that_of_its_axes(moving: Callable) -> None:
+def test_the_turn_of_a_stretching_cell_is_that_of_its_axes() -> None:
     """The angular velocity of a cell that turns and stretches is R^T dR/dt of the polar decomposition."""
     mesh = moving().mesh
     shape, point = shape_operators(mesh.vertices, mesh.cells), embed(mesh, [PROBES["side"]], what="point")
@@ -87,7 +90,7 @@ def test_a_body_without_mass_has_no_unit() -> None:
         Simulation(load_scene("bend5")).imus()
 
 
-def test_a_unit_in_a_slow_grip_reads_its_slow_motion(moving: Callable) -> None:
+def test_a_unit_in_a_slow_grip_reads_its_slow_motion() -> None:
     """A bar between two jaws that press more and more reads nearly nothing, and its steps start near their ends."""
     jaws = {
         name: {"plane": [0, 0, sign], "at": [0, 0, -0.0101 * sign], "friction": 0.5}

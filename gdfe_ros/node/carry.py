@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from gdfe_ros.constraints import Handle
 from gdfe_ros.constraints.rigid_body import rigid_among
 from gdfe_ros.solver.motion import inertia, viscosity
-from gdfe_ros.solver.state import ElementState, Saved, Snapshot
-from gdfe_ros.solver.value import changed
+from gdfe_ros.solver.state import ElementState, Saved, Snapshot, changed
 
 _Value = TypeVar("_Value")
 
