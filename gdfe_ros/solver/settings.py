@@ -102,12 +102,6 @@ class SolverSettings(CheckedKeys):
             raise ValueError("torsion: section needs policy: energy; relative has no hourglass energy; leave it out")
 
 
-THICKEST = 1e8
-"""Largest viscosity [Pa s]. With a larger viscosity, the rounding of strains causes larger forces than the elastic
-forces of soft bodies.
-"""
-
-
 class Scheme(str, Enum):
     """Time integration scheme; all are of second order (docs/theory/motion.md)."""
 
@@ -117,8 +111,9 @@ class Scheme(str, Enum):
 
 
 _DRAG = Quantity("damping force per mass and velocity, relative to the world", "1/s", least=0.0, most=1e6)
+# With a larger viscosity, the rounding of strains causes larger forces than the elastic forces of soft bodies.
 _VISCOSITY = Quantity(
-    "viscosity: stress per rate of strain, in addition to the material's stress", "Pa s", least=0.0, most=THICKEST
+    "viscosity: stress per rate of strain, in addition to the material's stress", "Pa s", least=0.0, most=1e8
 )
 _SHARE = Quantity("fraction of the instantaneous modulus that this branch carries", above=0.0, below=1.0)
 _TIME = Quantity("relaxation time, in which the branch's stress falls to 1/e", "s", above=0.0, most=1e9)

@@ -13,6 +13,7 @@ For a body whose tangent is too expensive, M is the constant matrix A.
 from __future__ import annotations
 
 import math
+import sys
 from typing import NamedTuple
 
 import numpy as np
@@ -40,7 +41,7 @@ WILD, TAME = 1.0, 0.1
 """Steps divided by the body's size. If elements are nearly folded, and their barriers are not in the tangent, steps are
 longer than the first. The constant matrix then replaces the tangent until steps are shorter than the second.
 """
-ENDLESS = 2**62
+ENDLESS = sys.maxsize
 """Number of iterations for which a matrix serves if nothing limits it."""
 MOST_FLAT = 60
 """The minimisation ends after this number of iterations without progress: the energy fell by no more than rounding, and

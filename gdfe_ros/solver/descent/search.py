@@ -26,10 +26,6 @@ energy.
 """
 ROUNDING = 1e-13
 """Changes of the energy below this fraction of the sum of its terms are rounding errors in double precision."""
-SHIFT_AND_TURN = 2.0
-"""A vertex may move by this multiple of the largest displacement in a step: translation and rotation of a handle add up
-at its vertices.
-"""
 
 
 @merged
@@ -94,7 +90,8 @@ def search(problem, work, first):
         for n in range(len(work.u)):
             motion = length * (work.direction[n] + length * work.curve[n])
             work.trial[n] = work.u[n] + motion if length > 0.0 else work.u[n]
-        found = energy_and_gradient(work.trial, problem, work, SHIFT_AND_TURN * length * status.step)
+        # Translation and rotation of a handle add up at its vertices: they may move by twice the largest displacement.
+        found = energy_and_gradient(work.trial, problem, work, 2.0 * length * status.step)
         if length == 0.0:
             status.energy = found
             status.ended = Outcome.NONE if first else Outcome.STALLED

@@ -101,12 +101,12 @@ class Operators:
     stretch: NDArray[np.float64]
 
 
-COORDINATES = 0
-"""First of 24 rows of corner coordinates, x then y then z. The corner forces overwrite them."""
-GRADIENT, MODES, STRESS, FORCES = 24, 33, 45, 54
-"""First rows of F (9), hourglass vectors q (4 x 3), stress P or V P (9), and hourglass forces (4 x 3)."""
+COORDINATES, GRADIENT, MODES, STRESS, FORCES = 0, 24, 33, 45, 54
+"""First of 24 rows of corner coordinates, x then y then z, which the corner forces overwrite; first rows of F (9),
+hourglass vectors q (4 x 3), stress P or V P (9), and hourglass forces (4 x 3).
+"""
 ENERGY, PRESSURE, SHEAR_ROW, LAME_ROW, PENALTY_ROW, YOUNG_ROW, SCALED_SHEAR, POISSON_ROW = range(66, 74)
-GEOMETRY = 74
+GEOMETRY = POISSON_ROW + 1
 """First of the rows of ``Blocks.geometry`` (23)."""
 ROWS = GEOMETRY + GEOMETRY_ROWS
 

@@ -148,10 +148,10 @@ SPACING = 1e-5
 """Change of an entry of F in a difference, or displacement divided by the cube root of an element's volume. Truncation
 and rounding errors are then both about 1e-10.
 """
-NUMBERS = 21
-"""Length of z and r."""
-WIDTH = 24
-"""Length of a row of H and of K. The last three numbers of a row of H are zero, so that rows fill whole registers."""
+NUMBERS, WIDTH = 21, 24
+"""Length of z and r, and of a row of H and of K. The last three numbers of a row of H are zero, so that rows fill whole
+registers.
+"""
 SAVED = ROWS
 """Row with the unchanged value of the entry of F that is varied."""
 

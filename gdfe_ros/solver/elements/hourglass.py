@@ -27,7 +27,7 @@ OWN_SHEAR = (6.0 * 0.14057702, 0.37384848, 0.22901768, 0.15517115)
 than 4 cells the weight of 4 cells is used. The error is then at most 0.2 %. Smaller weights would resist hourglassing
 too little.
 """
-AMPLITUDE = 8.0**-0.5
+AMPLITUDE = math.sqrt(0.125)
 """Size of the entries of a unit hourglass vector, and the amplitude of a mode whose projection on it is 1."""
 LEAST_EDGE = 1e-3
 """Stretch e in the regularised length sqrt(|F d_i|^2 + e^2); with it, a collapsed edge keeps a finite direction."""

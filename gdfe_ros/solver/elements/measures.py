@@ -11,7 +11,7 @@ from gdfe_ros.compiled import inlined, internal, kernel
 from gdfe_ros.materials.material import Law
 from gdfe_ros.materials.stress import curve_state
 from gdfe_ros.materials.table import BULK, CARRIED, PENALTY, POISSON, SHEAR
-from gdfe_ros.materials.tensor import cofactor, determinant, squared_norm, stretch_sum
+from gdfe_ros.materials.tensor import NEWTON_STEPS, cofactor, determinant, squared_norm, stretch_sum
 from gdfe_ros.solver.elements.barrier import least_corners
 from gdfe_ros.solver.elements.cell_type import volume_ratio
 from gdfe_ros.solver.elements.corners import mean_gradient
@@ -25,8 +25,6 @@ LEAST_CURVE_SCALE = 0.8
 elongation, corners fold with the bound 0.25 (least volume ratio -1.56 after 999 iterations) and with 0.5 (-1.05). With
 0.8 no corner folds (0.26 after 211 iterations).
 """
-NEWTON_STEPS = 20
-"""Largest number of Newton iterations for J*; three to five usually suffice."""
 
 
 @kernel
@@ -53,7 +51,7 @@ def volume_at(total, table, k):
     slope = min(total / lame, 0.3)
     # From below the root Newton's method converges monotonically: log(j) - slope j is concave.
     j = 1.0 + slope if slope > -0.9 else 1.0 / (1.0 - slope)
-    for _ in range(NEWTON_STEPS):
+    for _ in range(NEWTON_STEPS):  # three to five usually suffice
         step = (math.log(j) - slope * j) / (1.0 / j - slope)
         j = max(j - step, 0.1 * j)
         if abs(step) < 1e-15:

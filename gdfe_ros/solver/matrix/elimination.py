@@ -23,10 +23,10 @@ from scipy.sparse.linalg import spilu
 from gdfe_ros.compiled import kernel
 from gdfe_ros.solver.vectors import copy_part
 
-SLACK = 0.05
-"""Largest fraction of zeros in a supernode. Fewer and broader supernodes are faster if the matrix is factored often."""
-NARROW = 2
-"""If a merged supernode has at most this number of columns, its fraction of zeros is not limited."""
+SLACK, NARROW = 0.05, 2
+"""Largest fraction of zeros in a supernode, and number of columns up to which it is not limited. Fewer and broader
+supernodes are faster if the matrix is factored often.
+"""
 
 
 class Elimination(NamedTuple):
@@ -235,11 +235,9 @@ def eliminated(graph: sparse.csr_matrix, orders: Sequence[NDArray[np.int64]], *,
     return Elimination(order, first, np.concatenate([np.zeros(0, np.int64), *rows]), row_start, above)
 
 
-LEAF = 60
-"""A part with at most this number of vertices is not divided further."""
-DIGITS = 6
-"""Coordinates, divided by the largest of them, are rounded to this number of decimal digits. The vertices of one
-cross-section thus have equal coordinates.
+LEAF, DIGITS = 60, 6
+"""A part with at most the first number of vertices is not divided further. Coordinates, divided by the largest of them,
+are rounded to the second number of decimal digits: the vertices of one cross-section thus have equal coordinates.
 """
 
 

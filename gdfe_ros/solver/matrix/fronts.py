@@ -22,13 +22,10 @@ from gdfe_ros.solver.matrix.elimination import (
     least_degree,
     narrow_orders,
 )
-from gdfe_ros.solver.matrix.panels import PANEL, dot_six, six
+from gdfe_ros.solver.matrix.panels import PANEL, TILE, dot_six, six
 from gdfe_ros.solver.matrix.rotation import unrotated
 from gdfe_ros.solver.matrix.substitution import Kept, Plan, solve_columns, solve_unturned
 from gdfe_ros.solver.vectors import clear_part, copy_part
-
-TILE = 256
-"""Number of columns of a row that are updated at a time; six rows of this length fit into the fastest cache."""
 
 
 @internal

@@ -10,10 +10,12 @@ from numpy import uint64
 
 from gdfe_ros.compiled import inlined, vector_inlined, vector_internal
 
-PANEL = 6
-"""Rows of the factor that are eliminated, or solved, together: two vertices."""
-TAKEN = 4
-"""Rows that are solved together for three right-hand sides: more do not fit into the registers."""
+PANEL, TAKEN = 6, 4
+"""Rows of the factor that are eliminated, or solved, together: two vertices, and for three right-hand sides as many as
+fit into the registers.
+"""
+TILE = 256
+"""Number of columns of a row that are updated at a time; six rows of this length fit into the fastest cache."""
 
 
 @vector_inlined

@@ -24,7 +24,7 @@ from numpy import uint64
 from numpy.typing import NDArray
 
 from gdfe_ros.compiled import inlined, internal, kernel, vector_internal, vector_kernel
-from gdfe_ros.solver.matrix.panels import PANEL, expand_rows, expand_three, reduce_rows, reduce_three
+from gdfe_ros.solver.matrix.panels import PANEL, TILE, expand_rows, expand_three, reduce_rows, reduce_three
 from gdfe_ros.solver.matrix.unknowns import clear_fixed
 from gdfe_ros.solver.vectors import clear_part, copy_part
 
@@ -248,10 +248,8 @@ def expand_node(values, at, rows, axes, first, last, x, local):
         copy_part(x[k], size * first, local[k], 0, size * own)
 
 
-GROUP = 8
-"""Number of columns of Y that are found together."""
-WIDE, HIGH = 256, 128
-"""Columns and rows of a product that are computed together."""
+GROUP, HIGH = 8, 128
+"""Number of columns of Y that are found together, and of rows of their products."""
 
 
 @kernel
@@ -273,8 +271,8 @@ def multiply_columns(new, every, used, out):
 
     Rows outside of the ranges ``used`` (u, 2) are zero in ``new``.
     """
-    for left in range(0, every.shape[1], WIDE):
-        right = min(left + WIDE, every.shape[1])
+    for left in range(0, every.shape[1], TILE):
+        right = min(left + TILE, every.shape[1])
         for begin, end in used:
             for first in range(begin, end, PANEL):
                 subtract_products(every, new, first, min(first + PANEL, end), left, right, out)

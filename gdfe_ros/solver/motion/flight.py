@@ -154,12 +154,10 @@ class FlightPredictor(Predictor):
         return Prediction(state.with_(positions=start, base=base, slides=slides, turns=turns), 1.0)
 
 
-ACCURACY = 3.0
-"""Tolerance of an internal step, divided by the solver's tolerance and by the distance h^2 |a| of the fastest vertex.
-The tolerance is at most the solver's tolerance.
+ACCURACY, FINEST = 3.0, 1e-4
+"""Tolerance of an internal step, divided by the solver's tolerance and by the distance h^2 |a| of the fastest vertex;
+and its least value, divided by the solver's tolerance, which is the largest.
 """
-FINEST = 1e-4
-"""Least tolerance of an internal step, divided by the solver's tolerance."""
 
 
 def reduction(moved: float, size: float) -> float:

@@ -179,7 +179,7 @@ class PressureTerm(UpdatedTerm):
         return command * slope, slope
 
 
-FACTOR, FORCES = 0, 1
+FACTOR, FORCES = range(2)
 """Offsets in ``reals`` of the factor s, and of the forces f_v [N], each followed by its rest position X_v [m]."""
 
 
