@@ -27,6 +27,8 @@ SLACK, NARROW = 0.05, 2
 """Largest fraction of zeros in a supernode, and number of columns up to which it is not limited. Fewer and broader
 supernodes are faster if the matrix is factored often.
 """
+FRONT = 2000
+"""Cost of a supernode in addition to its multiplications, in their unit."""
 
 
 class Elimination(NamedTuple):
@@ -214,12 +216,16 @@ def supernodes(
 
 
 def eliminated(graph: sparse.csr_matrix, orders: Sequence[NDArray[np.int64]], *, slack: float = SLACK) -> Elimination:
-    """Return the elimination of a symmetric graph (f, f) with the least work, of several orders (f,).
+    """Return the elimination of a symmetric graph (f, f) with the least cost, of several orders (f,).
 
     Two supernodes are merged if at most the fraction ``slack`` of the merged entries are zeros.
     """
-    known = [supernodes(graph, order, slack) for order in orders]
-    order, parent, first, heights = min(known, key=lambda each: int(np.diff(each[2]) @ each[3] ** 2))
+
+    def cost(found: tuple[NDArray[np.int64], ...]) -> int:
+        _, _, first, heights = found
+        return int(np.diff(first) @ heights**2) + FRONT * len(heights)
+
+    order, parent, first, heights = min((supernodes(graph, order, slack) for order in orders), key=cost)
     rank, ends, sorted_graph = np.argsort(order), first[1:], graph[order]
     upper = parent[ends - 1]
     above = np.where(upper < 0, -1, np.searchsorted(ends, upper, side="right"))
