@@ -174,10 +174,7 @@ class LinkedCacheImpl(CompileResultCacheImpl):
 
 
 class LinkedCacheFile(IndexDataCacheFile):
-    """The files of a cache. Those of another version of the package, which name types that are gone, count as absent.
-
-    Numba reads all types in an index before it compares the index with the kernel's source.
-    """
+    """The files of a cache; those of another version of the package, which name types that are gone, count as absent."""
 
     def _load_index(self) -> dict[Any, str]:
         with suppress(ImportError, AttributeError):
@@ -199,8 +196,8 @@ class LinkedCache(FunctionCache):
 
     def __init__(self, function: Callable[..., Any]) -> None:
         super().__init__(function)
-        own = self._impl
-        self._cache_file = LinkedCacheFile(self._cache_path, own.filename_base, own.locator.get_source_stamp())
+        stamp = self._impl.locator.get_source_stamp()
+        self._cache_file = LinkedCacheFile(self._cache_path, self._impl.filename_base, stamp)
 
     def load_overload(self, signature: Any, context: Any) -> CompileResult | None:
         """Return the kernel; if it has to be compiled, None, and other processes wait until `release`.
