@@ -174,7 +174,7 @@ class LinkedCacheImpl(CompileResultCacheImpl):
 
 
 class LinkedCacheFile(IndexDataCacheFile):
-    """The files of a cache; those of another version of the package, which name types that are gone, count as absent."""
+    """The files of a cache; those of another version of the package, with types that are gone, count as absent."""
 
     def _load_index(self) -> dict[Any, str]:
         with suppress(ImportError, AttributeError):
