@@ -81,7 +81,6 @@ class GripTerm(UpdatedTerm):
 
     Attributes:
         actuator: the grip.
-        neutral_command: 0, nothing is held.
     """
 
     STIFF = 1e3
@@ -93,7 +92,7 @@ class GripTerm(UpdatedTerm):
     a displacement within the tolerance would be a force of the order of the weight.
     """
 
-    kernel, exact, neutral_command = _entry, True, 0.0
+    kernel, exact = _entry, True
 
     def __init__(self, grip: Grip, body: Body) -> None:
         handles = {handle.name: handle for handle in body.handles}
