@@ -15,7 +15,6 @@ from gdfe_ros.actuators import Actuator, Mode
 from gdfe_ros.actuators.embedding import Embedding
 from gdfe_ros.constraints import Handle, Pose
 from gdfe_ros.errors import CommandError, RangeError, SceneError, require_named
-from gdfe_ros.mesh.cavities import inside_volume
 from gdfe_ros.mesh.quality import list_ids
 from gdfe_ros.real_number import is_finite, is_number, require_command
 from gdfe_ros.scene.scene import Scene
@@ -219,7 +218,7 @@ class Orders:
         """Raise RangeError for a chamber's volume above `MOST_INFLATED` times its undeformed volume."""
         if actuator.mode is not Mode.VOLUME:
             return
-        rest = max(inside_volume(actuator.at(self._scene.mesh.vertices), actuator.quads), actuator.least)
+        rest = max(actuator.volume(self._scene.mesh.vertices), actuator.least)
         if value > MOST_INFLATED * rest:
             raise RangeError(
                 f"actuator {actuator.name!r}: volume {value!r} m^3 is {value / rest:.3g} times the undeformed one, "

@@ -249,7 +249,10 @@ def without_collection() -> Iterator[None]:
 
 @contextmanager
 def linking(compiled: object) -> Iterator[None]:
-    """Let calls in a function that is compiled inside the ``with`` block have symbols; compile with less of numba."""
+    """Compile ``compiled`` inside the ``with`` block: with `quick`, and with its calls of large kernels as symbols.
+
+    The linker resolves a symbol to the address of a kernel that is compiled or loaded by itself.
+    """
     with global_compiler_lock, quick():
         _compiling.append(compiled)
         try:

@@ -73,6 +73,16 @@ def test_links_lead_somewhere(name: str) -> None:
             assert anchor in anchors(target.read_text(encoding="utf-8")), link
 
 
+@pytest.mark.parametrize("name", ["docs/architecture.md", "docs/contributing.md"])
+def test_what_is_to_be_found_in_a_file_is_there(name: str) -> None:
+    """In a table with the columns `file` and `symbol`, every file defines the symbol beside it."""
+    rows = re.findall(r"\| `(\S+\.py)` \| `(\w+)` \|$", PAGES[name], flags=re.M)
+    assert len(rows) >= 10
+    for file, symbol in rows:
+        text = (ROOT / file).read_text(encoding="utf-8")
+        assert re.search(rf"^\s*((class|def) {symbol}\b|{symbol}(:.*)? = )", text, flags=re.M), (file, symbol)
+
+
 @pytest.mark.parametrize("name", PAGES)
 def test_commands_exist(name: str) -> None:
     """Every subcommand, make target and module on the pages exists."""

@@ -12,34 +12,61 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.actuators.embedding import Embedding
+from gdfe_ros.mesh.cavities import inside_volume
 from gdfe_ros.real_number import require_command
+
+_LENGTH, _TENSION = ("length", "m"), ("tension", "N")
+_VOLUME, _PRESSURE = ("volume", "m^3"), ("pressure", "Pa")
 
 
 class Mode(str, Enum):
-    """Quantity that an actuator's command prescribes."""
+    """Quantity that an actuator's command prescribes, and what the actuator reports.
 
-    TENSION = "tension"
-    LENGTH = "length"
-    SHORTENING = "shortening"
-    PRESSURE = "pressure"
-    VOLUME = "volume"
-    GROWTH = "growth"
-    GRIP = "grip"
+    A member is written as value, unit, extent, effort and limits.
+
+    Attributes:
+        unit: SI unit of the command; empty if it has no unit.
+        extent, extent_unit: name and SI unit of `ActuatorState.extent`; the unit is empty for a growth or a grip.
+        effort, effort_unit: name and SI unit of `ActuatorState.effort`; both are empty for a growth.
+        limits: widest range (low, high) of commands that a scene may give, in ``unit``.
+    """
+
+    TENSION = "tension", "N", _LENGTH, _TENSION, (0.0, math.inf)
+    LENGTH = "length", "m", _LENGTH, _TENSION, (0.0, math.inf)
+    SHORTENING = "shortening", "m", _LENGTH, _TENSION, (-math.inf, math.inf)
+    PRESSURE = "pressure", "Pa", _VOLUME, _PRESSURE, (-math.inf, math.inf)
+    VOLUME = "volume", "m^3", _VOLUME, _PRESSURE, (0.0, math.inf)
+    GROWTH = "growth", "", ("volume over that at rest", ""), ("", ""), (0.0, 1.0)
+    GRIP = "grip", "", ("holds", ""), ("force", "N"), (0.0, 1.0)
+
+    def __new__(
+        cls, value: str, unit: str, extent: tuple[str, str], effort: tuple[str, str], limits: tuple[float, float]
+    ) -> Mode:
+        """Return a member of this value, with the other entries as attributes."""
+        member = str.__new__(cls, value)
+        member._value_, member.unit, member.limits = value, unit, limits
+        (member.extent, member.extent_unit), (member.effort, member.effort_unit) = extent, effort
+        return member
 
     @property
-    def unit(self) -> str:
-        """SI unit of the command; empty if it has no unit."""
-        return {"tension": "N", "length": "m", "shortening": "m", "pressure": "Pa", "volume": "m^3"}.get(self.value, "")
+    def by_effort(self) -> bool:
+        """Whether the command is the effort: a tension or a pressure. JointState messages have it in ``effort``."""
+        return self.value == self.effort
 
     @property
-    def extent_unit(self) -> str:
-        """SI unit of the actuator's length or volume; empty for a growth or a grip."""
-        return {"N": "m", "Pa": "m^3"}.get(self.unit, self.unit)
+    def by_extent(self) -> bool:
+        """Whether the command is the extent: a length or a volume."""
+        return self.value == self.extent
 
     @property
-    def effort_unit(self) -> str:
-        """SI unit of the actuator's tension or pressure; empty for a growth or a grip."""
-        return {"m": "N", "m^3": "Pa"}.get(self.unit, self.unit)
+    def position_is_command(self) -> bool:
+        """Whether the ``position`` in ``~/joint_states`` is the command itself, as for a growth or a grip."""
+        return not (self.by_effort or self.by_extent or self is Mode.SHORTENING)
+
+    @property
+    def position_unit(self) -> str:
+        """SI unit of the ``position`` in ``~/joint_states``."""
+        return self.unit if self.position_is_command else self.extent_unit
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -58,6 +85,10 @@ class Actuator:
     low: float = -math.inf
     high: float = math.inf
     rate: float = math.inf
+
+    def neutral(self, rest: NDArray[np.float64]) -> float:
+        """Return the command that leaves the undeformed body as it is; ``rest`` (n, 3) [m] are its vertices."""
+        return 0.0
 
     @property
     def constrains(self) -> bool:
@@ -99,6 +130,14 @@ class Cable(Actuator):
         """Whether the command is a constraint on the cable's length; an elastic cable has no constraint."""
         return self.mode is not Mode.TENSION and not math.isfinite(self.stiffness)
 
+    def length(self, positions: NDArray[np.float64]) -> float:
+        """Return the length [m] of the polyline at ``positions`` (n, 3) [m] of the mesh's vertices."""
+        return float(np.linalg.norm(np.diff(self.points.at(positions), axis=0), axis=1).sum())
+
+    def neutral(self, rest: NDArray[np.float64]) -> float:
+        """Return the undeformed length [m] if a length is commanded, else 0."""
+        return self.length(rest) if self.mode is Mode.LENGTH else 0.0
+
     def seen_from(self, origin: NDArray[np.float64]) -> Cable:
         """Return the cable for positions relative to ``origin`` (3,) [m]."""
         return replace(self, points=self.points.seen_from(origin))
@@ -133,6 +172,14 @@ class Chamber(Actuator):
             positions: positions of the mesh's vertices (n, 3) [m].
         """
         return positions if self.points is None else self.points.at(positions)
+
+    def volume(self, positions: NDArray[np.float64]) -> float:
+        """Return the volume [m^3] inside the surface at ``positions`` (n, 3) [m] of the mesh's vertices."""
+        return inside_volume(self.at(positions), self.quads)
+
+    def neutral(self, rest: NDArray[np.float64]) -> float:
+        """Return the undeformed volume [m^3] if a volume is commanded, else 0."""
+        return self.volume(rest) if self.mode is Mode.VOLUME else 0.0
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -203,13 +250,10 @@ class ActuatorState:
 
     def readings(self) -> list[tuple[str, float, str]]:
         """Return the values to report for the actuator, as a list of (quantity, value, unit)."""
-        if self.mode is Mode.GROWTH:
-            return [("volume over that at rest", self.extent, "")]
-        if self.mode is Mode.GRIP:
-            return [("holds", self.extent, ""), ("force", self.effort, "N")]
-        if self.mode in (Mode.PRESSURE, Mode.VOLUME):
-            return [("volume", self.extent, "m^3"), ("pressure", self.effort, "Pa")]
-        return [("length", self.extent, "m"), ("tension", self.effort, "N")]
+        mode, found = self.mode, [(self.mode.extent, self.extent, self.mode.extent_unit)]
+        if mode.effort:
+            found.append((mode.effort, self.effort, mode.effort_unit))
+        return found
 
 
 class Readings:
@@ -224,17 +268,13 @@ class Readings:
     """
 
     def __init__(self, actuators: Iterable[Actuator], rest: NDArray[np.float64]) -> None:
-        self._lengths = {
-            item.name: float(np.linalg.norm(np.diff(item.points.at(rest), axis=0), axis=1).sum())
-            for item in actuators
-            if isinstance(item, Cable) and item.mode is Mode.SHORTENING
-        }
+        self._lengths = {item.name: item.length(rest) for item in actuators if item.mode is Mode.SHORTENING}
 
     def positions(self, states: Mapping[str, ActuatorState]) -> NDArray[np.float64]:
         """Return the positions (k,) of actuators from a dict from name to state, in the order of the dict."""
         return np.array([self._position(name, state) for name, state in states.items()])
 
     def _position(self, name: str, state: ActuatorState) -> float:
-        if state.mode in (Mode.GROWTH, Mode.GRIP):
+        if state.mode.position_is_command:
             return state.command
         return self._lengths[name] - state.extent if state.mode is Mode.SHORTENING else state.extent

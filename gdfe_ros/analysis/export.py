@@ -26,7 +26,6 @@ if TYPE_CHECKING:
 JOINTS = "joint_states"
 _TIMES = {"time": "s", "dt": "s", "wall_time": "s", "solve_time": "s", "stamp": "ns"}
 _COMPONENTS = ("x", "y", "z", "w")
-_RATES = {"m": "m/s", "m^3": "m^3/s", "": "1/s"}
 
 
 class Columns:
@@ -82,7 +81,7 @@ class Columns:
     def _joint_unit(mode: Mode, field: str) -> str:
         if field == "effort":
             return mode.effort_unit
-        return _RATES[mode.extent_unit] if field == "velocity" else mode.extent_unit
+        return f"{mode.position_unit or 1}/s" if field == "velocity" else mode.position_unit
 
 
 Row = dict[str, Any]

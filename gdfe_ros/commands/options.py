@@ -80,7 +80,10 @@ def add_workers(parser: argparse.ArgumentParser) -> None:
 
 
 def open_client(arguments: argparse.Namespace) -> AbstractContextManager[Client | None]:
-    """Return the context of the client of the workers; it yields None, for this process, with a single worker here."""
+    """Return a context manager that connects to the workers and yields their client.
+
+    It yields None if a single worker on this machine was asked for: the work is then done in this process.
+    """
     if arguments.scheduler is None and arguments.workers == 1:
         return nullcontext()
     return connect(arguments.scheduler, arguments.workers)

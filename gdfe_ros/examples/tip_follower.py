@@ -19,7 +19,6 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
-from gdfe_ros.actuators import Mode
 from gdfe_ros.control import FeedbackControl, Target
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.messages import actuation
@@ -30,8 +29,6 @@ from gdfe_ros.simulation import Command, Simulation
 
 _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _STATES = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-_EFFORTS = (Mode.TENSION, Mode.PRESSURE)
-"""Modes whose command is ``effort`` in joint states; for other modes it is ``position``."""
 _PERIOD = 0.02
 """Duration of the first command to a goal [s]; the duration of a later one is the time between two states."""
 _REST = 1e-4
@@ -140,7 +137,7 @@ class TipFollower(Node):
         """Return dict from actuator to the command in force."""
         joints, places = self._joints, {name: place for place, name in enumerate(self._joints.name)}
         return {
-            actuator.name: (joints.effort if actuator.mode in _EFFORTS else joints.position)[places[actuator.name]]
+            actuator.name: (joints.effort if actuator.mode.by_effort else joints.position)[places[actuator.name]]
             for actuator in self._scene.actuators
         }
 

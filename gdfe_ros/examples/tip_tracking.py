@@ -25,15 +25,12 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
 from std_srvs.srv import Trigger
 
-from gdfe_ros.actuators import Mode
 from gdfe_ros.examples.tip_tracker import TipTracker, circle
 from gdfe_ros.node.process import answer_arguments, run
 from gdfe_ros.scene.loader import scene_from_text
 
 _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _STATES = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-_EFFORTS = (Mode.TENSION, Mode.PRESSURE)
-"""Modes whose command is ``effort`` in joint states; for other modes it is ``position``."""
 _BASELINE, _REACH = 0.06, 0.2
 """Least motion that corrects the Jacobian, and largest motion of one command, both divided by the radius."""
 _FIRST = 0.02
@@ -155,7 +152,7 @@ class TipTracking(Node):
     def _commands_of(self, joints: JointState) -> NDArray[np.float64]:
         places = {name: place for place, name in enumerate(joints.name)}
         values = [
-            (joints.effort if actuator.mode in _EFFORTS else joints.position)[places[actuator.name]]
+            (joints.effort if actuator.mode.by_effort else joints.position)[places[actuator.name]]
             for actuator in self._scene.actuators
         ]
         return np.array(values)

@@ -133,9 +133,6 @@ def _require_movable(handle: Handle) -> None:
         raise Refusal(Reason.FOLLOWS if handle.carrier else Reason.FIXED, str(error)) from error
 
 
-EFFORTS = (Mode.TENSION, Mode.PRESSURE)
-"""Modes whose command is in the field ``effort`` of a JointState. All other modes have it in ``position``."""
-
 LONGEST = 80
 """Largest number of characters of an unknown name in a refusal."""
 LATEST_START = 60.0
@@ -165,7 +162,7 @@ class ActuatorOrders:
         self._require_known(message.name)
         values = {}
         for place, name in enumerate(message.name):
-            forced = name in self._actuators and self._actuators[name].mode in EFFORTS
+            forced = name in self._actuators and self._actuators[name].mode.by_effort
             field = "effort" if forced else "position"
             array = getattr(message, field)
             if len(array) != len(message.name):

@@ -33,7 +33,6 @@ from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.mesh import HexMesh
 from gdfe_ros.mesh.solid import Solid
-from gdfe_ros.node.command_messages import EFFORTS
 from gdfe_ros.node.frames import Placement
 from gdfe_ros.node.plain_log import shorten
 from gdfe_ros.node.refusals import LONGEST, Refusal
@@ -52,7 +51,7 @@ def header(stamp: int, frame_id: str) -> Header:
 
 
 def by_axis(values: Iterable[float], axes: str = "xyz") -> dict[str, float]:
-    """Return the components of a vector or quaternion by the names of a message's fields."""
+    """Return a dict from axis, as a message's fields are named, to the component of a vector or quaternion."""
     return dict(zip(axes, map(float, values), strict=True))
 
 
@@ -93,7 +92,7 @@ def _layout(labels: Sequence[str], shape: Sequence[int]) -> MultiArrayLayout:
 
 def actuation(actuators: Mapping[str, Actuator], values: Mapping[str, float]) -> JointState:
     """Return a message of commands by name: tensions and pressures in ``effort``, all others in ``position``."""
-    forced = [name in actuators and actuators[name].mode in EFFORTS for name in values]
+    forced = [name in actuators and actuators[name].mode.by_effort for name in values]
     pairs = list(zip(forced, map(float, values.values()), strict=True))
     return JointState(
         name=list(values),

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from gdfe_ros.actuators import ActuatorState, Embedding, Mode
+from gdfe_ros.actuators import ActuatorState, Embedding
 from gdfe_ros.actuators.actuator import Readings
 from gdfe_ros.constraints import Handle, Pose
 from gdfe_ros.constraints.obstacle import ArmLink
@@ -193,8 +193,7 @@ class JointStates:
 
 def _extents(states: Mapping[str, ActuatorState]) -> NDArray[np.float64]:
     """Return the positions (k,) of actuators as in old bags, in which a shortening cable reports its length."""
-    commanded = (Mode.GROWTH, Mode.GRIP)
-    return np.array([each.command if each.mode in commanded else each.extent for each in states.values()])
+    return np.array([each.command if each.mode.position_is_command else each.extent for each in states.values()])
 
 
 def _write_probe(point: Embedding, rest: NDArray[np.float64], step: Step, rows: NDArray) -> None:

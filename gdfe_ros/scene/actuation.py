@@ -20,7 +20,6 @@ from gdfe_ros.actuators import (
     Grip,
     Growth,
     Load,
-    Mode,
     PointLoad,
     PressureLoad,
     SurfaceLoad,
@@ -33,12 +32,12 @@ from gdfe_ros.constraints.rigid_body import RigidBody, rigid_among
 from gdfe_ros.errors import MeshError
 from gdfe_ros.materials import Material, cell_densities, lacks_density
 from gdfe_ros.mesh import HexMesh, select_cells, select_faces, select_vertices
-from gdfe_ros.mesh.cavities import inside_volume
 from gdfe_ros.mesh.faces import turned
 from gdfe_ros.mesh.selection import select_skin
 from gdfe_ros.scene.actuator_schema import (
     AnchorModel,
     CableModel,
+    DriveModel,
     GripModel,
     GrowthModel,
     PlaceModel,
@@ -53,31 +52,27 @@ from gdfe_ros.scene.report import NO_VALUE, Defects, Unfit, require_known
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.scene.schema import Draft
 
-LIMITS = {
-    Mode.TENSION: (0.0, math.inf),
-    Mode.LENGTH: (0.0, math.inf),
-    Mode.VOLUME: (0.0, math.inf),
-    Mode.GROWTH: (0.0, 1.0),
-}
-"""Dict from mode to the widest allowed range (low, high) of its commands, in its unit; others may have any sign."""
-
 
 def build_actuators(
     draft: Draft, mesh: HexMesh | None, handles: Sequence[Handle], report: Defects
 ) -> tuple[Actuator, ...]:
     """Return the actuators whose points, faces or cells in the body are valid; report the defects of the others."""
     built = []
-    make = {"cable": _cable, "chamber": partial(chamber, handles=handles), "growth": _growth}
+    make = {
+        "cable": _cable,
+        "chamber": partial(chamber, handles=handles),
+        "growth": _growth,
+        "grip": partial(_grip, handles=handles),
+    }
     for name, model in draft.actuators.items() if mesh is not None else ():
         kind, value = model.chosen
         with report.entry("actuators", name, kind):
-            if kind == "grip":
-                built.append(_grip(name, value, mesh, handles))
-                continue
-            low, high = value.range or LIMITS.get(model.mode, (-math.inf, math.inf))
-            common = {"name": name, "mode": model.mode, "low": low, "high": high, "rate": value.rate or math.inf}
+            common = {"name": name, "mode": value.mode}
+            if isinstance(value, DriveModel):
+                low, high = value.range or value.mode.limits
+                common |= {"low": low, "high": high, "rate": value.rate or math.inf}
             built.append(make[kind](value, mesh, common))
-            _require_within(model.mode, low, high)
+            _require_within(built[-1])
     return tuple(built)
 
 
@@ -140,23 +135,16 @@ def build_probes(draft: Draft, mesh: HexMesh | None, report: Defects) -> dict[st
 def neutral_commands(scene: Scene) -> dict[str, float]:
     """Return a dict from the name of each actuator and load to the command that leaves the body undeformed.
 
-    It is the undeformed length [m] of a cable with a commanded length, the undeformed volume [m^3] of a chamber with a
-    commanded volume, and 0 for all others.
+    It is `Actuator.neutral` for an actuator, and 0 for a load.
     """
-    commands = {item.name: 0.0 for item in (*scene.loads, *scene.actuators)}
-    for actuator in scene.actuators:
-        if actuator.mode is Mode.LENGTH:
-            points = actuator.points.at(scene.mesh.vertices)
-            commands[actuator.name] = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
-        elif actuator.mode is Mode.VOLUME:
-            commands[actuator.name] = inside_volume(actuator.at(scene.mesh.vertices), actuator.quads)
-    return commands
+    commands = {item.name: item.neutral(scene.mesh.vertices) for item in scene.actuators}
+    return {load.name: 0.0 for load in scene.loads} | commands
 
 
-def _require_within(mode: Mode, low: float, high: float) -> None:
-    """Raise `Unfit` if a range of commands is wider than its mode allows."""
-    least, most = LIMITS.get(mode, (-math.inf, math.inf))
-    if low < least or high > most:
+def _require_within(actuator: Actuator) -> None:
+    """Raise `Unfit` if the range of an actuator's commands is wider than its mode allows."""
+    mode, (least, most) = actuator.mode, actuator.mode.limits
+    if actuator.low < least or actuator.high > most:
         unit = f" [{mode.unit}]" if mode.unit else ""
         raise Unfit("range", f"allowed for {mode.value}{unit}: {least:g} to {most:g}")
 
@@ -193,14 +181,14 @@ def _growth(value: GrowthModel, mesh: HexMesh, common: dict) -> Growth:
     return Growth(cells=cells, stretch=0.5 * (stretch + stretch.T), **common)
 
 
-def _grip(name: str, value: GripModel, mesh: HexMesh, handles: Sequence[Handle]) -> Grip:
+def _grip(value: GripModel, mesh: HexMesh, common: dict, *, handles: Sequence[Handle]) -> Grip:
     """Return a grip; raise `Unfit` if its holder or what it holds is unknown or unsuitable."""
     known = {each.name: each for each in handles}
     require_known("to", "handle, obstacle or body", value.to, known)
     if known[value.to].loose and not isinstance(known[value.to], RigidBody):
         text = f"handle {value.to!r} slides or turns freely; remedy: a handle without `free` and `slide`"
         raise Unfit("to", text)
-    common = {"name": name, "mode": Mode.GRIP, "holder": value.to, "reach": value.reach}
+    common = {**common, "holder": value.to, "reach": value.reach}
     if value.body is not None:
         require_known("body", "body", value.body, [each.name for each in rigid_among(handles)])
         return Grip(held=value.body, vertices=np.zeros(0, np.int32), **common)

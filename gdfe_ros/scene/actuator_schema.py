@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
@@ -64,6 +64,11 @@ class DriveModel(Entry):
 
     range: Annotated[tuple[float, float], _RANGE] | None = None
     rate: Annotated[float, _RATE] | None = None
+
+    @property
+    def mode(self) -> Mode:
+        """Quantity that the command prescribes: the value of the key ``command``, if the entry has this key."""
+        return Mode(self.command)
 
 
 class CableModel(DriveModel):
@@ -134,6 +139,7 @@ class ChamberModel(DriveModel):
 class GrowthModel(DriveModel):
     """Cells that grow or shrink."""
 
+    mode: ClassVar = Mode.GROWTH
     stretch: Annotated[Vector, Quantity("stretch along x, y, z at command 1", least=0.05, most=20.0, count=3)]
     where: Where | None = Field(
         None, description="the cells that grow (default: all); if it names a mesh, x, y, z are that mesh's own axes"
@@ -146,6 +152,7 @@ class GripModel(Entry):
     At command 1, what it holds keeps its place on the holder; at 0 it is free.
     """
 
+    mode: ClassVar = Mode.GRIP
     to: str = Field(description="name of the handle, obstacle or rigid body that holds")
     body: str | None = Field(None, description="name of the rigid body that is held")
     where: Where | None = Field(
@@ -171,12 +178,6 @@ class ActuatorModel(Choice):
     chamber: ChamberModel | None = None
     growth: GrowthModel | None = None
     grip: GripModel | None = None
-
-    @property
-    def mode(self) -> Mode:
-        """Quantity that the command prescribes."""
-        kind, value = self.chosen
-        return Mode(kind) if kind in ("growth", "grip") else Mode(value.command)
 
 
 class PointLoadModel(Entry):

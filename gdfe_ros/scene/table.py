@@ -68,7 +68,9 @@ def is_unit_row(row: Sequence[str]) -> bool:
 def find_columns(
     titles: Sequence[str], units: Sequence[str], above: Sequence[Sequence[str]]
 ) -> tuple[TableColumn, TableColumn, list[str]] | None:
-    """Return the columns strain and stress of a header, and remarks on the choice; None if it is no such header.
+    """Find the columns of strain and stress by their titles; return both, and remarks on the choice.
+
+    Return None if the titles name no such columns.
 
     Args:
         titles: cells of the header.

@@ -17,7 +17,7 @@ from gymnasium.spaces import Box, Space
 from gymnasium.vector import AsyncVectorEnv
 from numpy.typing import ArrayLike, NDArray
 
-from gdfe_ros.actuators import Actuator, Cable, Chamber, Grip, Mode
+from gdfe_ros.actuators import Actuator, Cable, Chamber, Grip
 from gdfe_ros.errors import CommandError, GdfeError
 from gdfe_ros.scene import Scene, load_scene
 from gdfe_ros.simulation import Simulation
@@ -352,7 +352,7 @@ def default_space(scene: Scene, *, goal: bool) -> Box:
 
 def _efforts(scene: Scene, actuator: Actuator) -> tuple[float, float]:
     """Return the least and the largest effort of an actuator in an observation."""
-    if actuator.mode in (Mode.TENSION, Mode.PRESSURE):
+    if actuator.mode.by_effort:
         return min(actuator.low, 0.0), max(actuator.high, 0.0)
     stiffest = max(material.young0 for material in scene.materials.values())
     if isinstance(actuator, Cable):

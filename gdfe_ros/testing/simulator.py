@@ -19,7 +19,6 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, Header, String
 
-from gdfe_ros.actuators import Mode
 from gdfe_ros.actuators.load import LOAD_FACTOR
 from gdfe_ros.command import Orders
 from gdfe_ros.constraints import Pose
@@ -40,8 +39,6 @@ from gdfe_ros.testing.consumed import ACTUATION
 from gdfe_ros.testing.process import NodeProcess
 from gdfe_ros.testing.state import PublishedState, StepMessages, unpack
 
-_PRESENT = (Mode.LENGTH, Mode.VOLUME)
-"""Modes whose neutral command is the initial value; the neutral command of other modes is zero."""
 _numbers = itertools.count()
 
 
@@ -252,7 +249,7 @@ class Simulator:
         self._wait(lambda: self.state is not None, "the first state")
         self._poses = dict.fromkeys(self._movable, Pose())
         self._values = {
-            name: self.state.joints[name][0] if actuator.mode in _PRESENT else 0.0
+            name: self.state.joints[name][0] if actuator.mode.by_extent else 0.0
             for name, actuator in self._actuators.items()
         }
         self._values |= {load.name: LOAD_FACTOR for load in self.scene.loads}

@@ -19,7 +19,6 @@ from gdfe_ros.errors import GdfeError
 from gdfe_ros.live.interface import Ability, ShownRun, View
 from gdfe_ros.live.remote.commander import Commander, Player
 from gdfe_ros.live.remote.steps import NodeReport, Steps, Waiting, absence, full_name, view_of
-from gdfe_ros.node.command_messages import EFFORTS
 from gdfe_ros.node.interface import topics
 from gdfe_ros.node.orders import Order
 from gdfe_ros.node.process import LoneNode
@@ -98,7 +97,7 @@ class NodeSession(ShownRun):
         state, known = self.state, {}
         for actuator in self._scene.actuators if state is not None else ():
             position, _, effort = state.joints[actuator.name]
-            known[actuator.name] = effort if actuator.mode in EFFORTS else position
+            known[actuator.name] = effort if actuator.mode.by_effort else position
         return known | self._commanded
 
     @property

@@ -254,6 +254,6 @@ def _readings(actuator: Actuator, position: float, speed: float, effort: float) 
     """Return the readings of an actuator from its values in ``~/joint_states``."""
     mode = actuator.mode
     found = ActuatorState(mode, position, position, effort).readings()
-    if mode in (Mode.GROWTH, Mode.SHORTENING):  # whose positions are their commands, unlike their extents
-        found[0] = (mode.value, *found[0][1:])
+    if not (mode.by_effort or mode.by_extent or mode is Mode.GRIP):  # the position is not the extent
+        found[0] = (mode.value, position, mode.unit)
     return found

@@ -132,7 +132,11 @@ def sweep(w, mu, f, p):
 
 @internal
 def classify(w, q, mu, f, p, on):
-    """Drop the forces of points that part, and mark the forces that stay unknown in ``on``; ``p`` follows ``f``."""
+    """Decide which points touch, and return the number of forces that Newton's method has to find.
+
+    The indices of these forces are written to ``on``. The forces ``f`` of points that part, and friction forces of
+    points without friction, are set to zero. Then the displacements ``p`` are computed again from ``f``.
+    """
     count = 0
     for i in range(len(mu)):
         n = 3 * i

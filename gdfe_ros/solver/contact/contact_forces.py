@@ -154,7 +154,11 @@ class ContactForces:
         return max(self._changes, self._in_vain) <= MOST_CHANGES
 
     def settles(self, work: Workspace) -> bool:
-        """Count iterations with other faces, and those whose laws have no solution; return whether both may settle."""
+        """Update the counts of `settled` after an iteration, and return `settled`.
+
+        One count is of iterations in which points touched other faces than before, the other of iterations in which no
+        forces kept the laws of contact.
+        """
         nearest, step = float(numbers(work)["nearest"]), float(numbers(work)["step"])
         if self.left <= max(HALF * self._least, ROUGH * step, self._faint):
             self._least, self._in_vain = self.left, 0

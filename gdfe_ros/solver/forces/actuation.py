@@ -29,6 +29,9 @@ from gdfe_ros.solver.terms.load import DeadLoadTerm, PressureTerm
 from gdfe_ros.solver.terms.term import Term, TermTable
 from gdfe_ros.solver.vectors import NEGLIGIBLE
 
+TERMS = {Cable: CableTerm, Chamber: ChamberTerm, Grip: GripTerm}
+"""Dict from each class of actuators to its term, in the order of the sum of energies. A growth has no term."""
+
 
 class Actuation:
     """The terms of a body other than its elements.
@@ -61,21 +64,20 @@ class Actuation:
     ) -> None:
         self.body, self.actuators = body, tuple(actuators)
         self._loads = [(PressureTerm if isinstance(load, PressureLoad) else DeadLoadTerm)(load, body) for load in loads]
-        self._cables = [CableTerm(item, body) for item in self.actuators if isinstance(item, Cable)]
-        self.strung = [cable for cable in self._cables if cable.strung]
-        self._chambers = [ChamberTerm(item, body) for item in self.actuators if isinstance(item, Chamber)]
-        self.grips = [GripTerm(item, body) for item in self.actuators if isinstance(item, Grip)]
+        driven = [term(item, body) for kind, term in TERMS.items() for item in actuators if isinstance(item, kind)]
+        self.strung = [term for term in driven if isinstance(term, CableTerm) and term.strung]
+        self._chambers = [term for term in driven if isinstance(term, ChamberTerm)]
+        self.grips = [term for term in driven if isinstance(term, GripTerm)]
         self.contacts = contacts_of(body)
         self._more = tuple(terms)
-        self._commanded = *self._loads, *self._cables, *self._chambers, *self.grips
+        self._commanded = *self._loads, *driven
         self.terms: tuple[Term, ...] = *self._commanded, *self.contacts, *self._more
         self.held = HeldLoads(len(body.rest))
         self.table = TermTable.pack((*self.terms, self.held) if self.contacts else self.terms)
         self.growths = Growths(body, self.actuators)
-        self._driven = {term.name: term for term in self._commanded[len(self._loads) :]}
+        self._driven = {term.name: term for term in driven}
         self.loaded = tuple(item.name for item in self._loads)
-        self.neutral = {item.name: 0.0 for item in (*self.actuators, *self._loads)}
-        self.neutral.update({name: term.neutral_command for name, term in self._driven.items()})
+        self.neutral = {item.name: item.neutral(body.rest) for item in self.actuators} | dict.fromkeys(self.loaded, 0.0)
 
     @property
     def drives(self) -> bool:

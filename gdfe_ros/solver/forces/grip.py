@@ -79,7 +79,6 @@ class GripTerm(UpdatedTerm):
 
     Attributes:
         actuator: the grip.
-        neutral_command: 0, nothing is held.
     """
 
     STIFF = 1e3
@@ -91,7 +90,7 @@ class GripTerm(UpdatedTerm):
     a displacement within the tolerance would be a force of the order of the weight.
     """
 
-    kernel, exact, neutral_command, stored = _entry, True, 0.0, "pull"
+    kernel, exact, stored = _entry, True, "pull"
 
     def __init__(self, grip: Grip, body: Body) -> None:
         handles = {handle.name: handle for handle in body.handles}

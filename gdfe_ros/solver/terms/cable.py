@@ -107,7 +107,6 @@ class CableTerm(EffortTerm):
 
     Attributes:
         actuator: the cable.
-        neutral_command: the command without effect on the undeformed body, in the unit of its mode.
     """
 
     ROUND = 3e-4
@@ -134,8 +133,7 @@ class CableTerm(EffortTerm):
         self._rest_length = float(cable_length(body.rest, self.reals, self.integers))
         self.reals[EYELET] = self.ROUND * self._rest_length / max(1, len(cable.points.corners) - 1)
         self.reals[EXCESS] = cable_length(body.rest, self.reals, self.integers) - self._rest_length
-        self.neutral_command = self._rest_length if cable.mode is Mode.LENGTH else 0.0
-        self._body, self._command, self._lifted = body, self.neutral_command, 0.0
+        self._body, self._command, self._lifted = body, cable.neutral(body.rest), 0.0
         stiff = [handle.vertices for handle in body.handles if not handle.loose]
         held = np.isin(cable.points.corners, np.concatenate([np.zeros(0, np.int32), *stiff]))
         self._anchored = (held | (np.abs(cable.points.weights) < NEGLIGIBLE)).all(axis=1)

@@ -89,7 +89,6 @@ class ChamberTerm(EffortTerm):
 
     Attributes:
         actuator: the chamber.
-        neutral_command: the command without effect on the undeformed body, in the unit of its mode.
         updates: whether a multiplier keeps the volume.
     """
 
@@ -112,8 +111,7 @@ class ChamberTerm(EffortTerm):
         super().__init__(chamber.name, reals, integers)
         self._rest_volume = self._volume(body.rest)
         self.updates = chamber.constrains
-        self.neutral_command = self._rest_volume if self.updates else 0.0
-        self._command = self.neutral_command
+        self._command = chamber.neutral(body.rest)
 
     def fit(self, matrix: ConstantMatrix) -> None:
         """For a commanded volume, set a penalty in proportion to the body's initial stiffness."""

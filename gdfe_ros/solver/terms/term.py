@@ -20,6 +20,7 @@ from numba.extending import intrinsic
 from numpy.typing import NDArray
 from scipy import sparse
 
+from gdfe_ros.actuators.actuator import ActuatorState
 from gdfe_ros.compiled import inlined, kernel
 from gdfe_ros.constraints import Pose
 from gdfe_ros.linked import linked_entry
@@ -218,6 +219,18 @@ class Term:
     def flaw(self, positions: NDArray[np.float64]) -> str:
         """Return a message if positions (n, 3) [m] of a converged solve are not acceptable; empty if they are."""
         return ""
+
+    def potential(self, positions: NDArray[np.float64], command: float) -> tuple[float, float]:
+        """Return the potential [J] and its derivative with respect to the command.
+
+        The potential of an actuator or a load is zero while the body is undeformed, and zero if a multiplier keeps the
+        commanded quantity. The derivative is then the multiplier, with the sign of the work by a rising command.
+        """
+        return self.energy(positions), 0.0
+
+    def state(self, positions: NDArray[np.float64]) -> ActuatorState | None:
+        """Return command, extent and effort at ``positions`` (n, 3) [m]; None if the term is of no actuator."""
+        return None
 
     def report(self, positions: NDArray[np.float64]) -> dict[str, float]:
         """Return a dict from name to value in SI units, for users; it appears in `StepResult.terms`."""
