@@ -12,7 +12,7 @@ from gdfe_ros.constraints import Pose
 from gdfe_ros.errors import GdfeError, OverlapError
 from gdfe_ros.materials import Linear, NeoHookean
 from gdfe_ros.mesh.mesh import MeshPart
-from gdfe_ros.node.interface.parameters import MODULUS
+from gdfe_ros.node.interface import MODULUS
 from gdfe_ros.scene.loader import scene_from_text
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.scene.soft_bodies import parts_of

@@ -162,13 +162,14 @@ def _require_sound(entries: dict[str, Any]) -> None:
         value = entries[name]
         if not _is_finite(value) or not least <= value <= most:
             raise ValueError(f"its {name} is {value!r}; allowed: {least:g} to {most:g} s")
-    for name in ("step", "cut_after", "stamp"):
+    for name in ("step", "stamp", "cut_after"):
         value = entries[name]
-        if not (
-            (name == "cut_after" and value is None)
-            or (isinstance(value, int) and not isinstance(value, bool) and abs(value) < 2**63)
-        ):
+        if not (_is_whole(value) or (name == "cut_after" and value is None)):
             raise ValueError(f"its {name} is {str(value)[:80]}; allowed: an integer")
+
+
+def _is_whole(value: object) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool) and abs(value) < 2**63
 
 
 def _require_numbers(given: object, noun: str, names: set[str]) -> None:

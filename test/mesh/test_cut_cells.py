@@ -9,13 +9,11 @@ import trimesh
 
 from gdfe_ros.actuators.load import corner_volumes
 from gdfe_ros.errors import MeshError
-from gdfe_ros.mesh.cut_cells import LEAST_SHARE, cube_moments, gather_slivers
-from gdfe_ros.mesh.filling import Filling
+from gdfe_ros.mesh.filling import CORNERS, MODES, Filling
 from gdfe_ros.mesh.mesh import HexMesh
 from gdfe_ros.mesh.operators import shape_operators
 from gdfe_ros.mesh.packing import pack_mesh, unpack_mesh
-from gdfe_ros.mesh.trilinear import CORNERS, MODES
-from gdfe_ros.mesh.voxels import CutCubes, fill_surface
+from gdfe_ros.mesh.voxels import LEAST_SHARE, CutCubes, cube_moments, fill_surface, gather_slivers
 from gdfe_ros.solver.motion.inertia import mass_matrix
 
 RANDOM = np.random.default_rng(5)

@@ -10,8 +10,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from gdfe_ros.mesh import HexMesh, bar
+from gdfe_ros.mesh.generators import ring, sphere
 from gdfe_ros.mesh.overlap import find_overlap
-from gdfe_ros.mesh.round_bodies import ring, sphere
 
 BLOCK = bar([1, 1, 1], [2, 2, 2])
 

@@ -8,8 +8,8 @@ import pytest
 
 from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh import HexMesh
+from gdfe_ros.mesh.generators import sphere
 from gdfe_ros.mesh.packing import pack_mesh, unpack_mesh
-from gdfe_ros.mesh.round_bodies import sphere
 
 MESH = sphere(0.01, 0.02, [3, 2])
 

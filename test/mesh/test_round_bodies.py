@@ -9,7 +9,7 @@ import pytest
 from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh import HexMesh, check_mesh
 from gdfe_ros.mesh.cavities import find_cavities
-from gdfe_ros.mesh.round_bodies import ring, sphere, tube
+from gdfe_ros.mesh.generators import ring, sphere, tube
 
 
 def sound_volume(mesh: HexMesh) -> float:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from gdfe_ros.mesh.self_cuts import find_self_cuts
+from gdfe_ros.mesh.overlap import find_self_cuts
 
 BOX = trimesh.creation.box((1.0, 1.0, 1.0))
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gdfe_ros.mesh import store
-from gdfe_ros.mesh.store import keep, key_of, recall
+from gdfe_ros.mesh import packing
+from gdfe_ros.mesh.packing import keep, key_of, recall
 
 ARRAYS = {"positions": np.linspace(0.0, 1.0, 30_000).reshape(-1, 3), "name": np.array("a body")}
 
@@ -35,7 +35,7 @@ def test_a_key_tells_contents_apart() -> None:
     """Keys differ for parts that are divided differently, and for another version of the code."""
     keys = {key_of(b"ab", b"c"), key_of(b"a", b"bc"), key_of(b"abc")}
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(store, "_code", lambda: b"another version")
+        patch.setattr(packing, "_code", lambda: b"another version")
         keys.add(key_of(b"abc"))
     assert len(keys) == 4
 
@@ -80,7 +80,7 @@ def test_the_files_used_least_recently_are_deleted(folder: Path, monkeypatch: py
     """The least recently used files are deleted, so that the folder stays within the allowed size."""
     keep("old", ARRAYS)
     size = (folder / "old.npz").stat().st_size
-    monkeypatch.setattr(store, "MOST_BYTES", int(1.5 * size))
+    monkeypatch.setattr(packing, "MOST_BYTES", int(1.5 * size))
     keep("new", ARRAYS)
     assert recall("old") is None
     assert recall("new") is not None
