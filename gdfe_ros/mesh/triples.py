@@ -3,8 +3,6 @@
 
 from __future__ import annotations
 
-import math
-
 from gdfe_ros.compiled import inlined
 
 
@@ -42,16 +40,6 @@ def corner(points, k):
 def along(a, d, b, e):
     """Return a d + b e for the triples d, e and the factors a, b."""
     return a * d[0] + b * e[0], a * d[1] + b * e[1], a * d[2] + b * e[2]
-
-
-@inlined
-def solid_angle(a, b, c):
-    """Return the signed solid angle at the origin of a triangle with the corners a, b, c.
-
-    Source: van Oosterom and Strackee (1983), equation 8. A triangle without area has none.
-    """
-    la, lb, lc = math.sqrt(dot(a, a)), math.sqrt(dot(b, b)), math.sqrt(dot(c, c))
-    return 2.0 * math.atan2(dot(a, cross(b, c)), la * lb * lc + dot(a, b) * lc + dot(b, c) * la + dot(c, a) * lb)
 
 
 @inlined
