@@ -16,9 +16,9 @@ from scipy.spatial import cKDTree
 
 from gdfe_ros.mesh.faces import corners_of
 from gdfe_ros.mesh.mesh import Mesh
+from gdfe_ros.mesh.shells import BoxTree
 from gdfe_ros.mesh.tet_faces import flat_quads
 from gdfe_ros.mesh.touching import outline
-from gdfe_ros.mesh.triangle_kernels import BoxTree
 
 TOUCHING = 0.1
 """Two cells touch, and do not overlap, if their penetration depth divided by their shortest edge is at most this. The

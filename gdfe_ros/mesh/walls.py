@@ -12,10 +12,10 @@ from scipy.spatial import cKDTree
 
 from gdfe_ros.mesh.mesher_process import MOST_CELLS, expected_cells
 from gdfe_ros.mesh.overlap import TOUCH
+from gdfe_ros.mesh.shells import BoxTree
 from gdfe_ros.mesh.surface_edges import refine
 from gdfe_ros.mesh.tet_faces import facets
 from gdfe_ros.mesh.tetmesh import TetMesh
-from gdfe_ros.mesh.triangle_kernels import BoxTree
 
 MOST_RAYS = 400_000
 """Limit of the number of places at which the thickness is measured; it bounds time and memory."""
