@@ -89,7 +89,6 @@ class Case:
 
     Attributes:
         name: name of the scene.
-        section: section of the paper, or purpose of the scene.
         size: lengths of the bar along x, y, z [m].
         cells: hexahedra along x, y, z of the paper's own mesh.
         laws: one law for each segment; the segments divide the length equally, from the left.
@@ -102,7 +101,6 @@ class Case:
     """
 
     name: CaseName
-    section: str
     size: tuple[float, float, float]
     cells: tuple[int, int, int]
     laws: tuple[Law, ...]
@@ -168,7 +166,6 @@ CASES: dict[CaseName, Case] = {
     for case in (
         Case(
             name=CaseName.BEND5,
-            section="Sec. 5.1",
             size=(0.50, 0.05, 0.05),
             cells=(50, 5, 5),
             laws=tuple(LogNeoHooke(young=young, poisson=0.45) for young in (100e3, 80e3, 60e3, 40e3, 20e3)),
@@ -179,7 +176,6 @@ CASES: dict[CaseName, Case] = {
         ),
         Case(
             name=CaseName.TWIST90,
-            section="Sec. 5.2",
             size=(0.20, 0.05, 0.05),
             cells=(20, 5, 5),
             laws=(CHEETAH, NINJAFLEX),
@@ -188,16 +184,13 @@ CASES: dict[CaseName, Case] = {
         ),
         Case(
             name=CaseName.TENSILE,
-            section="Sec. 5.3",
             size=(0.04, 0.01, 0.01),
             cells=(20, 5, 5),
             laws=(CHEETAH, NINJAFLEX),
             translation=(0.04, 0.0, 0.0),
-            reaction_index=0,
         ),
         Case(
             name=CaseName.TWIST90_UNIFORM,
-            section="Sec. 5.2 with one neo-Hookean material, for solvers that have no Ogden law",
             size=(0.20, 0.05, 0.05),
             cells=(20, 5, 5),
             laws=(LogNeoHooke(young=200e3, poisson=0.45),),
@@ -206,16 +199,3 @@ CASES: dict[CaseName, Case] = {
         ),
     )
 }
-
-
-def get_case(name: str | CaseName) -> Case:
-    """Return the scene of that name.
-
-    Raises:
-        ValueError: for an unknown name, listing the known ones.
-    """
-    try:
-        return CASES[CaseName(name)]
-    except ValueError:
-        known = ", ".join(member.value for member in CaseName)
-        raise ValueError(f"no benchmark scene {name!r}; known: {known}") from None

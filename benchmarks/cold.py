@@ -3,33 +3,26 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 
-from benchmarks.cases import Case, CaseName, get_case
-from benchmarks.peers.peer import PeerError, PeerResult, Solver, Variant, load_peer, run_peer
+from benchmarks.cases import CASES, Case, CaseName
+from benchmarks.peers.peer import PeerError, PeerResult, Solver, Variant, list_variants, load_peer, run_peer
 
-
-@dataclass(frozen=True)
-class Job:
-    """One run of the benchmark: solver, scene and variant."""
-
-    solver: Solver
-    case: Case
-    variant: Variant
+Job = tuple[Solver, Case, Variant]
+"""One run of the benchmark."""
 
 
 def jobs(*, streams: bool = False) -> list[Job]:
     """Return the cold solves of all installed solvers, or their streams of small steps."""
     wanted = []
     for solver in Solver:
-        peer = load_peer(solver)
-        if peer.available() is not None:
+        if load_peer(solver).available() is not None:
             continue
         for name in CaseName:
-            case = get_case(name)
-            chosen = [item for item in peer.variants(case) if bool(item.options.get("stream")) == streams]
-            wanted += [Job(solver, case, variant) for variant in chosen]
+            case = CASES[name]
+            chosen = [item for item in list_variants(solver, case) if ("stream" in item.options) == streams]
+            wanted += [(solver, case, variant) for variant in chosen]
     return wanted
 
 
@@ -40,16 +33,15 @@ def missing() -> dict[str, str]:
 
 
 def run_jobs(
-    wanted: Iterable[Job], *, repeats: int, done: Callable[[Job, PeerResult | PeerError], None]
-) -> list[PeerResult]:
-    """Run the jobs in order, pass each result or error to ``done``, and return the results without failed runs."""
-    results = []
-    for job in wanted:
+    wanted: Iterable[Job], repeats: int, describe: Callable[[PeerResult], str]
+) -> tuple[list[PeerResult], list[str]]:
+    """Run the jobs in order; print what each found, as ``describe`` says; return the results, and texts of failures."""
+    results, failures = [], []
+    for solver, case, variant in wanted:
         try:
-            result = run_peer(job.solver, job.case.name, job.variant, repeats=repeats)
+            results.append(run_peer(solver, case.name, variant, repeats=repeats))
+            outcome = describe(results[-1])
         except PeerError as error:
-            done(job, error)
-            continue
-        results.append(result)
-        done(job, result)
-    return results
+            failures.append(outcome := str(error))
+        print(f"{solver.value} {case.name.value} {variant.label}: {outcome}", file=sys.stderr)
+    return results, failures

@@ -15,8 +15,9 @@ from benchmarks.cases import LogNeoHooke
 from benchmarks.markdown import markdown_table
 from benchmarks.peers import ccx_contact, mujoco_grip
 from benchmarks.peers.grip_case import SQUEEZE, STEP, WEIGHT
-from benchmarks.peers.peer import PeerError
+from benchmarks.peers.peer import attempt
 from benchmarks.report import KEPT, run_script
+from benchmarks.scenes import read_scene
 from gdfe_ros.command import Command
 from gdfe_ros.constraints import Pose
 from gdfe_ros.scene.loader import scene_from_text
@@ -27,32 +28,14 @@ QUADRATIC = {0.006: 30.3, 0.008: 45.1, 0.01: 64.4, 0.012: 84.8, 0.014: 106.7, 0.
 """Dict from displacement of the ball [m] to the force on the cube [N]. The authors of the reference computed the forces
 with quadratic elements on 16^3 cells.
 """
-CUBE = """
-name: cube
-mesh: {bar: {size: [0.1, 0.1, 0.1], cells: [16, 16, 16]}}
-materials: {soft: {law: neo_hookean, young: 2.0e5, poisson: 0.45, density: 1000}}
-regions: [{material: soft}]
-handles: {top: {where: {face: z+}, fixed: true}}
-obstacles: {ball: {sphere: {radius: 0.04}, at: [0.05, 0, -0.09]}}
-solver: {tolerance: 1.0e-5}
-"""
+CUBE = read_scene("pressed_cube.yaml")
 KINDS = ((16, "vertices"), (16, "faces"), (8, "faces"))
 """Numbers of cells along an edge of the cube, and the scene's `gaps` of the ball."""
 QUADRATIC_CELLS = 12
 """Number of CalculiX' cells along the cube's edges."""
 MOVES = (0.002, 0.004, *QUADRATIC)
 """Successive displacements of CalculiX' ball [m]."""
-GRIP = """
-name: grip
-mesh: {bar: {size: [0.10, 0.03, 0.03], cells: [20, 3, 3], cut: [{box: {x: [0.0375, 0.0625]}}]}}
-materials: {soft: {law: neo_hookean, young: 2.0e5, poisson: 0.45, density: 1000}}
-regions: [{material: soft}]
-handles: {left: {where: {face: x-}}, right: {where: {face: x+}}}
-loads: {weight: {gravity: [0, 0, -9.81]}}
-bodies: {part: {box: {size: [0.02, 0.05, 0.05]}, density: 640, at: [0.05, 0, 0]}}
-dynamics: {scheme: bdf2, step: 0.005, damping: {viscosity: 300}}
-solver: {skip: []}
-"""
+GRIP = read_scene("grip.yaml")
 """Scene of the grip. No solve is skipped."""
 HELD = {1.02: 60.0, 0.98: 1.0}
 """Dict from friction, divided by the least friction that holds the box, to the duration of the hold [s]."""
@@ -113,18 +96,13 @@ def measure_grips() -> dict[str, Any]:
         {"solver": "gdfe_ros", "demand": demand, "held": held, **grip(demand * least, seconds=held)}
         for demand, held in HELD.items()
     ]
-    reason = mujoco_grip.available()
-    if reason:
-        return {"grip": rows, "grip_missing": [f"MuJoCo: {reason}"]}
-    missing: list[str] = []
-    for demand in PEER_DEMANDS:
-        try:
-            found = mujoco_grip.simulate(demand, seconds=PEER_HELD)
-        except PeerError as error:
-            missing.append(str(error))
-            continue
-        rows.append({"solver": "MuJoCo", "demand": demand, "held": PEER_HELD, **found})
-    return {"grip": rows, "grip_missing": missing}
+
+    def measure_peer(demand: float) -> dict[str, Any]:
+        found = mujoco_grip.simulate(demand, seconds=PEER_HELD)
+        return {"solver": "MuJoCo", "demand": demand, "held": PEER_HELD, **found}
+
+    others, missing = attempt("MuJoCo", mujoco_grip, PEER_DEMANDS, measure_peer)
+    return {"grip": rows + others, "grip_missing": missing}
 
 
 def measure() -> dict[str, Any]:

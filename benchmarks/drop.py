@@ -3,63 +3,38 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from functools import partial
+from collections.abc import Callable
+from functools import cache, partial
 from pathlib import Path
 from time import process_time
 from typing import Any
 
 import numpy as np
+import yaml
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from benchmarks.peers import ccx_drop, mujoco_drop
-from benchmarks.peers.ccx_deck import CcxElement
 from benchmarks.peers.drop_case import LASTS, DropPath
-from benchmarks.peers.peer import PeerError
+from benchmarks.peers.peer import attempt
 from gdfe_ros.scene import load_scene
 from gdfe_ros.simulation import Simulation
 
 REFERENCE = Path(__file__).parents[1] / "test" / "data" / "reference" / "motion_drop.npz"
-OURS = (
-    ((5, 1, 1), "generalised_alpha", 0.05),
-    ((10, 1, 1), "generalised_alpha", 0.02),
-    ((20, 1, 1), "newmark", 0.01),
-    ((20, 1, 1), "generalised_alpha", 0.01),
-    ((20, 2, 2), "generalised_alpha", 0.01),
-    ((20, 2, 2), "bdf2", 0.01),
-    ((20, 2, 2), "newmark", 0.01),
-    ((20, 2, 2), "generalised_alpha", 0.005),
-    ((40, 4, 4), "generalised_alpha", 0.01),
-    ((40, 4, 4), "generalised_alpha", 0.005),
-    ((40, 4, 4), "generalised_alpha", 0.002),
-)
-"""Our runs: cells, scheme and step [s]."""
-MUJOCO = (
-    (1, (20, 1, 1), 0.01),
-    (1, (20, 1, 1), 0.001),
-    (1, (20, 2, 2), 0.005),
-    (2, (5, 1, 1), 0.002),
-    (2, (10, 1, 1), 0.01),
-    (2, (10, 1, 1), 0.005),
-    (2, (10, 1, 1), 0.002),
-    (2, (10, 1, 1), 0.001),
-    (2, (20, 1, 1), 0.001),
-)
-"""MuJoCo's runs: order of the flex, cells and step [s]."""
-CALCULIX = (
-    (CcxElement.C3D8I, (10, 1, 1), 0.01),
-    (CcxElement.C3D8I, (20, 1, 1), 0.01),
-    (CcxElement.C3D8I, (20, 1, 1), 0.005),
-    (CcxElement.C3D8I, (20, 1, 1), 0.002),
-    (CcxElement.C3D8I, (20, 2, 2), 0.01),
-)
-"""CalculiX' runs: element, cells and step [s]. C3D20R diverged in fixed steps of 2, 5 and 10 ms and is left out."""
+RUNS = Path(__file__).with_name("drop.yaml")
+"""The runs of each solver: scheme, flex or element, cells and step [s]."""
+PEERS = {"MuJoCo": mujoco_drop, "CalculiX": ccx_drop}
 LONGEST = 600.0
 """Time limit of a peer's run [s], for a busy machine; on a quiet machine the longest run takes ten seconds."""
 SHORT = 1.0
 """Processor time [s] below which a run is made three times."""
-_FLEX = {1: "trilinear", 2: "quadratic"}
+
+
+@cache
+def list_runs(solver: str) -> list[tuple[str, tuple[int, int, int], float]]:
+    """Return scheme, flex or element, cells and step [s] of each run of a solver."""
+    runs = yaml.safe_load(RUNS.read_text(encoding="utf-8"))[solver]
+    return [(kind, tuple(map(int, cells.split("x"))), h) for kind, cells, h in runs]
 
 
 def path_error(times: NDArray[np.float64], path: NDArray[np.float64]) -> float:
@@ -78,14 +53,14 @@ def repeated(run: Callable[[], DropPath]) -> DropPath:
     return sorted(found, key=lambda each: each.seconds)[len(found) // 2]
 
 
-def drop_settings(cells: tuple[int, int, int], scheme: str, h: float) -> dict[str, Any]:
+def drop_settings(scheme: str, cells: tuple[int, int, int], h: float) -> dict[str, Any]:
     """Return the overrides of the scene `drop` for cells, a scheme and a step [s]."""
     return {"mesh.bar.cells": list(cells), "dynamics.scheme": scheme, "dynamics.step": h}
 
 
-def measure_ours(cells: tuple[int, int, int], scheme: str, h: float) -> dict[str, Any]:
+def measure_ours(scheme: str, cells: tuple[int, int, int], h: float) -> dict[str, Any]:
     """Return error, processor time [s] and iterations of one of our runs."""
-    simulation = Simulation(load_scene("drop", overrides=drop_settings(cells, scheme, h)))
+    simulation = Simulation(load_scene("drop", overrides=drop_settings(scheme, cells, h)))
     simulation.warm_up()
     iterations: list[int] = []
 
@@ -106,28 +81,15 @@ def measure_ours(cells: tuple[int, int, int], scheme: str, h: float) -> dict[str
 def measure_peers() -> tuple[list[dict[str, Any]], list[str]]:
     """Return the rows of all installed peers, and messages about missing peers and failed runs."""
     rows, missing = [], []
-    for name, module, runs in (("MuJoCo", mujoco_drop, _mujoco), ("CalculiX", ccx_drop, _calculix)):
-        reason = module.available()
-        if reason:
-            missing.append(f"{name}: {reason}")
-            continue
-        for kind, cells, h, run in runs():
-            try:
-                found = repeated(partial(run, cells, h, timeout=LONGEST))
-                rows.append(_row(name, kind, cells, h, found))
-            except PeerError as error:
-                missing.append(str(error))
+    for name in PEERS:
+        found, failed = attempt(name, PEERS[name], list_runs(name), partial(_measure_peer, name))
+        rows += found
+        missing += failed
     return rows, missing
 
 
-def _mujoco() -> Iterator[tuple[str, tuple[int, int, int], float, Callable[..., DropPath]]]:
-    for order, cells, h in MUJOCO:
-        yield f"{_FLEX[order]} flex", cells, h, partial(mujoco_drop.simulate, order)
-
-
-def _calculix() -> Iterator[tuple[str, tuple[int, int, int], float, Callable[..., DropPath]]]:
-    for element, cells, h in CALCULIX:
-        yield element.value, cells, h, partial(ccx_drop.simulate, element)
+def _measure_peer(name: str, run: tuple[str, tuple[int, int, int], float]) -> dict[str, Any]:
+    return _row(name, *run, repeated(partial(PEERS[name].simulate, *run, timeout=LONGEST)))
 
 
 def _row(solver: str, kind: str, cells: tuple[int, int, int], h: float, found: DropPath) -> dict[str, Any]:

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import json
 import math
-import subprocess
 import sys
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -25,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.markdown import markdown_table
-from benchmarks.peers.peer import worker_environment
+from benchmarks.process import run_module
 from benchmarks.replay import figures, summed
 from benchmarks.report import run_script
 from gdfe_ros.scene import load_scene
@@ -46,7 +45,6 @@ many steps.
 """
 PROBED = 5
 SEED = 0
-TIMEOUT = 600.0
 _ENDLESS = 10**9
 
 
@@ -63,7 +61,7 @@ def measure(scene: str) -> dict[str, Any]:
     """Run a scene with each method, and return the rates.
 
     Raises:
-        subprocess.CalledProcessError: a run failed.
+        PeerError: a run failed.
     """
     alone = _made(scene, Way.ALONE, STEPS)
     runs = {way: alone if way is Way.ALONE else _made(scene, way, alone["steps"]) for way in Way}
@@ -77,11 +75,8 @@ def measure(scene: str) -> dict[str, Any]:
 
 def _made(scene: str, way: Way, steps: int) -> dict[str, float]:
     """Return the result of `run_way` in a process of its own."""
-    command = [sys.executable, "-m", "benchmarks.environments", scene, way.value, f"{steps}"]
-    done = subprocess.run(
-        command, env=worker_environment(1), stdout=subprocess.PIPE, text=True, timeout=TIMEOUT, check=True
-    )
-    return json.loads(done.stdout)
+    request = {"scene": scene, "way": way, "steps": steps}
+    return run_module("benchmarks.environments", request, f"{scene}, {way.value}", timeout=600.0)
 
 
 def environment_table(report: Sequence[dict[str, Any]]) -> str:
@@ -101,6 +96,7 @@ def run_way(scene: str, way: Way, steps: int) -> dict[str, float]:
     Returns:
         ``rate`` [steps/s] of all environments together, ``steps`` of each environment, and the fraction ``converged``.
     """
+    way = Way(way)
     if way is Way.PROCESSES:
         return _in_processes(scene, 2, steps)
     if way is Way.FOUR:
@@ -149,7 +145,9 @@ def _timed(step: Callable[[], Sequence[bool]], steps: int, longest: float = math
     converged: list[bool] = []
     step()
     while len(times) < steps and sum(times) < longest:
-        times.append(_seconds(lambda: converged.extend(step())))
+        begun = perf_counter()
+        converged += step()
+        times.append(perf_counter() - begun)
     return times, converged
 
 
@@ -175,12 +173,6 @@ def _step(env: SoftRobotEnv) -> StepResult:
     return env.simulation.result
 
 
-def _seconds(work: Callable[[], object]) -> float:
-    begun = perf_counter()
-    work()
-    return perf_counter() - begun
-
-
 def probe() -> dict[str, float]:
     """Return the figures of the first random steps of every scene."""
     found: dict[str, float] = {}
@@ -191,8 +183,8 @@ def probe() -> dict[str, float]:
 
 
 if __name__ == "__main__":
-    if len(sys.argv) == 4 and not sys.argv[1].startswith("-"):
-        print(json.dumps(run_way(sys.argv[1], Way(sys.argv[2]), int(sys.argv[3]))))
+    if sys.argv[1:] and sys.argv[1].startswith("{"):
+        print(json.dumps(run_way(**json.loads(sys.argv[1]))))
     else:
         run_script(
             "benchmarks.environments",

@@ -13,7 +13,7 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from benchmarks.beam import LOADS, TARGETS, beam_simulation, draw_swings, measure_beam
-from benchmarks.drop import OURS, drop_settings, measure_ours, measure_peers
+from benchmarks.drop import drop_settings, list_runs, measure_ours, measure_peers
 from benchmarks.front_picture import draw_front
 from benchmarks.markdown import markdown_table
 from benchmarks.replay import STEPS as REPLAYED
@@ -77,7 +77,7 @@ def measure() -> dict[str, Any]:
     """Return the data of all tables."""
     peers, missing = measure_peers()
     return {
-        "drop": [measure_ours(*row) for row in OURS] + peers,
+        "drop": [measure_ours(*run) for run in list_runs("gdfe_ros")] + peers,
         "missing": missing,
         "beam": measure_beam(),
     }
@@ -86,10 +86,10 @@ def measure() -> dict[str, Any]:
 def probe() -> dict[str, float]:
     """Return the figures of the first steps of `drop` on the coarser meshes, and of the loaded beam."""
     found: dict[str, float] = {}
-    for cells, scheme, h in OURS:
+    for scheme, cells, h in list_runs("gdfe_ros"):
         if cells[1] < FINE:
             name = f"drop, {'x'.join(map(str, cells))}, {scheme}, {h:g} s"
-            simulation = Simulation(load_scene("drop", overrides=drop_settings(cells, scheme, h)))
+            simulation = Simulation(load_scene("drop", overrides=drop_settings(scheme, cells, h)))
             found |= figures(name, [simulation.step() for _ in range(REPLAYED)], simulation)
     beam = beam_simulation(LOADS[-1], None)
     found |= figures("beam", [beam.step() for _ in range(REPLAYED)], beam)

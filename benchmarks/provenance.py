@@ -6,8 +6,6 @@ from __future__ import annotations
 import ast
 import hashlib
 import io
-import os
-import platform
 import subprocess
 import tarfile
 from dataclasses import dataclass
@@ -15,14 +13,13 @@ from datetime import date
 from functools import cache
 from pathlib import Path
 
-import numba
+from gdfe_ros.recording.provenance import describe_machine
 
 ROOT = Path(__file__).resolve().parents[1]
 SOLVER = ("gdfe_ros", "config")
 """Folders whose last commit identifies the solver: the package and its scenes."""
 LOOKS = "gdfe_ros/analysis"
 """Folder of the package without influence on any figure of a table: pictures, reports, replays."""
-UNKNOWN = "unknown"
 DIRTY = "+"
 """Suffix of the commit if `SOLVER` has changes that are not committed."""
 
@@ -41,22 +38,20 @@ class Provenance:
         machine: processor, cores, versions of Python and numba.
     """
 
-    commit: str = UNKNOWN
-    date: str = UNKNOWN
-    machine: str = UNKNOWN
+    commit: str
+    date: str
+    machine: str
 
     @property
     def line(self) -> str:
         """Line of Markdown that is printed below a table."""
-        if self.commit == UNKNOWN:
-            return "*Measured with an older solver.*"
         return f"*Measured {self.date} at {self.commit} on {self.machine}.*"
 
     @property
     def is_current(self) -> bool:
         """Whether the present code, without docstrings and comments, made the table; False for uncommitted changes."""
         now = solver_commit()
-        if DIRTY in (self.commit[-1], now[-1]) or self.commit == UNKNOWN:
+        if DIRTY in (self.commit[-1], now[-1]):
             return False
         return self.commit == now or code_digest(self.commit) == code_digest(now)
 
@@ -110,15 +105,9 @@ class _WithoutConstants(ast.NodeTransformer):
 
 def machine() -> str:
     """Return processor, cores, and versions of Python and numba."""
-    cores, python = os.cpu_count() or 1, platform.python_version()
-    return f"{_processor()}, {cores} core{'s' * (cores > 1)}, Python {python}, numba {numba.__version__}"
-
-
-def _processor() -> str:
-    info = Path("/proc/cpuinfo")
-    lines = info.read_text(encoding="utf-8").splitlines() if info.is_file() else []
-    models = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
-    return models[0] if models else platform.processor() or platform.machine()
+    facts = describe_machine()
+    cores = int(facts["cores"])
+    return f"{facts['processor']}, {cores} core{'s' * (cores > 1)}, Python {facts['python']}, numba {facts['numba']}"
 
 
 def _git(*words: str) -> str:

@@ -3,11 +3,8 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
-from enum import Enum
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -16,17 +13,8 @@ from benchmarks.cases import CaseName
 
 Array = npt.NDArray[np.float64]
 
-DEFAULT_DIRECTORY = Path(__file__).resolve().parents[1] / "test" / "data" / "reference"
-"""Folder of the reference solutions in a source checkout."""
-
-
-class ReferenceKind(Enum):
-    """Kind of a reference solution."""
-
-    FINE = "fine"
-    """Mesh-converged solution with quadratic elements; errors are measured relative to it."""
-    SAME_MESH = "same_mesh"
-    """Linear hexahedra with mean dilatation on the paper's mesh: the solution of a good standard FEM."""
+FOLDER = Path(__file__).resolve().parents[1] / "test" / "data" / "reference"
+"""Folder of the reference solutions: mesh-converged, with quadratic elements."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,15 +26,11 @@ class Reference:
         displacement: displacements, shape (n, 3), float64 [m].
         reaction: wrench of the right face on the body, shape (6,): force [N], then moment
             about the face's deformed centre [N m].
-        energy: strain energy [J].
-        meta: settings with which it was computed.
     """
 
     vertices: Array
     displacement: Array
     reaction: Array
-    energy: float
-    meta: dict[str, Any]
 
 
 @dataclass(frozen=True)
@@ -62,32 +46,21 @@ class Error:
     maximum: float
 
 
-def reference_path(name: CaseName, kind: ReferenceKind = ReferenceKind.FINE, *, directory: Path | None = None) -> Path:
-    """Return the path of a scene's reference; the file need not exist."""
-    return (directory or DEFAULT_DIRECTORY) / f"{name.value}_{kind.value}.npz"
-
-
-def load_reference(
-    name: CaseName, kind: ReferenceKind = ReferenceKind.FINE, *, directory: Path | None = None
-) -> Reference:
+def load_reference(name: CaseName) -> Reference:
     """Read a reference solution.
 
     Raises:
         FileNotFoundError: if the file is missing; the message names the file and the remedy.
         ValueError: if an array has a wrong shape or is not finite.
     """
-    path = reference_path(name, kind, directory=directory)
+    path = FOLDER / f"{name.value}_fine.npz"
     if not path.is_file():
-        raise FileNotFoundError(
-            f"no reference solution {path}: run from a source checkout, or give the directory that holds it"
-        )
+        raise FileNotFoundError(f"no reference solution {path}: run from a source checkout")
     with np.load(path, allow_pickle=False) as data:
         reference = Reference(
             vertices=data["X"],
             displacement=data["u"],
             reaction=np.concatenate([data["reaction_force"], data["reaction_moment"]]),
-            energy=float(data["energy"]),
-            meta=json.loads(str(data["meta"])),
         )
     shape = reference.vertices.shape
     if len(shape) != 2 or shape[1] != 3 or reference.displacement.shape != shape:

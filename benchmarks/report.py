@@ -8,7 +8,7 @@ import json
 import math
 import os
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -31,17 +31,15 @@ class Report:
     Attributes:
         data: data from which the tables are printed.
         made: provenance: solver, date and machine.
-        probe: figures of the same run that a test repeats; empty for old files without a probe.
+        probe: figures of the same run that a test repeats.
     """
 
     data: Any
-    made: Provenance = field(default_factory=Provenance)
-    probe: Probe = field(default_factory=dict)
+    made: Provenance
+    probe: Probe
 
     def stale(self, now: Probe) -> list[str]:
         """Return a message for each figure that differs from the present probe ``now`` by more than `SHARE`."""
-        if not self.probe:
-            return ["measured before probes were kept"]
         names = [*self.probe, *(name for name in now if name not in self.probe)]
         return [
             f"{name}: {now.get(name)} now, {self.probe.get(name)} in the table"

@@ -5,21 +5,19 @@ from __future__ import annotations
 
 import json
 import resource
-import subprocess
 import sys
 from collections.abc import Iterable, Sequence
 from time import perf_counter
 from typing import Any
 
 from benchmarks.markdown import markdown_table
-from benchmarks.peers.peer import PeerError, worker_environment
+from benchmarks.process import run_module
 from benchmarks.replay import first_steps
 from gdfe_ros.scene import Scene, load_scene
 from gdfe_ros.simulation import Simulation
 
 SIZES = ((20, 5, 5), (40, 10, 10), (80, 20, 20), (116, 30, 30))
 """Numbers of cells along x, y, z of meshes with 500, 4000, 32 000 and 104 400 elements."""
-_TIMEOUT = 900.0
 
 
 def measure_size(cells: Sequence[int]) -> dict[str, Any]:
@@ -28,13 +26,7 @@ def measure_size(cells: Sequence[int]) -> dict[str, Any]:
     Raises:
         PeerError: the process failed.
     """
-    command = [sys.executable, "-m", "benchmarks.scaling", json.dumps(cells)]
-    process = subprocess.run(
-        command, env=worker_environment(1), capture_output=True, text=True, timeout=_TIMEOUT, check=False
-    )
-    if process.returncode != 0:
-        raise PeerError(f"scaling, {cells} cells: {process.stderr.strip().splitlines()[-1:]}")
-    return json.loads(process.stdout)
+    return run_module("benchmarks.scaling", cells, f"scaling, {cells} cells", timeout=900.0)
 
 
 def scaling_table(sizes: Iterable[dict[str, Any]]) -> str:

@@ -10,13 +10,14 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from typing import Any
 
-from benchmarks.cases import CaseName, get_case
-from benchmarks.cold import Job, jobs, missing, run_jobs
+from benchmarks.cases import CASES, CaseName
+from benchmarks.cold import jobs, missing, run_jobs
 from benchmarks.markdown import left_out, markdown_table
 from benchmarks.peers import gdfe_peer
-from benchmarks.peers.peer import PeerError, PeerResult, Solver
+from benchmarks.peers.peer import PeerResult, Solver, list_variants
 from benchmarks.replay import first_steps
 from benchmarks.report import options, write_report
 from benchmarks.tables import NAMES, front_rows
@@ -52,8 +53,8 @@ def probe() -> dict[str, float]:
     """Return the figures of the first steps of our stream, on every scene's coarsest mesh and on the paper's mesh."""
     found: dict[str, float] = {}
     for name in CaseName:
-        case = get_case(name)
-        streams = [item for item in gdfe_peer.variants(case) if item.options["stream"]]
+        case = CASES[name]
+        streams = [item for item in list_variants(Solver.GDFE, case) if "stream" in item.options]
         ends = (min(item.cells for item in streams), case.cells) if streams else ()
         for variant in [item for item in streams if item.cells in ends]:
             simulation = Simulation(gdfe_peer.scene_of(name.value, variant))
@@ -63,21 +64,10 @@ def probe() -> dict[str, float]:
 
 def main() -> int:
     """Run the measurement, write the report and print the tables; return 1 if a run failed."""
-    words = "Streams of small steps: how many a second, and how far off."
-    given = options("benchmarks.streams", words, "streams").parse_args()
-    failures: list[str] = []
-
-    def done(job: Job, outcome: PeerResult | PeerError) -> None:
-        where = f"{job.solver.value} {job.case.name.value} {job.variant.label}"
-        if isinstance(outcome, PeerError):
-            failures.append(str(outcome))
-            print(f"{where}: {outcome}", file=sys.stderr)
-        else:
-            print(f"{where}: {steps_a_second(outcome):.0f} steps/s", file=sys.stderr)
-
-    results = run_jobs(jobs(streams=True), repeats=REPEATS, done=done)
+    given = options("benchmarks.streams", "Streams of small steps: rate and final error.", "streams").parse_args()
+    results, failures = run_jobs(jobs(streams=True), REPEATS, lambda found: f"{steps_a_second(found):.0f} steps/s")
     lacking = {NAMES[Solver(name)]: reason for name, reason in missing().items() if Solver(name) in SOLVERS}
-    report = {"results": [result.to_json() for result in results], "failures": failures, "missing": lacking}
+    report = {"results": [asdict(result) for result in results], "failures": failures, "missing": lacking}
     write_report(given.out, report, probe())
     for text in all_tables(report).values():
         print(text)

@@ -31,8 +31,7 @@ from gdfe_ros.simulation import Simulation
 from gdfe_ros.state_tree import TreeError, from_tree, to_tree
 
 FORMAT = 3
-"""Version of the archive's format; version 1 was a pickle, 2 left out what contacts push in motion."""
-_OLD_MAGIC = b"gdfe_ros state\n"
+"""Version of the archive's format; an archive of another version is refused."""
 _DAMAGED = (
     zipfile.BadZipFile, NotImplementedError, RuntimeError, LookupError, ValueError, TypeError, AttributeError, EOFError,
     OSError, OverflowError, MemoryError, RecursionError, struct.error, TreeError,
@@ -82,7 +81,7 @@ def _is_state(path: Path) -> bool:
         data = read_bytes(path)
     except OSError:
         return False
-    return data.startswith(_OLD_MAGIC) or (data[:4] == b"PK\3\4" and data[30:39] == b"head.json")
+    return data[:4] == b"PK\3\4" and data[30:39] == b"head.json"
 
 
 def load_state(simulation: Simulation, data: bytes) -> None:
@@ -92,8 +91,6 @@ def load_state(simulation: Simulation, data: bytes) -> None:
         GdfeError: the data are not a state, or belong to another scene, settings or version; the simulation is
             unchanged.
     """
-    if data.startswith(_OLD_MAGIC):
-        raise GdfeError("the state was written by a version that saved pickles; remedy: repeat the run and save it")
     try:
         archive = zipfile.ZipFile(io.BytesIO(data))
         size = sum(entry.file_size for entry in archive.infolist())

@@ -54,6 +54,11 @@ def test_a_scene_without_tables_interpolates_none() -> None:
     assert subprocess.run([sys.executable, "-c", f"{code}; {report}"], check=False).returncode == 0
 
 
+def test_reading_a_scene_loads_no_compiler() -> None:
+    """A scene is read without numba, whose import takes longer than the rest."""
+    assert "numba" not in _loaded("from gdfe_ros import load_scene; load_scene('bend5')")
+
+
 def test_public_names_are_listed_and_others_refused() -> None:
     """The public names are listed, and another name is refused with that list."""
     assert set(gdfe_ros.__all__) <= set(dir(gdfe_ros))

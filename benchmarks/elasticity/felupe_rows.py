@@ -16,11 +16,11 @@ from benchmarks.elasticity import law
 from benchmarks.elasticity.newton import Cholesky
 from benchmarks.elasticity.problem import DECREMENT, Array, Problem, run
 from benchmarks.grids import Grid
+from benchmarks.peers.felupe_model import Model, build_boundaries, build_mesh
+from benchmarks.peers.felupe_peer import run_newton
 
 STEPS = (1, 2, 4, 8)
 """Numbers of load steps that are tried; the time of the first that converges counts, without the failures before."""
-MOST = 30
-"""Limit of iterations of a load step."""
 
 
 def local_part(problem: Problem) -> float:
@@ -58,15 +58,14 @@ def solve(problem: Problem, n: int, order: int) -> dict[str, Any]:
     for steps in STEPS:
         cholesky.count, began = 0, time.process_time()
         grid = Grid(size=(1.0, 1.0, 1.0), cells=(n, n, n), order=order)
-        element = felupe.TriQuadraticHexahedron() if order == 2 else felupe.Hexahedron()
-        name, kind = ("hexahedron27", "TriQuadraticHexahedron") if order == 2 else ("hexahedron", "Hexahedron")
-        mesh = felupe.Mesh(grid.points(), grid.connectivity(element.points), name)
-        field = felupe.FieldContainer([felupe.Field(getattr(felupe, f"Region{kind}")(mesh), dim=3)])
+        field = felupe.FieldContainer([felupe.Field(build_mesh(grid, felupe, unit=1.0), dim=3)])
+        sides = build_boundaries(grid, field[0], felupe)
         local = local_part(problem) if order == 2 else 0.0
         umat = material(felupe, problem, local)
         body = felupe.SolidBodyNearlyIncompressible(umat, field, bulk=problem.lame - local)
         try:
-            found = newton(felupe, problem, grid, field, body, steps, cholesky)
+            model = Model(felupe=felupe, grid=grid, field=field, items=[body], boundaries=sides, slides=False)
+            found = newton(problem, model, steps, cholesky)
         except (felupe.NewtonConvergenceError, ArithmeticError, ValueError) as error:
             message = f"{steps} steps: {error}"
             continue
@@ -81,47 +80,33 @@ def solve(problem: Problem, n: int, order: int) -> dict[str, Any]:
     return run(problem, grid.points(), u, forces, time=spent, steps=steps, message="", **found)
 
 
-def newton(
-    felupe: Any,
-    problem: Problem,
-    grid: Grid,
-    field: Any,
-    body: Any,
-    steps: int,
-    cholesky: Cholesky,
-) -> dict[str, Any]:
+def newton(problem: Problem, model: Model, steps: int, cholesky: Cholesky) -> dict[str, Any]:
     """Apply the motion in equal load steps with FElupe's Newton method; return the last field and its iterations.
 
     A step ends by the Newton decrement, and intermediate ones, which are only starting points, by 1e-2 instead.
     """
-    points = grid.points()
-    far, near = points[:, 0] > 1.0 - 1e-9, points[:, 0] < 1e-9
-    boundaries = {name: felupe.Boundary(field[0], mask=mask) for name, mask in (("near", near), ("far", far))}
-    fixed, free = felupe.dof.partition(field, boundaries)
-    state, decrement, iterations = None, np.inf, 0
+    far, failure = model.grid.points()[model.grid.face(right=True)], model.felupe.NewtonConvergenceError
+    first, limit, decrement = True, DECREMENT, np.inf
+
+    def move(load: float) -> None:
+        nonlocal first, limit
+        first, limit = True, DECREMENT if load == 1.0 else 1e-2
+        model.boundaries["right"].update(problem.moved(far, load).ravel())
 
     def linear(matrix: Any, right: Array) -> Array:
         nonlocal decrement
         step = cholesky.solve(sparse.triu(matrix, format="csr"), np.asarray(right).ravel())
         if step is None:
-            raise felupe.NewtonConvergenceError("the matrix has no factor")
+            raise failure("the matrix has no factor")
         decrement = float(np.asarray(right).ravel() @ step) / problem.mu
         return step
 
-    for step in range(1, steps + 1):
-        boundaries["far"].update(problem.moved(points[far], step / steps).ravel())
-        first, limit = True, DECREMENT if step == steps else 1e-2
+    def check(dx: Array, x: Any, f: Array, **_: Any) -> tuple[float, float, bool]:
+        nonlocal first
+        done, first = not first and abs(decrement) < limit, False
+        if not np.isfinite(f).all():
+            raise failure("not finite")
+        return float(np.abs(dx).max()), decrement, done
 
-        def check(dx: Array, x: Any, f: Array, limit: float = limit, **_: Any) -> tuple[float, float, bool]:
-            nonlocal first
-            done, first = not first and abs(decrement) < limit, False
-            if not np.isfinite(f).all():
-                raise felupe.NewtonConvergenceError("not finite")
-            return float(np.abs(dx).max()), decrement, done
-
-        result = felupe.newtonraphson(
-            x0=state, items=[body], dof0=fixed, dof1=free, ext0=felupe.dof.apply(field, boundaries, fixed),
-            check=check, maxiter=MOST, verbose=0, solver=linear,
-        )  # fmt: skip
-        state, iterations = result.x, iterations + result.iterations
-    return {"x": state, "iterations": iterations, "solves": cholesky.count, "decrement": decrement}
+    result, iterations = run_newton(model, move, steps=steps, solver=linear, check=check)
+    return {"x": result.x, "iterations": iterations, "solves": cholesky.count, "decrement": decrement}

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from scipy.stats import gmean
 
 from benchmarks.markdown import markdown_table
 
@@ -19,11 +20,6 @@ def common(runs: Sequence[Run]) -> list[tuple[str, int]]:
     for run in runs:
         rows.setdefault((run["problem"], run["unknowns"]), set()).add(run["row"])
     return [key for key, tried in rows.items() if len(tried) == len({run["row"] for run in runs})]
-
-
-def mean(values: Sequence[float]) -> float:
-    """Return the geometric mean."""
-    return float(np.exp(np.mean(np.log(values))))
 
 
 def size_table(runs: Sequence[Run]) -> dict[str, str]:
@@ -41,10 +37,10 @@ def size_table(runs: Sequence[Run]) -> dict[str, str]:
                     name,
                     str(size),
                     f"{len(tried) - len(done)} of {len(tried)}",
-                    f"{mean([run['time'] for run in done]):.3f}",
+                    f"{gmean([run['time'] for run in done]):.3f}",
                     f"{np.median([run['iterations'] for run in done]):.0f}",
                     f"{max(run['steps'] for run in done)}",
-                    f"{100.0 * mean([run['error'] for run in done]):.3f}",
+                    f"{100.0 * gmean([run['error'] for run in done]):.3f}",
                     f"{100.0 * max((run['force'] for run in done), key=abs):+.2f}",
                     f"{max(run['decrement'] for run in done):.0e}",
                 ]

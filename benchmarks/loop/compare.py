@@ -4,12 +4,13 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from statistics import median
 from typing import Any
 
 from benchmarks.loop.process import Worker
 from benchmarks.loop.row import Row, Task
+from benchmarks.loop.table import make_cells
 
 Figures = dict[str, Any]
 
@@ -105,14 +106,5 @@ def _judge_targets(row: Row, line: Figures) -> list[tuple[str, bool | None]]:
 
 
 def report_line(line: Figures) -> None:
-    """Print a line of the table in short to the standard error."""
-    names = ("before", "after", "ratio", "iterations", "error", "beyond", "path")
-    shown = {name: line[name] for name in names if line.get(name) is not None}
-    words = ", ".join(f"{name} {_shorten(value)}" for name, value in shown.items())
-    print(f"{line['name']}: {words}", file=sys.stderr, flush=True)
-
-
-def _shorten(value: Any) -> str:
-    if isinstance(value, Iterable) and not isinstance(value, str):
-        return " to ".join(_shorten(item) for item in value)
-    return f"{value:.3g}" if isinstance(value, float) else str(value)
+    """Print a line of the table to the standard error."""
+    print(" | ".join(make_cells(line)), file=sys.stderr, flush=True)

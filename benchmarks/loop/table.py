@@ -28,7 +28,7 @@ SAYS = {True: "met", False: "**missed**", None: "not judged"}
 def make_loop_table(report: Mapping[str, Any]) -> str:
     """Return the table of a report, and a sentence about its targets."""
     lines = report["lines"]
-    rows = [_make_row(line) for line in lines]
+    rows = [make_cells(line) for line in lines]
     missed = sum(met is False for line in lines for _, met in line["targets"])
     unknown = sum(met is None for line in lines for _, met in line["targets"])
     total = sum(len(line["targets"]) for line in lines)
@@ -45,7 +45,8 @@ def has_failed(line: Mapping[str, Any]) -> bool:
     return bool(failed) and (isinstance(failed, str) or any(failed))
 
 
-def _make_row(line: Mapping[str, Any]) -> tuple[str, ...]:
+def make_cells(line: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return the cells of a line, below `HEADS`."""
     unit = {"ms": "ms", "s": "s", "real time": "x"}[line["unit"]]
     error = _write_pair(line.get("error"))
     if line.get("path"):

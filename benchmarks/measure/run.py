@@ -11,7 +11,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from benchmarks.measure.tables import Table
-from benchmarks.peers.peer import worker_environment
+from benchmarks.process import worker_environment
 from benchmarks.provenance import ROOT
 from benchmarks.report import IMAGES, Report, read_report
 
@@ -32,9 +32,9 @@ def kept(table: Table) -> Report | None:
 
 
 def is_current(table: Table) -> bool:
-    """Return whether the report on disk was made by this version of the solver, and has a probe."""
+    """Return whether the report on disk was made by this version of the solver."""
     report = kept(table)
-    return report is not None and report.made.is_current and bool(report.probe)
+    return report is not None and report.made.is_current
 
 
 def measure(table: Table) -> str | None:
@@ -46,7 +46,9 @@ def measure(table: Table) -> str | None:
     LOGS.mkdir(parents=True, exist_ok=True)
     log = LOGS / f"{table.name}.log"
     command = [sys.executable, "-m", table.module, "--out", str(table.file), "--pictures"]
-    environment = {**os.environ, "PYTHONPATH": _path()} if table.ros else worker_environment(1)
+    environment = worker_environment(1)
+    if table.ros:
+        environment = {**os.environ, "PYTHONPATH": environment["PYTHONPATH"]}
     environment["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
     before = table.file.stat().st_mtime_ns if table.file.is_file() else 0
     with (
@@ -84,7 +86,3 @@ def _end(process: subprocess.Popen[bytes]) -> None:
 def _last(log: Path) -> str:
     lines = [line.strip() for line in log.read_text(errors="replace").splitlines() if line.strip()]
     return lines[-1] if lines else "it printed nothing"
-
-
-def _path() -> str:
-    return os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH", "")]))

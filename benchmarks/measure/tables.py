@@ -40,12 +40,9 @@ class Table:
         """Return the required packages that are not installed."""
         return [name for name in self.needs if find_spec(name) is None]
 
-    def replay(self) -> Probe:
-        """Run the table's probe with the present code, and return its figures."""
-        return self.replay_function()()
-
-    def replay_function(self) -> Callable[[], Probe]:
-        """Return the function of the probe; if ``module`` is a package, the function is in its ``__main__``."""
+    @property
+    def probe(self) -> Callable[[], Probe]:
+        """Function that measures the probe with the present code; that of a package is in its ``__main__``."""
         module = import_module(self.module)
         if hasattr(module, "__path__"):
             module = import_module(f"{self.module}.__main__")

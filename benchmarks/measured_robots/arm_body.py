@@ -14,10 +14,10 @@ from typing import Any
 
 import meshio
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 
 from benchmarks.measured_robots import ROBOTS
+from benchmarks.scenes import read_scene
 from gdfe_ros import Command, Simulation
 from gdfe_ros.scene import Scene, scene_from_text
 
@@ -129,21 +129,15 @@ def arm_scene(
     points, cells = section.hexahedra()
     file = folder / f"arm_{abs(hash(section)):x}.vtu"
     meshio.write(file, meshio.Mesh(points, [("hexahedron", cells)]))
-    probes = {f"mark{k}": _mark(k) for k in range(4)}
-    data = {
-        "name": "measured_arm",
-        "mesh": {"file": str(file)},
+    given = {
+        "mesh.file": str(file),
         "materials": {"silicone": material},
-        "regions": [{"material": "silicone"}],
-        "handles": {"base": {"where": {"box": {"z": [-1.0, 1e-6]}}, "fixed": True}},
-        "actuators": {"air": {"chamber": {"near": [PLACE, PLACE, 0.5 * LENGTH], "command": "pressure"}}},
-        "loads": {"weight": {"gravity": [0.0, 0.0, gravity]}},
-        "probes": probes,
-        "solver": {"tolerance": 1e-4},
+        "actuators.air.chamber.near": [PLACE, PLACE, 0.5 * LENGTH],
+        "loads.weight.gravity": [0.0, 0.0, gravity],
+        "probes": {f"mark{k}": _mark(k) for k in range(4)},
+        **({"dynamics": dynamics} if dynamics else {}),
     }
-    if dynamics:
-        data["dynamics"] = dynamics
-    return scene_from_text(yaml.safe_dump(data), origin="of the measured arm")
+    return scene_from_text(read_scene("measured_arm.yaml"), origin="of the measured arm", overrides=given)
 
 
 def tips(scene: Scene, *, step: float, most: float) -> NDArray[np.float64]:

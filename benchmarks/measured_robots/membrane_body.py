@@ -16,10 +16,10 @@ from typing import Any
 
 import meshio
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
+from benchmarks.scenes import read_scene
 from gdfe_ros import Command, Simulation
 from gdfe_ros.scene import Scene, scene_from_text
 
@@ -89,20 +89,16 @@ def membrane_scene(folder: Path, design: Design, *, around: int = AROUND, finest
     if np.any(stiff):
         regions.append({"material": "ring", "where": {"cells": np.flatnonzero(stiff).tolist()}})
     inner = {"vertices": ids[circle == 0].tolist()}
-    data = {
-        "name": "membrane",
-        "mesh": {"file": str(folder / "membrane.vtu")},
+    given = {
+        "mesh.file": str(folder / "membrane.vtu"),
         "materials": LAWS,
         "regions": regions,
-        "handles": {
-            "rim": {"where": {"vertices": ids[circle == count - 1].tolist()}, "fixed": True},
-            "cap": {"where": inner, "free": ["z"]},
-        },
-        "actuators": {"air": {"chamber": {"where": {"vertices": ids[: len(level)].tolist()}, "command": "volume"}}},
-        "loads": {"weight": {"surface": {"where": inner, "force": [0.0, 0.0, -1.0]}}},
-        "solver": {"tolerance": 1e-4},
+        "handles.rim.where": {"vertices": ids[circle == count - 1].tolist()},
+        "handles.cap.where": inner,
+        "actuators.air.chamber.where": {"vertices": ids[: len(level)].tolist()},
+        "loads.weight.surface.where": inner,
     }
-    return scene_from_text(yaml.safe_dump(data), origin="of the membrane")
+    return scene_from_text(read_scene("membrane.yaml"), origin="of the membrane", overrides=given)
 
 
 def lift(design: Design, weight: float, heights: Sequence[float], *, finest: float = FINEST) -> Array:

@@ -11,13 +11,12 @@ import os
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any
 
 import meshio
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 
+from benchmarks.scenes import read_scene
 from gdfe_ros.scene import Scene, scene_from_text
 
 Array = NDArray[np.float64]
@@ -27,10 +26,8 @@ BESIDE, PAIRS = 20.3, {"p0": 90.0, "p1": -30.0, "p2": 210.0}
 """Angle from a pair's direction to its chambers [degrees], and direction of each pair."""
 THREAD = 2.0e4
 """Stiffness of the hoops [N/m]: that of a thread of 0.2 mm is far larger, but hoops of this one do not stretch."""
-SENSOR, GRAVITY = 13.47e-3, 9.81
-"""Mass of the force sensor on the free end [kg], and acceleration along +z."""
-SIZE, LAYERS, DENSITY = 2e-3, 12, 1300.0
-"""Largest edge in the section [m], layers along the module, and density that the authors' code has [kg/m^3]."""
+SIZE, LAYERS = 2e-3, 12
+"""Largest edge in the section [m], and layers along the module."""
 
 
 def chamber_axes() -> dict[str, Array]:
@@ -61,33 +58,17 @@ def module_scene(folder: Path, young: float) -> Scene:
             walls[f"{name}{letter}"] = {"vertices": np.flatnonzero(near).tolist()}
     ends = {"base": vertices[:, 2] < 1e-9, "tip": vertices[:, 2] > LENGTH - 1e-9}
     held = {name: {"vertices": np.flatnonzero(ids).tolist()} for name, ids in ends.items()}
-    data: dict[str, Any] = {
-        "name": "module",
-        "mesh": {"file": str(folder / "module.vtu")},
-        "materials": {"silicone": {"law": "neo_hookean", "young": float(young), "poisson": 0.499, "density": DENSITY}},
-        "regions": [{"material": "silicone"}],
-        "handles": {
-            "base": {"where": held["base"], "fixed": True},
-            "tip": {"where": held["tip"], "free": ["x", "y", "z", "rx", "ry", "rz"]},
-        },
+    thread = {"along": [0, 0, 1], "angles_deg": [90], "stiffness": THREAD, "compression": True}
+    given = {
+        "mesh.file": str(folder / "module.vtu"),
+        "materials.silicone.young": float(young),
+        "handles.base.where": held["base"],
+        "handles.tip.where": held["tip"],
+        "loads.sensor.surface.where": held["tip"],
         "actuators": {name: {"chamber": {"where": where}} for name, where in walls.items()},
-        "fibres": {
-            f"thread_{name}": {
-                "where": where,
-                "along": [0, 0, 1],
-                "angles_deg": [90],
-                "stiffness": THREAD,
-                "compression": True,
-            }
-            for name, where in walls.items()
-        },
-        "loads": {
-            "weight": {"gravity": [0.0, 0.0, GRAVITY]},
-            "sensor": {"surface": {"where": held["tip"], "force": [0.0, 0.0, SENSOR * GRAVITY]}},
-        },
-        "solver": {"tolerance": 1e-4},
+        "fibres": {f"thread_{name}": {"where": where, **thread} for name, where in walls.items()},
     }
-    return scene_from_text(yaml.safe_dump(data), origin="of the module")
+    return scene_from_text(read_scene("module.yaml"), origin="of the module", overrides=given)
 
 
 def _section() -> tuple[Array, NDArray[np.int64]]:

@@ -11,71 +11,21 @@ import re
 import subprocess
 from time import perf_counter
 
-from benchmarks.cases import Case, CaseName, LogNeoHooke
+from benchmarks.cases import Case, LogNeoHooke
 from benchmarks.grids import Grid
 from benchmarks.peers.ccx_deck import MILLIMETRES, CcxElement, Incrementation, write_deck
 from benchmarks.peers.ccx_output import (
     CcxRun,
     available,
     count_iterations,
+    read_blocks,
     read_displacements,
-    read_reactions,
     run_ccx,
     to_lattice,
 )
 from benchmarks.peers.peer import Array, PeerSolution, Variant, handle_reaction
 
-__all__ = ["available", "solve", "variants"]
-
-_COARSE = {
-    CaseName.BEND5: ((10, 1, 1), (15, 1, 1), (25, 2, 2)),
-    CaseName.TWIST90: ((8, 2, 2), (12, 3, 3)),
-    CaseName.TENSILE: ((8, 2, 2), (12, 3, 3)),
-    CaseName.TWIST90_UNIFORM: ((8, 2, 2), (12, 3, 3)),
-}
-_QUADRATIC = {CaseName.BEND5: (20, 2, 2)}
-# First increment of the load and whether to iterate patiently, the best found on each scene.
-_INCREMENT = {
-    CaseName.BEND5: (0.25, True),
-    CaseName.TWIST90: (0.1, True),
-    CaseName.TENSILE: (0.1, True),
-    CaseName.TWIST90_UNIFORM: (0.1, True),
-}
-_INCREMENT_QUADRATIC = {
-    CaseName.BEND5: (0.25, True),
-    CaseName.TWIST90: (1.0, False),
-    CaseName.TENSILE: (0.25, True),
-    CaseName.TWIST90_UNIFORM: (1.0, False),
-}
-
-
-def variants(case: Case) -> tuple[Variant, ...]:
-    """Return the elements on the paper's mesh and on coarser meshes, with tuned load increments."""
-    linear, quadratic = _INCREMENT[case.name], _INCREMENT_QUADRATIC[case.name]
-    steps = 2 if case.name is CaseName.TWIST90 else 1
-    runs = [_variant(CcxElement.C3D8I, cells, *linear) for cells in _COARSE[case.name]]
-    runs.append(_variant(CcxElement.C3D20R, _QUADRATIC.get(case.name, (8, 2, 2)), *quadratic))
-    runs.append(_variant(CcxElement.C3D8, case.cells, *linear))
-    runs.append(_variant(CcxElement.C3D8I, case.cells, *linear, steps=steps))
-    runs.append(_variant(CcxElement.C3D20R, case.cells, *quadratic))
-    return tuple(runs)
-
-
-def _variant(
-    element: CcxElement,
-    cells: tuple[int, int, int],
-    increment: float,
-    patient: bool,
-    *,
-    steps: int = 1,
-) -> Variant:
-    return Variant(
-        label=f"{element.value} {'x'.join(map(str, cells))}",
-        element=element.value,
-        cells=cells,
-        steps=steps,
-        options={"increment": increment, "patient": patient},
-    )
+__all__ = ["available", "solve"]
 
 
 def solve(case: Case, variant: Variant, points: Array) -> PeerSolution:
@@ -85,9 +35,8 @@ def solve(case: Case, variant: Variant, points: Array) -> PeerSolution:
         PeerError: if ``ccx`` fails, with the end of its log.
     """
     element = CcxElement(variant.element)
-    incrementation = Incrementation(
-        first=float(variant.options.get("increment", 1.0)), patient=bool(variant.options.get("patient", False))
-    )
+    first, patient = float(variant.options["increment"]), bool(variant.options.get("patient", False))
+    incrementation = Incrementation(first=first, patient=patient)
     start = perf_counter()
     grid = case.grid(variant.cells, order=element.order)
     deck = write_deck(case, grid, element, steps=variant.steps, incrementation=incrementation)
@@ -116,7 +65,7 @@ def _read(found: CcxRun, case: Case, grid: Grid, element: CcxElement) -> tuple[A
     displacement = to_lattice(read_displacements(found.frd), size=len(rest)) / MILLIMETRES
     if element is CcxElement.C3D20R:
         displacement = grid.complete_serendipity(displacement)
-    forces = to_lattice(read_reactions(found.dat), size=len(rest))
+    forces = to_lattice(read_blocks(found.dat, "forces")[1][-1], size=len(rest))
     return displacement, handle_reaction(grid, displacement, forces)
 
 

@@ -17,7 +17,7 @@ from benchmarks.peers.ccx_deck import (
     set_cards,
     used_nodes,
 )
-from benchmarks.peers.ccx_output import available, read_paths, run_ccx, to_lattice
+from benchmarks.peers.ccx_output import available, read_blocks, run_ccx, to_lattice
 from benchmarks.peers.drop_case import DENSITY, GRAVITY, LASTS, LAW, SIZE, TIP, DropPath
 
 __all__ = ["available", "simulate"]
@@ -28,16 +28,17 @@ _LEAST = 1e-5
 """Shortest time step [s] into which CalculiX may divide a step that does not converge."""
 
 
-def simulate(element: CcxElement, cells: tuple[int, int, int], h: float, *, timeout: float) -> DropPath:
+def simulate(kind: str, cells: tuple[int, int, int], h: float, *, timeout: float) -> DropPath:
     """Return the path of the tip for the time step ``h`` [s]; its processor time is that of the whole program.
 
     Raises:
         PeerError: ``ccx`` fails, or takes longer than ``timeout`` [s].
     """
+    element = CcxElement(kind)
     grid = Grid(size=SIZE, cells=cells, order=element.order)
     where = f"drop {element.value} {grid.label}, h = {h:g} s"
     found = run_ccx(_deck(grid, element, h), where, timeout=timeout)
-    times, paths = read_paths(found.dat)
+    times, paths = read_blocks(found.dat, "displacements")
     return DropPath(times, np.array([_tip(grid, element, nodal) for nodal in paths]), found.processor)
 
 

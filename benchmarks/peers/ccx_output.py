@@ -91,27 +91,24 @@ def read_displacements(text: str) -> Nodal:
     raise ValueError("the block DISP of the .frd file has no end mark: the file is cut off")
 
 
-def read_reactions(text: str) -> Nodal:
-    """Return the nodal forces of the last ``forces`` block of a ``.dat`` file.
+def read_blocks(text: str, title: str) -> tuple[npt.NDArray[np.float64], list[Nodal]]:
+    """Return the times (k,) [s] and nodal values of every block of a ``.dat`` file that begins with ``title``.
 
     Raises:
         ValueError: if there is no such block.
     """
-    lines = text.splitlines()
-    starts = [index for index, line in enumerate(lines) if line.strip().startswith("forces (fx,fy,fz)")]
-    if not starts:
-        raise ValueError("the .dat file holds no forces: did the analysis end early?")
-    found: Nodal = {}
-    for line in lines[starts[-1] + 1 :]:
-        fields = line.split()
-        if not fields:
-            if found:
-                break
-            continue
-        if len(fields) != 4:
-            break
-        found[int(fields[0])] = (float(fields[1]), float(fields[2]), float(fields[3]))
-    return found
+    times, blocks, inside = [], [], False
+    for fields in filter(None, map(str.split, text.splitlines())):
+        if not fields[0].isdigit():
+            inside = fields[0] == title
+            if inside:
+                times.append(float(fields[-1]))
+                blocks.append({})
+        elif inside:
+            blocks[-1][int(fields[0])] = (float(fields[1]), float(fields[2]), float(fields[3]))
+    if not blocks:
+        raise ValueError(f"the .dat file holds no {title}: did the analysis end early?")
+    return np.array(times), blocks
 
 
 def read_total_forces(text: str) -> list[tuple[float, float, float]]:
@@ -129,25 +126,6 @@ def read_total_forces(text: str) -> list[tuple[float, float, float]]:
     if not found:
         raise ValueError("the .dat file holds no total forces: did the analysis end early?")
     return [(float(x), float(y), float(z)) for x, y, z in found]
-
-
-def read_paths(text: str) -> tuple[npt.NDArray[np.float64], list[Nodal]]:
-    """Return the times (k,) [s] and nodal displacements of every ``displacements`` block of a ``.dat`` file.
-
-    Raises:
-        ValueError: if there is no such block.
-    """
-    times, paths = [], []
-    for line in text.splitlines():
-        fields = line.split()
-        if fields[:1] == ["displacements"]:
-            times.append(float(fields[-1]))
-            paths.append({})
-        elif len(fields) == 4 and paths:
-            paths[-1][int(fields[0])] = (float(fields[1]), float(fields[2]), float(fields[3]))
-    if not paths:
-        raise ValueError("the .dat file holds no displacements: did the analysis end early?")
-    return np.array(times), paths
 
 
 def count_iterations(text: str) -> int:

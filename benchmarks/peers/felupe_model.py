@@ -53,12 +53,12 @@ class Model:
         self.boundaries["right"].update(columns.ravel() * MILLIMETRES)
 
 
-def build_mesh(grid: Grid, felupe: ModuleType) -> Any:
-    """Return FElupe's region of the grid with linear or triquadratic hexahedra."""
+def build_mesh(grid: Grid, felupe: ModuleType, *, unit: float = MILLIMETRES) -> Any:
+    """Return FElupe's region of the grid with linear or triquadratic hexahedra; a metre has ``unit`` of its units."""
     quadratic = grid.order == 2
     element = felupe.TriQuadraticHexahedron() if quadratic else felupe.Hexahedron()
     cell_type = "hexahedron27" if quadratic else "hexahedron"
-    mesh = felupe.Mesh(grid.points() * MILLIMETRES, grid.connectivity(element.points), cell_type)
+    mesh = felupe.Mesh(grid.points() * unit, grid.connectivity(element.points), cell_type)
     return felupe.RegionTriQuadraticHexahedron(mesh) if quadratic else felupe.RegionHexahedron(mesh)
 
 
@@ -78,7 +78,7 @@ def build_model(case: Case, grid: Grid) -> Model:
     else:
         field = felupe.FieldContainer([felupe.Field(region, dim=3)])
         items = [_ogden_body(case, grid, region, index, felupe) for index in range(len(case.laws))]
-    boundaries = build_boundaries(case, grid, field[0], felupe)
+    boundaries = build_boundaries(grid, field[0], felupe, slides=case.slides)
     if case.slides:
         items.append(tie_handle(grid, field, felupe, multiplier=TIE))
     return Model(felupe=felupe, grid=grid, field=field, items=items, boundaries=boundaries, slides=case.slides)
@@ -119,7 +119,7 @@ def ogden_material(law: Any) -> Any:
     )
 
 
-def build_boundaries(case: Case, grid: Grid, displacement: Any, felupe: ModuleType) -> dict[str, Any]:
+def build_boundaries(grid: Grid, displacement: Any, felupe: ModuleType, *, slides: bool = False) -> dict[str, Any]:
     """Return the boundaries of the clamped left and the moved right face."""
     masks = {"left": grid.face(right=False), "right": grid.face(right=True)}
     count = len(displacement.region.mesh.points)
@@ -127,7 +127,7 @@ def build_boundaries(case: Case, grid: Grid, displacement: Any, felupe: ModuleTy
     for name, nodes in masks.items():
         mask = np.zeros(count, dtype=bool)
         mask[nodes] = True
-        skip = (1, 0, 0) if name == "right" and case.slides else (0, 0, 0)
+        skip = (1, 0, 0) if name == "right" and slides else (0, 0, 0)
         result[name] = felupe.Boundary(displacement, mask=mask, skip=skip)
     return result
 

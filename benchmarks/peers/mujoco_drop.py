@@ -12,32 +12,25 @@ import numpy as np
 
 from benchmarks.grids import Grid
 from benchmarks.peers.drop_case import DENSITY, GRAVITY, LASTS, LAW, SIZE, TIP, DropPath
-from benchmarks.peers.mujoco_model import Drive, body_name, write_model
-from benchmarks.peers.mujoco_peer import available
+from benchmarks.peers.mujoco_model import Drive, write_model
+from benchmarks.peers.mujoco_peer import available, load_lattice, require_usable
 from benchmarks.peers.peer import PeerError
 
 __all__ = ["available", "simulate"]
 
-_BAD = ("mjWARN_BADQPOS", "mjWARN_BADQVEL", "mjWARN_BADQACC")
 
-
-def simulate(order: int, cells: tuple[int, int, int], h: float, *, timeout: float) -> DropPath:
-    """Return the path of the tip for the time step ``h`` [s], with trilinear (order 1) or quadratic (order 2) flexes.
+def simulate(kind: str, cells: tuple[int, int, int], h: float, *, timeout: float) -> DropPath:
+    """Return the path of the tip for the time step ``h`` [s], with a ``trilinear flex`` or a ``quadratic flex``.
 
     Raises:
         PeerError: the state becomes unusable, or the steps take more than ``timeout`` [s] of processor time.
     """
     import mujoco
 
-    # It would print and log, in every run, that the solve before that of the whole system did not converge.
-    mujoco.set_mju_user_warning(lambda _: None)
-    grid = Grid(size=SIZE, cells=cells, order=order)
-    where = f"mujoco drop order {order} {grid.label}, h = {h:g} s"
+    grid = Grid(size=SIZE, cells=cells, order=2 if kind.startswith("quadratic") else 1)
+    where = f"mujoco drop {kind} {grid.label}, h = {h:g} s"
     text = write_model([LAW], grid, Drive.FREE, timestep=h, density=DENSITY, gravity=GRAVITY)
-    model = mujoco.MjModel.from_xml_string(text)
-    data = mujoco.MjData(model)
-    free = np.setdiff1d(np.arange(len(grid.points())), grid.face(right=False))
-    dofs = model.body_dofadr[[model.body(body_name(int(node))).id for node in free]][:, None] + np.arange(3)
+    model, data, free, dofs = load_lattice(text, grid, grid.face(right=False))
     started, found = process_time(), []
     for _ in range(round(LASTS / h)):
         mujoco.mj_step(model, data)
@@ -45,9 +38,7 @@ def simulate(order: int, cells: tuple[int, int, int], h: float, *, timeout: floa
         if process_time() - started > timeout:
             raise PeerError(f"{where}: not done within {timeout:g} s")
     seconds = process_time() - started
-    bad = [name for name in _BAD if data.warning[int(mujoco.mjtWarning.__members__[name])].number]
-    if bad or not np.isfinite(found[-1]).all():
-        raise PeerError(f"{where}: the state became unusable ({', '.join(bad) or 'not finite'})")
+    require_usable(data, where)
     moved, path = np.zeros((len(grid.points()), 3)), []
     for displacement in found:
         moved[free] = displacement

@@ -27,8 +27,7 @@ from benchmarks.peers.grip_case import (
     WEIGHT,
     YOUNG,
 )
-from benchmarks.peers.mujoco_peer import available
-from benchmarks.peers.peer import PeerError
+from benchmarks.peers.mujoco_peer import available, require_usable
 
 __all__ = ["available", "simulate"]
 
@@ -97,8 +96,7 @@ class _Grip:
                 self._data.qpos[place] = sign * way
                 self._data.qvel[speed] = sign * SQUEEZE / lasts if stage == "squeeze" else 0.0
             self._mujoco.mj_step(self._model, self._data)
-        if not np.isfinite(self._data.qpos).all():
-            raise PeerError(f"mujoco grip, friction {self._friction:g}: the state became unusable in {stage!r}")
+        require_usable(self._data, f"mujoco grip, friction {self._friction:g}, {stage}")
 
 
 def model_text(friction: float) -> str:

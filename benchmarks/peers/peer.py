@@ -1,52 +1,37 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Interface of the benchmark's peers (other solvers), and runs of a peer in a separate process."""
+"""Interface of the benchmark's peers (other solvers), and runs of a peer in a process of its own."""
 
 from __future__ import annotations
 
-import json
-import os
-import subprocess
-import sys
-import tempfile
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass, field
 from enum import Enum
+from functools import cache
 from importlib import import_module
 from pathlib import Path
 from typing import Any, Protocol, cast
 
 import numpy as np
 import numpy.typing as npt
+import yaml
 
 from benchmarks.cases import Case, CaseName
 from benchmarks.grids import Grid
-from gdfe_ros.errors import GdfeError
-from gdfe_ros.workers import THREAD_COUNTS
+from benchmarks.process import PeerError, run_module
 
 Array = npt.NDArray[np.float64]
 Setting = float | int | bool | str
-
-_THREAD_VARIABLES = (
-    *THREAD_COUNTS,
-    "CCX_NPROC_EQUATION_SOLVER",
-    "CCX_NPROC_RESULTS",
-    "CCX_NPROC_STIFFNESS",
-)
-_WORKER = "benchmarks.peers.worker"
-_ROOT = Path(__file__).resolve().parents[2]
+VARIANTS = Path(__file__).with_name("variants.yaml")
+"""File of what is run of each solver on each scene."""
 
 
-class Solver(Enum):
+class Solver(str, Enum):
     """Our solver, and the solvers with which the benchmark compares it."""
 
     GDFE = "gdfe"
     FELUPE = "felupe"
     CALCULIX = "calculix"
     MUJOCO = "mujoco"
-
-
-class PeerError(GdfeError):
-    """A peer that is not installed, or whose run failed."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -116,17 +101,10 @@ class PeerResult:
     reaction: tuple[float, float, float, float, float, float]
     settings: dict[str, Any]
 
-    def to_json(self) -> dict[str, Any]:
-        """Return the result as plain JSON types."""
-        return asdict(self) | {"solver": self.solver.value, "reaction": list(self.reaction)}
-
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> PeerResult:
-        """Return the result that `to_json` wrote."""
-        values = dict(data)
-        values["solver"] = Solver(values["solver"])
-        values["reaction"] = tuple(values["reaction"])
-        return cls(**values)
+        """Return the result from its fields as plain JSON types."""
+        return cls(**{**data, "solver": Solver(data["solver"]), "reaction": tuple(data["reaction"])})
 
 
 class Peer(Protocol):
@@ -134,9 +112,6 @@ class Peer(Protocol):
 
     def available(self) -> str | None:
         """Return None if the peer can run here, else the reason why not and the remedy."""
-
-    def variants(self, case: Case) -> tuple[Variant, ...]:
-        """Return the variants that are shown for a scene; empty if the peer cannot solve the scene."""
 
     def solve(self, case: Case, variant: Variant, points: Array) -> PeerSolution:
         """Run a variant once; return the solution at undeformed positions ``points``, shape (n, 3) [m]."""
@@ -147,6 +122,39 @@ def load_peer(solver: Solver) -> Peer:
     return cast(Peer, import_module(f"benchmarks.peers.{solver.value}_peer"))
 
 
+@cache
+def _read_families() -> dict[str, dict[str, list[dict[str, Any]]]]:
+    return yaml.safe_load(VARIANTS.read_text(encoding="utf-8"))
+
+
+def list_variants(solver: Solver, case: Case) -> list[Variant]:
+    """Return the variants of a scene in `VARIANTS`; empty if the peer cannot solve the scene."""
+    found = []
+    for family in _read_families()[solver.value].get(case.name.value, ()):
+        element, meshes, steps = family["element"], family["cells"], family.get("steps", 1)
+        options = {name: value for name, value in family.items() if name not in ("element", "cells", "steps")}
+        tail = f" {options['tolerance']:g}" if "tolerance" in options else ""
+        tail += f", {steps} steps" if "stream" in options else ""
+        for mesh in meshes:
+            cells = tuple(map(int, mesh.split("x")))
+            label = f"{element} {mesh}{tail}"
+            found.append(Variant(label=label, element=element, cells=cells, steps=steps, options=options))
+    return found
+
+
+def attempt(name: str, peer: Any, runs: Iterable[Any], measure: Callable[[Any], Any]) -> tuple[list[Any], list[str]]:
+    """Return what ``measure`` finds for each run of a peer's module, and texts about a missing peer or failed runs."""
+    if reason := peer.available():
+        return [], [f"{name}: {reason}"]
+    rows, failures = [], []
+    for run in runs:
+        try:
+            rows.append(measure(run))
+        except PeerError as error:
+            failures.append(str(error))
+    return rows, failures
+
+
 def run_peer(
     solver: Solver,
     name: CaseName,
@@ -155,19 +163,17 @@ def run_peer(
     repeats: int = 3,
     threads: int = 1,
     timeout: float = 600.0,
-    reference_directory: Path | None = None,
 ) -> PeerResult:
     """Run a peer in a new process with a fixed number of threads, and measure it.
 
     Args:
         solver: the peer.
         name: name of the scene.
-        variant: one of `Peer.variants`, or any other variant.
+        variant: one of `list_variants`, or any other variant.
         repeats: number of timed runs; the result is their median. A run of five seconds or more is
             not repeated.
         threads: number of threads that libraries in the process may use.
         timeout: time limit of all runs together [s].
-        reference_directory: folder of the reference solutions, by default in the checkout.
 
     Raises:
         PeerError: if the peer is not installed, fails or takes longer than ``timeout``.
@@ -181,29 +187,9 @@ def run_peer(
         "variant": asdict(variant),
         "repeats": repeats,
         "threads": threads,
-        "reference_directory": str(reference_directory) if reference_directory else None,
     }
     where = f"{solver.value}, {name.value}, {variant.label}"
-    with tempfile.TemporaryDirectory(prefix="gdfe_peer_") as folder:
-        request_path, result_path = Path(folder, "request.json"), Path(folder, "result.json")
-        request_path.write_text(json.dumps(request))
-        command = [sys.executable, "-m", _WORKER, str(request_path), str(result_path)]
-        try:
-            process = subprocess.run(
-                command,
-                cwd=folder,
-                env=worker_environment(threads),
-                capture_output=True,
-                text=True,
-                timeout=timeout,
-                check=False,
-            )
-        except subprocess.TimeoutExpired:
-            raise PeerError(f"{where}: no result within {timeout:g} s; raise the timeout") from None
-        if process.returncode != 0 or not result_path.is_file():
-            tail = "\n".join((process.stderr or process.stdout).strip().splitlines()[-6:])
-            raise PeerError(f"{where}: the worker ended with status {process.returncode}:\n{tail}")
-        return PeerResult.from_json(json.loads(result_path.read_text()))
+    return PeerResult.from_json(run_module("benchmarks.peers.worker", request, where, timeout=timeout, threads=threads))
 
 
 def handle_reaction(grid: Grid, displacement: Array, forces: Array) -> Array:
@@ -221,10 +207,3 @@ def handle_reaction(grid: Grid, displacement: Array, forces: Array) -> Array:
     deformed = (grid.points() + displacement)[face]
     moment = np.cross(deformed - deformed.mean(axis=0), forces[face]).sum(axis=0)
     return np.concatenate([forces[face].sum(axis=0), moment])
-
-
-def worker_environment(threads: int) -> dict[str, str]:
-    """Return the environment variables of a worker, which limit its threads and make this package importable."""
-    path = os.pathsep.join(filter(None, [str(_ROOT), os.environ.get("PYTHONPATH", "")]))
-    pinned = dict.fromkeys(_THREAD_VARIABLES, str(threads))
-    return {**os.environ, **pinned, "PYTHONPATH": path, "FELUPE_VERBOSE": "false"}

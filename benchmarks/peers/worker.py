@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Process that runs one peer: ``python -m benchmarks.peers.worker REQUEST RESULT``."""
+"""Process that runs one peer: ``python -m benchmarks.peers.worker REQUEST`` prints its result."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ import json
 import statistics
 import sys
 import warnings
-from pathlib import Path
+from dataclasses import asdict
 from typing import Any
 
-from benchmarks.cases import Case, get_case
+from benchmarks.cases import CASES, Case, CaseName
 from benchmarks.peers.peer import Peer, PeerResult, PeerSolution, Solver, Variant, load_peer
 from benchmarks.references import Reference, load_reference, measure_error
 
@@ -32,11 +32,10 @@ def measure(peer: Peer, case: Case, variant: Variant, reference: Reference, *, r
 
 def run(request: dict[str, Any]) -> PeerResult:
     """Run the peer of a request from `benchmarks.peers.peer.run_peer`, and return its result."""
-    solver, case = Solver(request["solver"]), get_case(request["scene"])
+    solver, case = Solver(request["solver"]), CASES[CaseName(request["scene"])]
     fields = request["variant"]
     variant = Variant(**{**fields, "cells": tuple(fields["cells"])})
-    directory = request["reference_directory"]
-    reference = load_reference(case.name, directory=Path(directory) if directory else None)
+    reference = load_reference(case.name)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         runs = measure(load_peer(solver), case, variant, reference, repeats=int(request["repeats"]))
@@ -63,12 +62,5 @@ def run(request: dict[str, Any]) -> PeerResult:
     )
 
 
-def main() -> None:
-    """Read the request, run it, write the result."""
-    request_path, result_path = sys.argv[1:3]
-    result = run(json.loads(Path(request_path).read_text()))
-    Path(result_path).write_text(json.dumps(result.to_json()))
-
-
 if __name__ == "__main__":
-    main()
+    print(json.dumps(asdict(run(json.loads(sys.argv[1])))))

@@ -28,8 +28,4 @@ def all_cases(*, walk_steps: int = walks.STEPS) -> list[Case]:
     found += [*walks.cases(walk_steps), *actuation.cases(), *snaps.cases(), *scenes.cases(), *honesty.cases()]
     found += touches.cases(min(touches.POKES, walk_steps))
     found += pokes.cases(min(pokes.POKES, walk_steps))
-    names = [case.id for case in found]
-    twice = sorted({name for name in names if names.count(name) > 1})
-    if twice:
-        raise AssertionError(f"cases of the same name: {twice}")
     return found

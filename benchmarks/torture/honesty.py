@@ -15,6 +15,7 @@ from functools import cache, partial
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.scenes import read_scene
 from benchmarks.torture.case import Case, Finding, Group
 from benchmarks.torture.slender_bodies import FINGERS, SLENDER_BODIES, fork
 from gdfe_ros.scene import Scene, load_scene, scene_from_text
@@ -26,38 +27,9 @@ TOLERANCES = (1e-3, 1e-4, 1e-5)
 TRUTHS = (1e-8, 1e-6)
 PROMISE = 1.0
 """Largest allowed true error of a converged step, divided by the tolerance."""
-TEXT = """
-name: honest
-mesh: {{{mesh}}}
-materials:
-  soft: {{law: neo_hookean, young: 1.0e6, poisson: {poisson}, density: 1000}}
-  hard: {{law: neo_hookean, young: 1.0e10, poisson: 0.45, density: 1000}}
-regions: [{{material: soft}}{hard}]
-handles: {{base: {{where: {{face: x-}}, fixed: true}}}}
-loads: {{weight: {{gravity: [0, 0, {gravity}]}}}}
-solver: {{max_iterations: 5000}}
-"""
-HELD = """
-name: held
-mesh: {{bar: {{size: [{length}, 0.01, 0.01], cells: {cells}}}}}
-materials: {{rubber: {{law: neo_hookean, young: 1.0e5, poisson: {poisson}}}}}
-regions: [{{material: rubber}}]
-handles: {{base: {{where: {{face: x-}}, fixed: true}}, tip: {{where: {{face: x+}}}}}}
-program:
-  duration: 1.0
-  handles: {{tip: [{{time: 0.0}}, {{time: 1.0, translation: {shift}, rotation_deg: {turn}}}]}}
-solver: {{max_iterations: 5000}}
-"""
-TENDON = """
-name: tendon_bar
-mesh: {{bar: {{size: [{length}, {thickness}, {thickness}], cells: {cells}}}}}
-materials: {{soft: {{{law}}}}}
-regions: [{{material: soft}}]
-handles: {{base: {{where: {{face: x-}}, fixed: true}}}}
-actuators: {{tendon: {{cable: {{points: {points}, command: {command}}}}}}}
-program: {{duration: 1.0, actuators: {{tendon: [{{time: 0.0, value: 0.0}}, {{time: 1.0, value: {value}}}]}}}}
-solver: {{max_iterations: 5000}}
-"""
+TEXT = read_scene("weighed_bar.yaml.in")
+HELD = read_scene("held_bar.yaml.in")
+TENDON = read_scene("tendon_bar.yaml.in")
 RUBBER = "law: neo_hookean, young: 5.0e5, poisson: 0.499"
 
 

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from benchmarks.scenes import read_scene
 from benchmarks.torture.bodies import Driver, distance
 from benchmarks.torture.case import Case, Finding, Group
 from benchmarks.torture.touches import BOUND, FRICTIONS, UP, released
@@ -21,23 +22,8 @@ from gdfe_ros.solver.settings import Policy
 
 POKES, PRESSES = 84, 42
 """Number of pokes of each object with each friction, about a thousand in total; and number of presses of two meshes."""
-COARSE = """
-name: poked
-mesh: {bar: {size: [0.10, 0.05, 0.05], cells: [4, 2, 2]}}
-materials: {soft: {law: neo_hookean, young: 1.0e5, poisson: 0.4, density: 1000}}
-regions: [{material: soft}]
-handles: {base: {where: {face: x-}, fixed: true}}
-solver: {tolerance: 1.0e-6, max_iterations: 2000}
-"""
-BLOCKS = """
-name: blocks
-meshes:
-  low: {bar: {size: [0.05, 0.05, 0.05], cells: [2, 1, 2]}}
-  high: {bar: {size: [0.05, 0.05, 0.05], cells: [1, 2, 2]}, at: [0, 0, 0.051]}
-materials: {soft: {law: neo_hookean, young: 2.0e5, poisson: 0.4, density: 1000}}
-regions: [{material: soft}]
-handles: {low: {where: {mesh: low, face: z-}, fixed: true}, high: {where: {mesh: high, face: z+}}}
-"""
+COARSE = read_scene("poked_bar.yaml")
+BLOCKS = read_scene("two_blocks.yaml")
 ABOVE, HEIGHT = 0.2, 0.025
 """Initial height of an object above the body's middle, and height of the body's upper face [m]."""
 DEEP = 0.012

@@ -56,8 +56,8 @@ def torture_table(scores: Sequence[Score]) -> dict[str, str]:
 
 
 def _row(group: str, scores: Sequence[Score]) -> tuple[str, ...]:
-    judged = [score for score in scores if score["verdict"] != Verdict.REPORTED.value and score["error"] is not None]
-    judged = [score for score in judged if score["bound"]]
+    firm = [score for score in scores if score["verdict"] != Verdict.REPORTED.value]
+    judged = [score for score in firm if score["error"] is not None and score["bound"]]
     worst = max(judged, key=lambda score: score["error"] / score["bound"], default=None)
     error = "-" if worst is None else f"{worst['error']:.1e} / {worst['bound']:.0e}"
     counts = [len(scores), *(_count(scores, verdict) for verdict in Verdict)]

@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.scenes import read_scene
 from gdfe_ros.mesh import HexMesh, bar
 from gdfe_ros.mesh.assembly import keep_cells
 from gdfe_ros.mesh.packing import pack_mesh
@@ -15,17 +16,7 @@ from gdfe_ros.scene import Scene, scene_from_text
 
 CLAMP = "clamp"
 """Name of the fixed vertex set."""
-TEXT = """
-name: slender
-mesh: {{embedded: {mesh}}}
-materials:
-  soft: {{law: neo_hookean, young: 1.0e6, poisson: 0.45, density: 1000}}
-  hard: {{law: neo_hookean, young: 1.0e9, poisson: 0.45, density: 1000}}
-regions: [{{material: soft}}{hard}]
-handles: {{base: {{where: {{set: {clamp}}}, fixed: true}}}}
-loads: {{weight: {{gravity: [0, 0, {gravity}]}}}}
-solver: {{max_iterations: 5000}}
-"""
+TEXT = read_scene("slender.yaml.in")
 Warp = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 
 
@@ -96,19 +87,7 @@ def chain() -> Scene:
     return _scene(mesh, mesh.vertices[:, 0] == 0.0, -1.0, links)
 
 
-FORK = """
-name: fork
-mesh: {{embedded: {mesh}}}
-materials: {{soft: {{law: neo_hookean, young: 1.0e6, poisson: 0.45}}}}
-regions: [{{material: soft}}]
-handles: {{base: {{where: {{set: {clamp}}}, fixed: true}}}}
-actuators:
-{cables}
-solver: {{max_iterations: 5000}}
-program:
-  duration: 1.0
-  actuators: {{{pulls}}}
-"""
+FORK = read_scene("fork.yaml.in")
 FINGERS = {"left": -0.016, "middle": 0.0, "right": 0.016}
 """Dict from finger of a fork to its lateral position [m]."""
 

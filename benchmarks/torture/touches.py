@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import trimesh
 
+from benchmarks.scenes import read_scene
 from benchmarks.torture.bodies import Driver, distance
 from benchmarks.torture.case import Case, Finding, Group
 from gdfe_ros.constraints import Pose
@@ -21,14 +22,7 @@ from gdfe_ros.solver.settings import Policy
 POKES, KNOCKS = 300, 30
 BOUND = 1e-4
 """Largest distance from the undeformed shape after the contact has ended, divided by the body's size."""
-BODY = """
-name: poked
-mesh: {bar: {size: [0.10, 0.05, 0.05], cells: [8, 4, 4]}}
-materials: {soft: {law: neo_hookean, young: 1.0e5, poisson: 0.4, density: 1000}}
-regions: [{material: soft}]
-handles: {base: {where: {face: x-}, fixed: true}}
-solver: {tolerance: 1.0e-6, max_iterations: 2000}
-"""
+BODY = read_scene("touched_bar.yaml")
 MOTION = {"scheme": "bdf2", "step": 0.005, "damping": {"viscosity": 300.0, "mass": 20.0}}
 CALM = 200
 """Number of steps after which the damped motion has ended."""

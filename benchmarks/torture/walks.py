@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.scenes import read_scene
 from benchmarks.torture.bodies import BAR, LAWS, distance, make_scene
 from benchmarks.torture.case import Case, Finding, Group
 from gdfe_ros.constraints import Pose
@@ -35,26 +36,8 @@ MOST_GROWTH = 5e6
 MOST_SLOWING = 1.1
 """Largest ratio of the last thousand steps to the first, for the processor time and for the iterations."""
 WINDOW = 1000
-FINGER = """
-name: finger
-mesh: {bar: {size: [0.10, 0.02, 0.02], cells: [10, 2, 2]}}
-materials: {m: {law: neo_hookean, young: 1.0e6, poisson: 0.45}}
-regions: [{material: m}]
-handles: {base: {where: {face: x-}, fixed: true}}
-actuators:
-  upper: {cable: {points: [[0.0, 0.0, 0.008], [0.05, 0.0, 0.008], [0.10, 0.0, 0.008]], command: tension}}
-  lower: {cable: {points: [[0.0, 0.0, -0.008], [0.05, 0.0, -0.008], [0.10, 0.0, -0.008]], command: shortening}}
-solver: {tolerance: 3.0e-7}
-"""
-BALL = """
-name: ball
-mesh: {sphere: {inner: 0.010, outer: 0.015, cells: [3, 2]}}
-materials: {m: {law: neo_hookean, young: 1.0e6, poisson: 0.45}}
-regions: [{material: m}]
-handles: {base: {where: {box: {x: [0.0125, 0.02]}}, fixed: true}}
-actuators: {air: {chamber: {command: pressure}}}
-solver: {tolerance: 3.0e-7}
-"""
+FINGER = read_scene("two_cables.yaml")
+BALL = read_scene("pressed_ball.yaml")
 Drive = Callable[[NDArray[np.float64]], Command]
 
 

@@ -8,9 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from gdfe_ros.node.interface import ParameterSpec, TopicSpec
-from gdfe_ros.node.interface.parameters import MODULUS, PARAMETERS
-from gdfe_ros.node.interface.services import ACTIONS, SERVICES, STANDARD_SERVICES
+from gdfe_ros.node.interface import ACTIONS, MODULUS, PARAMETERS, SERVICES, STANDARD_SERVICES, ParameterSpec, TopicSpec
 from gdfe_ros.node.interface.topics import COMMANDS, OUTPUTS
 
 

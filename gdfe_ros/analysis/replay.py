@@ -154,7 +154,7 @@ class Replay:
         found = {topic: self._tables[topic].columns(step) for topic in topics if topic in self._tables}
         if RECORD in topics:
             outcomes = {name: getattr(result, name) for name in OUTCOME}
-            begun = {"step": record.step, "begin": record.begin, "dt": record.dt}
+            begun = {"step": record.step, "begin": record.begin, "dt": record.dt, "stamp": record.stamp}
             found[RECORD] = record_values(StepRecord(**begun, time=result.time, **outcomes))
         return found
 

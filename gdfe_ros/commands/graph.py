@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 from gdfe_ros.bounded_text import plain_lines
+from gdfe_ros.commands.remote.message_text import parse, show
+from gdfe_ros.commands.remote.peer import full_name, get_parameters, open_peer, set_parameter
 from gdfe_ros.errors import GdfeError
-from gdfe_ros.node.message_text import parse, show
-from gdfe_ros.node.peer import full_name, get_parameters, open_peer, set_parameter
 from gdfe_ros.spelling import did_you_mean
 
 REFUSED = 1

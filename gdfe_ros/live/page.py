@@ -18,7 +18,7 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
-from gdfe_ros.bounded_text import plain_lines
+from gdfe_ros.bounded_text import Throttle, plain_lines
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.live.gate import Admission, Gate, guarding
 from gdfe_ros.live.interface import ShownRun, View
@@ -28,7 +28,6 @@ from gdfe_ros.live.plots import Plots, StepHistory
 from gdfe_ros.live.stage import Stage
 from gdfe_ros.live.surface import Range, fields_of, legend
 from gdfe_ros.node.orders import Order
-from gdfe_ros.node.plain_log import Throttle
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.threads import VIEWER, show_name
 

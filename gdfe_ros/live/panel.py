@@ -16,7 +16,7 @@ import viser
 
 from gdfe_ros.actuators import Actuator
 from gdfe_ros.live.interface import Ability, ShownRun, View
-from gdfe_ros.node.interface.parameters import MODULUS
+from gdfe_ros.node.interface import MODULUS
 from gdfe_ros.node.orders import ActuatorOrder
 
 _TOUCHED = 1.0

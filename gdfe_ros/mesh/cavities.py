@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from gdfe_ros.mesh.faces import corners_of, enclosed_volume, turned, vertex_pieces
 from gdfe_ros.mesh.mesh import Mesh
-from gdfe_ros.mesh.self_cuts import find_self_cuts
+from gdfe_ros.mesh.overlap import find_self_cuts
 from gdfe_ros.mesh.shells import inside, shell_numbers, shells
 from gdfe_ros.mesh.surface_edges import is_closed
 from gdfe_ros.mesh.tet_faces import flat_quads, six_node_volume

@@ -1,15 +1,23 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Files of meshes before they are read: that they exist, how long reading may take, their unit of length."""
+"""Files of meshes before they are read: that they exist, how long reading may take, their unit of length.
+
+Meshers and other programs that read files run in a separate process.
+"""
 
 from __future__ import annotations
 
 import math
+import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
+
+import numpy as np
+from numpy.typing import NDArray
 
 from gdfe_ros.errors import MeshError
 from gdfe_ros.regular_file import defect_of, require_regular
@@ -94,3 +102,54 @@ def unit_defects(size: float, scale: float | None) -> list[str]:
         f"the body's diagonal is {size:g}, which is not in metres for a soft robot (allowed without `scale`: "
         f"{SHORTEST:g} to {LONGEST:g} m); remedy: {advice}, or `scale: 1.0` if it is in metres"
     ]
+
+
+LONGEST_RUN = 1800.0
+"""Time [s] after which a mesher is stopped."""
+_MESHERS = ("step", "surface")
+_SCRIPT = Path(__file__).with_name("mesher_process.py")
+
+
+def run_mesher(
+    kind: str, request: dict, heading: str, *, longest: float = LONGEST_RUN, noun: str = "mesher"
+) -> dict[str, NDArray]:
+    """Run a task of `mesher_process` in a separate process; return the arrays of its result.
+
+    Args:
+        kind: the task.
+        request: arrays for it.
+        heading: name of the file in an error.
+        longest: time [s] after which it is stopped.
+        noun: name of the process in an error.
+
+    Raises:
+        MeshError: the task fails, takes longer than ``longest``, or needs a package that is not installed.
+    """
+    began = time.monotonic()
+    if kind in _MESHERS:
+        print(f"{heading}: meshing", end=" ", file=sys.stderr, flush=True)
+    with tempfile.TemporaryDirectory() as folder:
+        asked, answer = Path(folder) / "request.npz", Path(folder) / "result.npz"
+        np.savez(asked, **request)
+        command = [sys.executable, str(_SCRIPT), kind, str(asked), str(answer)]
+        try:
+            # Meshers write files into their working directory.
+            options = {"cwd": folder, "capture_output": True, "text": True, "errors": "replace", "timeout": longest}
+            done = subprocess.run(command, **options, check=False)
+        except subprocess.TimeoutExpired as error:
+            text = f"the {noun} did not end in {longest:g} s; remedy: a larger size, or a simpler file"
+            raise MeshError(heading, [text]) from error
+        if not answer.is_file():
+            said = " ".join((done.stderr or done.stdout).split())[-300:]
+            text = f"the {noun} ended with code {done.returncode}: {said or 'no message'}"
+            raise MeshError(heading, [f"{text}; remedy: repair the file, see `gdfe inspect`"])
+        with np.load(answer, allow_pickle=False) as archive:
+            found = dict(archive)
+    if "missing" in found:
+        raise MeshError(heading, [f"{found['missing']} is not installed; remedy: pip install 'gdfe_ros[cad]'"])
+    if "defect" in found:
+        raise MeshError(heading, [str(found["defect"])])
+    if kind not in _MESHERS:
+        return found
+    print(f"took {time.monotonic() - began:.1f} s, {len(found['cells'])} tetrahedra", file=sys.stderr)
+    return found

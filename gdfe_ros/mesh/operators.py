@@ -8,8 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.mesh.filling import Filling
-from gdfe_ros.mesh.trilinear import CORNERS, MODES, trilinear_slopes
+from gdfe_ros.mesh.filling import CORNERS, MODES, Filling, trilinear_slopes
 
 PARALLEL = 1e-9
 """An element counts as a parallelepiped if its hourglass amplitude divided by its shortest edge is at most this."""

@@ -12,10 +12,10 @@ from scipy.spatial import cKDTree
 
 from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh.faces import Faces
+from gdfe_ros.mesh.filling import SETTLED, reference_coordinates, trilinear_weights
 from gdfe_ros.mesh.shells import cone_volumes
 from gdfe_ros.mesh.surface_edges import refine
 from gdfe_ros.mesh.tet_faces import facets
-from gdfe_ros.mesh.trilinear import SETTLED, reference_coordinates, trilinear_weights
 
 NEAR = 12
 """Number of candidate cells for a skin point: the cells with the nearest centroids."""

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.errors import MeshError
-from gdfe_ros.mesh.box_tree import BoxTree
-from gdfe_ros.mesh.shells import cone_volumes, points_inside, shells
+from gdfe_ros.mesh.shells import BoxTree, cone_volumes, points_inside, shells
 
 CELLS = 64
 """Default number of grid cells along the longest edge of a solid's bounding box."""

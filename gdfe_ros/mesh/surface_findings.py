@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from gdfe_ros.mesh.contact_skin import out_of_material
 from gdfe_ros.mesh.mesher_process import MOST_CELLS, expected_cells
-from gdfe_ros.mesh.self_cuts import SelfCuts, find_self_cuts
+from gdfe_ros.mesh.overlap import SelfCuts, find_self_cuts
 from gdfe_ros.mesh.shells import cone_volumes, shell_numbers
 from gdfe_ros.mesh.surface_edges import disagreeing_edges, is_closed, odd_edges, winding_defects
 from gdfe_ros.mesh.walls import FLATTEST, LEAST_FRACTION, Walls, cells_at_walls, find_walls, measured

@@ -13,13 +13,11 @@ from numpy.typing import NDArray
 from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh.assembly import keep_cells
 from gdfe_ros.mesh.contact_skin import out_of_material
-from gdfe_ros.mesh.mesh_input import require_file
-from gdfe_ros.mesh.mesher import run_mesher
+from gdfe_ros.mesh.mesh_input import require_file, run_mesher
 from gdfe_ros.mesh.mesher_process import too_many
-from gdfe_ros.mesh.packing import mesh_arrays, mesh_of, under
-from gdfe_ros.mesh.self_cuts import find_self_cuts
+from gdfe_ros.mesh.overlap import find_self_cuts
+from gdfe_ros.mesh.packing import keep, key_of, mesh_arrays, mesh_of, recall, under
 from gdfe_ros.mesh.shells import cone_volumes, shells
-from gdfe_ros.mesh.store import keep, key_of, recall
 from gdfe_ros.mesh.surface_edges import is_closed, winding_defects
 from gdfe_ros.mesh.tetmesh import TetMesh, raised, scaled_jacobians
 from gdfe_ros.mesh.tetrahedra import EDGES

@@ -8,7 +8,7 @@ import math
 import numpy as np
 
 from gdfe_ros.compiled import inlined, internal, kernel
-from gdfe_ros.mesh.box_tree import LEAF
+from gdfe_ros.mesh.shells import LEAF
 from gdfe_ros.mesh.triples import along, corner, cross, dot, minus
 
 

@@ -45,16 +45,6 @@ def along(a, d, b, e):
 
 
 @inlined
-def solid_angle(a, b, c):
-    """Return the signed solid angle at the origin of a triangle with the corners a, b, c.
-
-    Source: van Oosterom and Strackee (1983), equation 8. A triangle without area has none.
-    """
-    la, lb, lc = math.sqrt(dot(a, a)), math.sqrt(dot(b, b)), math.sqrt(dot(c, c))
-    return 2.0 * math.atan2(dot(a, cross(b, c)), la * lb * lc + dot(a, b) * lc + dot(b, c) * la + dot(c, a) * lb)
-
-
-@inlined
 def combine(a, u, b, v, c, w):
     """Return a u + b v + c w for the triples u, v, w and the factors a, b, c."""
     return a * u[0] + b * v[0] + c * w[0], a * u[1] + b * v[1] + c * w[1], a * u[2] + b * v[2] + c * w[2]

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from gdfe_ros.mesh.box_tree import BoxTree
 from gdfe_ros.mesh.mesher_process import MOST_CELLS, expected_cells
-from gdfe_ros.mesh.self_cuts import TOUCH
+from gdfe_ros.mesh.overlap import TOUCH
+from gdfe_ros.mesh.shells import BoxTree
 from gdfe_ros.mesh.surface_edges import refine
 from gdfe_ros.mesh.tet_faces import facets
 from gdfe_ros.mesh.tetmesh import TetMesh

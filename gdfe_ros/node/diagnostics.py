@@ -10,13 +10,12 @@ from dataclasses import dataclass, field
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
-from gdfe_ros.node.channel import Channel
+from gdfe_ros.node.channel import Channel, Doubles
 from gdfe_ros.node.interface import topics
 from gdfe_ros.node.managed import ManagedNode
 from gdfe_ros.node.pace import ClockMode
 from gdfe_ros.node.refusals import RefusalLog
 from gdfe_ros.node.session import SimulationSession
-from gdfe_ros.node.strays import Doubles
 
 _LONG = 0.5
 """A task is reported if it takes longer than this time [s]."""

@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Bodies that are spawned and deleted while the node runs: the scene is exchanged between two steps."""
+"""Bodies that are spawned, deleted, listed, asked and put elsewhere while the node runs.
+
+To spawn or delete one, the scene is exchanged between two steps.
+"""
 
 from __future__ import annotations
 
@@ -10,17 +13,39 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
+from geometry_msgs.msg import Vector3
+
 from gdfe_ros.errors import GdfeError
+from gdfe_ros.node import interface
 from gdfe_ros.node.frames import Placement
-from gdfe_ros.node.interface import services
+from gdfe_ros.node.messages import by_axis, header, pose_message
 from gdfe_ros.node.orders import require_near
 from gdfe_ros.node.refusals import Refused, ResultCode, answer
 from gdfe_ros.node.remodelling import build_simulation
+from gdfe_ros.node.ros_types import interface_class
 from gdfe_ros.node.services import SessionNode
-from gdfe_ros.node.things import EntityRequest, Thing, placement_of, rest_place, things_of
+from gdfe_ros.node.session import SimulationSession
+from gdfe_ros.node.things import (
+    BOX,
+    EMPTY,
+    OBJECT,
+    EntityRequest,
+    Thing,
+    has_tags,
+    inner_of,
+    name_filter,
+    named_poses,
+    names_of,
+    new_message,
+    placement_of,
+    pose_from_rest,
+    remark_on,
+    require_bounds,
+    things_of,
+    within,
+)
 from gdfe_ros.scene.entity import with_body, without_bodies
 from gdfe_ros.scene.scene import Scene
-from gdfe_ros.scene.soft_bodies import parts_of
 from gdfe_ros.simulation import Simulation
 
 MOST_SPAWNED = 100
@@ -39,8 +64,8 @@ class Entities:
         self._node, self._exchange = node, exchange
         self._inner: dict[str, Placement] = {}
         self._adding = 0
-        offered = {services.SPAWN_ENTITY: self._spawn, services.SPAWN_ENTITIES: self._spawn_all}
-        node.offer({**offered, services.DELETE_ENTITY: self._delete})
+        offered = {interface.SPAWN_ENTITY: self._spawn, interface.SPAWN_ENTITIES: self._spawn_all}
+        node.offer({**offered, interface.DELETE_ENTITY: self._delete})
 
     @property
     def any_spawned(self) -> bool:
@@ -79,7 +104,7 @@ class Entities:
             text = f"spawn_requests has {len(wanted)} entries; allowed: up to {MOST_SPAWNED}"
             raise Refused(ResultCode.FAILED, text)
         kind = type(response).get_fields_and_field_types()["results"]
-        response.results = results = [_message(kind) for _ in wanted]
+        response.results = results = [new_message(kind) for _ in wanted]
 
         def conclude() -> None:
             wrong = [i for i, each in enumerate(results) if each.result.result != ResultCode.OK]
@@ -120,7 +145,7 @@ class Entities:
             """Read the resource; called in the thread of the exchange, because reading may take long."""
             nonlocal name, remark
             entity = wanted.entity()
-            name, remark = wanted.unique_name(entity, _names(scene)), entity.remark or _remark(scene, entity)
+            name, remark = wanted.unique_name(entity, names_of(scene)), entity.remark or remark_on(scene, entity)
             return with_body(scene, name, entity, origin=outer.origin, turn=outer.turn)
 
         self._adding += 1
@@ -128,7 +153,7 @@ class Entities:
         def conclude(work: Future[Scene]) -> None:
             self._adding -= 1
             if work.exception() is None:
-                self._inner[name] = _inner(work.result(), name, outer)
+                self._inner[name] = inner_of(work.result(), name, outer)
                 response.entity_name, response.result.error_message = name, remark
 
         work = self._exchange.request(add)
@@ -166,30 +191,123 @@ class Entities:
         return work
 
 
-def _inner(scene: Scene, name: str, outer: Placement) -> Placement:
-    """Return the placement of a new body's own frame in the frame ``outer`` in which it was spawned."""
-    body = next((each for each in scene.rigid_bodies if each.name == name), None)
-    return Placement() if body is None else outer.inverse() @ rest_place(body)
+class EntityQueries:
+    """Answers requests about the bodies of a node's scene, and puts them elsewhere.
+
+    Args:
+        node: node that offers the services.
+        entities: the bodies.
+    """
+
+    def __init__(self, node: SessionNode, entities: Entities) -> None:
+        self._node, self._entities = node, entities
+        offered = {
+            interface.GET_ENTITIES: self._list,
+            interface.GET_ENTITY_STATE: self._get_state,
+            interface.GET_ENTITIES_STATES: self._get_states,
+            interface.SET_ENTITY_STATE: self._set_state,
+            interface.GET_ENTITY_INFO: self._get_info,
+            interface.GET_ENTITY_BOUNDS: self._get_bounds,
+            interface.GET_NAMED_POSES: self._get_poses,
+        }
+        node.offer(offered)
+
+    def _list(self, request: Any, response: Any) -> Future[None] | None:
+        chosen = self._choose(request.filters)
+
+        def write(near: list[Thing]) -> None:
+            response.entities = [each.name for each in near]
+
+        if request.filters.bounds.type == EMPTY:  # no reason to wait for the step in progress
+            return write(chosen)
+        return self._after_step(write, chosen, request.filters)
+
+    def _get_states(self, request: Any, response: Any) -> Future[None]:
+        session, kind = self._node.configured(), interface_class("simulation_interfaces/msg/EntityState")
+
+        def write(near: list[Thing]) -> None:
+            response.entities, response.states = [each.name for each in near], [kind() for _ in near]
+            for each, state in zip(near, response.states, strict=True):
+                _write_state(state, session, each)
+
+        return self._after_step(write, self._choose(request.filters), request.filters)
+
+    def _choose(self, filters: Any) -> list[Thing]:
+        """Return the bodies that pass the filters for names, categories and tags."""
+        passes, wanted = name_filter(filters.filter), {each.category for each in filters.categories}
+        require_bounds(filters.bounds)
+        chosen = [each for each in self._entities.all() if passes(each.name) and (not wanted or OBJECT in wanted)]
+        return [each for each in chosen if has_tags(each.tags, filters.tags)]
+
+    def _after_step(self, write: Callable[[list[Thing]], None], chosen: list[Thing], filters: Any) -> Future[None]:
+        """Let ``write`` answer after the present step, with those bodies of ``chosen`` that are within the bounds."""
+        session = self._node.configured()
+
+        def look() -> None:
+            near = chosen
+            if filters.bounds.type != EMPTY:
+                world = Placement()
+                near = [each for each in chosen if within(each.bounds(session.simulation, world), filters.bounds)]
+            write(near)
+
+        return session.stepper.post(look)
+
+    def _get_state(self, request: Any, response: Any) -> Future[None]:
+        session, thing = self._node.configured(), self._entities.find(request.entity)
+        return session.stepper.post(lambda: _write_state(response.state, session, thing))
+
+    def _set_state(self, request: Any, response: Any) -> Future[None] | None:
+        session, thing = self._node.configured(), self._entities.find(request.entity)
+        twist = request.state.twist
+        values = [getattr(part, axis) for part in (twist.linear, twist.angular) for axis in "xyz"]
+        if getattr(request, "set_twist", any(values)) and any(values):
+            text = "a velocity cannot be set, because the record of a step has none, so that a replay would differ"
+            raise Refused(ResultCode.UNSUPPORTED, f"{text}; remedy: a pose only, after which the body is not moving")
+        if not getattr(request, "set_pose", True):
+            return None
+        outer = placement_of(request.state, session.run.frames)
+        pose = pose_from_rest(thing, outer @ thing.inner)
+        require_near(pose.translation, session.scene.mesh.size)
+
+        def put() -> None:
+            session.simulation.put({thing.name: pose})  # raises an error if the place is not free
+            session.stepper.drive.place({thing.name: pose})
+
+        return session.stepper.post(put)
+
+    def _get_info(self, request: Any, response: Any) -> None:
+        thing = self._entities.find(request.entity)
+        response.info.category.category = OBJECT
+        response.info.description, response.info.tags = thing.description, list(thing.tags)
+
+    def _get_bounds(self, request: Any, response: Any) -> Future[None]:
+        session, thing = self._node.configured(), self._entities.find(request.entity)
+        response.bounds.type = BOX
+
+        def look() -> None:
+            corners = thing.bounds(session.simulation, thing.place(session.simulation))
+            response.bounds.points = [Vector3(**by_axis(corner)) for corner in corners[::-1]]
+
+        return session.stepper.post(look)
+
+    def _get_poses(self, request: Any, response: Any) -> None:
+        import simulation_interfaces.msg
+
+        for name, kind, place in named_poses(self._node.configured().scene):
+            if not has_tags((kind,), request.tags):
+                continue
+            message = simulation_interfaces.msg.NamedPose(name=name, tags=[kind])
+            message.description = f"rest pose of the {kind}" if kind != "probe" else "undeformed place"
+            message.pose = pose_message(place.origin, place.turn.as_quat())
+            response.poses.append(message)
 
 
-def _remark(scene: Scene, entity: Any) -> str:
-    """Return a remark on a soft body that would pass through the others; else an empty text."""
-    if entity.materials is None or scene.self_contact is not None:
-        return ""
-    return "soft bodies pass through each other, because the scene has no `self_contact`"
-
-
-def _message(sequence: str) -> Any:
-    """Return a new message of the type of a field like ``sequence<simulation_interfaces/SpawnResult>``."""
-    import simulation_interfaces.msg
-
-    return getattr(simulation_interfaces.msg, sequence.rpartition("/")[2].rstrip(">"))()
-
-
-def _names(scene: Scene) -> set[str]:
-    """Return the names of a scene that a body cannot have."""
-    items = (*scene.handles, *scene.actuators, *scene.loads, *scene.fibres)
-    return {item.name for item in items} | set(parts_of(scene.mesh))
+def _write_state(state: Any, session: SimulationSession, thing: Thing) -> None:
+    """Write the present motion of a body into an ``EntityState``; called between steps."""
+    motion = thing.motion(session.simulation)
+    state.header = header(session.run.now(), session.run.frames.frame_id)
+    state.pose = pose_message(motion.place.origin, motion.place.turn.as_quat())
+    state.twist.linear, state.twist.angular = (Vector3(**by_axis(each)) for each in (motion.linear, motion.angular))
 
 
 MOST_WAITING = 20

@@ -26,6 +26,7 @@ from std_msgs.msg import ColorRGBA, Float64MultiArray, Header, Int32MultiArray, 
 from visualization_msgs.msg import Marker, MarkerArray
 
 from gdfe_ros.actuators import Actuator
+from gdfe_ros.bounded_text import shorten
 from gdfe_ros.colour_map import colour
 from gdfe_ros.constraints import Pose
 from gdfe_ros.constraints.form import Box, Capsule, Cylinder, Sphere, TriangleMesh
@@ -34,7 +35,6 @@ from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.mesh import HexMesh
 from gdfe_ros.mesh.solid import Solid
 from gdfe_ros.node.frames import Placement
-from gdfe_ros.node.plain_log import shorten
 from gdfe_ros.node.refusals import LONGEST, Refusal
 from gdfe_ros.recording.packing import Cdr, pack_text, put_stamp
 from gdfe_ros.scene.scene import Scene

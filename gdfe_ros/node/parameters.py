@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The node's parameters, as described in ``interface.parameters``, and Young's moduli as parameters."""
+"""The node's parameters, as described in ``interface``, and Young's moduli as parameters."""
 
 from __future__ import annotations
 
@@ -17,11 +17,10 @@ from rcl_interfaces.msg import (
 from rclpy.lifecycle import LifecycleNode
 from rclpy.parameter import Parameter
 
+from gdfe_ros.bounded_text import require_plain
 from gdfe_ros.errors import GdfeError
-from gdfe_ros.node.interface import Changeable, ParameterSpec
-from gdfe_ros.node.interface.parameters import MODULUS, PARAMETERS
+from gdfe_ros.node.interface import MODULUS, PARAMETERS, Changeable, ParameterSpec
 from gdfe_ros.node.managed import ManagedNode
-from gdfe_ros.node.plain_log import require_plain
 from gdfe_ros.node.remodelling import moduli_of
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.spelling import did_you_mean

@@ -13,7 +13,7 @@ from gdfe_ros.errors import GdfeError, OverlapError
 from gdfe_ros.materials import Linear, NeoHookean
 from gdfe_ros.mesh.mesh import MeshPart
 from gdfe_ros.node.carry import Correspondence, carried, match_loose, match_vertices, with_bodies_of
-from gdfe_ros.node.interface.parameters import MODULUS
+from gdfe_ros.node.interface import MODULUS
 from gdfe_ros.rigid_places import put_rigid, release
 from gdfe_ros.scene.loader import scene_from_text
 from gdfe_ros.scene.scene import Scene

@@ -16,18 +16,15 @@ from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.channel import Channel
 from gdfe_ros.node.diagnostics import Diagnostics
-from gdfe_ros.node.entities import Entities, SceneExchange
-from gdfe_ros.node.entity_queries import EntityQueries
-from gdfe_ros.node.interface import NODE_NAME, topics
-from gdfe_ros.node.interface.parameters import PARAMETERS
+from gdfe_ros.node.entities import Entities, EntityQueries, SceneExchange
+from gdfe_ros.node.interface import NODE_NAME, PARAMETERS, topics
 from gdfe_ros.node.messages import pack_refusal
 from gdfe_ros.node.parameters import NodeParameters, given_moduli
 from gdfe_ros.node.refusals import Refusal, RefusalLog
 from gdfe_ros.node.remodelling import build_simulation, take_over
-from gdfe_ros.node.services import Services, SessionNode
+from gdfe_ros.node.services import Services, SessionNode, Worlds
 from gdfe_ros.node.session import SimulationSession
 from gdfe_ros.node.standard import StandardServices, TrajectoryAction
-from gdfe_ros.node.worlds import Worlds
 from gdfe_ros.recording.step import Begin
 from gdfe_ros.scene.loader import load_scene
 from gdfe_ros.scene.override import read_overrides

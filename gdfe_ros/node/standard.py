@@ -17,16 +17,15 @@ from numpy.typing import NDArray
 from trajectory_msgs.msg import JointTrajectoryPoint
 
 from gdfe_ros.errors import GdfeError
+from gdfe_ros.node import interface
 from gdfe_ros.node.entities import Entities
 from gdfe_ros.node.inputs import Code, Pursuit, Tolerances
-from gdfe_ros.node.interface import services
-from gdfe_ros.node.interface.services import FOLLOW_TRAJECTORY
+from gdfe_ros.node.interface import FOLLOW_TRAJECTORY
 from gdfe_ros.node.messages import header
 from gdfe_ros.node.refusals import Reason, Refusal, Refused, ResultCode, fail, succeed
 from gdfe_ros.node.ros_types import LARGEST, available, bounded_action, installed, interface_class, unread_size
-from gdfe_ros.node.services import SessionNode
+from gdfe_ros.node.services import SessionNode, Worlds
 from gdfe_ros.node.session import SimulationSession
-from gdfe_ros.node.worlds import Worlds
 
 
 class _State(IntEnum):
@@ -41,25 +40,25 @@ class _State(IntEnum):
 
 
 _FEATURES = {
-    services.SPAWN_ENTITY: (0, 9),
-    services.DELETE_ENTITY: (1,),
-    services.GET_NAMED_POSES: (2,),
-    services.GET_ENTITIES: (4, 6, 8),
-    services.GET_ENTITY_BOUNDS: (5,),
-    services.GET_ENTITY_STATE: (10,),
-    services.SET_ENTITY_STATE: (11,),
-    services.GET_ENTITY_INFO: (12,),
-    services.GET_SPAWNABLES: (14,),
-    services.RESET_SIMULATION: (20, 23),
-    services.GET_STATE: (24,),
-    services.SET_STATE: (25, 26),
-    services.STEP_SIMULATION: (31, 32),
-    services.SIMULATE_STEPS: (33,),
-    services.LOAD_WORLD: (40, 41),
-    services.UNLOAD_WORLD: (43,),
-    services.GET_CURRENT_WORLD: (44,),
-    services.GET_AVAILABLE_WORLDS: (45,),
-    services.SPAWN_ENTITIES: (50,),
+    interface.SPAWN_ENTITY: (0, 9),
+    interface.DELETE_ENTITY: (1,),
+    interface.GET_NAMED_POSES: (2,),
+    interface.GET_ENTITIES: (4, 6, 8),
+    interface.GET_ENTITY_BOUNDS: (5,),
+    interface.GET_ENTITY_STATE: (10,),
+    interface.SET_ENTITY_STATE: (11,),
+    interface.GET_ENTITY_INFO: (12,),
+    interface.GET_SPAWNABLES: (14,),
+    interface.RESET_SIMULATION: (20, 23),
+    interface.GET_STATE: (24,),
+    interface.SET_STATE: (25, 26),
+    interface.STEP_SIMULATION: (31, 32),
+    interface.SIMULATE_STEPS: (33,),
+    interface.LOAD_WORLD: (40, 41),
+    interface.UNLOAD_WORLD: (43,),
+    interface.GET_CURRENT_WORLD: (44,),
+    interface.GET_AVAILABLE_WORLDS: (45,),
+    interface.SPAWN_ENTITIES: (50,),
 }
 """Codes of the features that each service supports, as `SimulatorFeatures` numbers them.
 
@@ -86,14 +85,14 @@ class StandardServices:
     def __init__(self, node: SessionNode, entities: Entities, worlds: Worlds, quit: threading.Event | None) -> None:
         self._node, self._entities, self._worlds, self._quit = node, entities, worlds, quit
         self._at_start = False
-        if not installed(services.STEP_SIMULATION.type):
+        if not installed(interface.STEP_SIMULATION.type):
             return
         offered = {
-            services.GET_FEATURES: self._features,
-            services.GET_STATE: self._get_state,
-            services.SET_STATE: self._set_state,
-            services.RESET_SIMULATION: self._reset,
-            services.STEP_SIMULATION: self._step,
+            interface.GET_FEATURES: self._features,
+            interface.GET_STATE: self._get_state,
+            interface.SET_STATE: self._set_state,
+            interface.RESET_SIMULATION: self._reset,
+            interface.STEP_SIMULATION: self._step,
         }
         node.offer(offered)
         self._offer_action()
@@ -120,7 +119,7 @@ class StandardServices:
         if session is None:
             if label == "configuring" or self._worlds.loading:
                 return _State.LOADING
-            return _State.NO_WORLD if available(services.LOAD_WORLD.type) else _State.STOPPED
+            return _State.NO_WORLD if available(interface.LOAD_WORLD.type) else _State.STOPPED
         if not session.stepper.running:
             return _State.STOPPED
         if not session.stepper.paused:
@@ -181,7 +180,7 @@ class StandardServices:
     def _offer_action(self) -> None:
         from rclpy.action import ActionServer, CancelResponse
 
-        kind, name = interface_class(services.SIMULATE_STEPS.type), services.SIMULATE_STEPS.name
+        kind, name = interface_class(interface.SIMULATE_STEPS.type), interface.SIMULATE_STEPS.name
         self._action = ActionServer(
             self._node,
             kind,
@@ -197,7 +196,7 @@ class StandardServices:
 
     def _accept(self, goal: Any) -> None:
         """Make the steps of a goal, with feedback after each, and send its result at the end."""
-        kind, steps = interface_class(services.SIMULATE_STEPS.type), goal.request.steps
+        kind, steps = interface_class(interface.SIMULATE_STEPS.type), goal.request.steps
 
         def tell(done: int) -> None:
             goal.publish_feedback(kind.Feedback(completed_steps=done, remaining_steps=steps - done))

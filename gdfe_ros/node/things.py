@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Rigid and soft bodies as entities of ``simulation_interfaces``, and the requests that state one."""
+"""Rigid and soft bodies as entities of ``simulation_interfaces``, the requests that state one, and filters of them."""
 
 from __future__ import annotations
 
-from collections.abc import Collection
+import re
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 from itertools import product
 from typing import Any, NamedTuple
@@ -12,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from gdfe_ros.constraints import Pose
 from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.errors import ArmError, SceneError
@@ -19,11 +21,12 @@ from gdfe_ros.mesh.mesh import MeshPart
 from gdfe_ros.node.command_messages import require_pose
 from gdfe_ros.node.frames import Frames, Placement
 from gdfe_ros.node.refusals import Refused, ResultCode
-from gdfe_ros.node.worlds import SPAWNED, path_of
+from gdfe_ros.node.services import SPAWNED, path_of
 from gdfe_ros.regular_file import read_text
 from gdfe_ros.scene.entity import LARGEST, Entity, read_entity
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.scene.schema import NAME
+from gdfe_ros.scene.soft_bodies import parts_of
 from gdfe_ros.simulation import Simulation
 from gdfe_ros.soft_places import fit_rigidly
 
@@ -237,3 +240,104 @@ def _read(uri: str) -> str:
     except (OSError, ValueError) as error:  # no regular file, no text, or no path
         reason = getattr(error, "strerror", None) or error
         raise Refused(ResultCode.PARSE_ERROR, f"uri {uri[:200]!r} cannot be read as text: {reason}") from error
+
+
+def inner_of(scene: Scene, name: str, outer: Placement) -> Placement:
+    """Return the placement of a new body's own frame in the frame ``outer`` in which it was spawned."""
+    body = next((each for each in scene.rigid_bodies if each.name == name), None)
+    return Placement() if body is None else outer.inverse() @ rest_place(body)
+
+
+def remark_on(scene: Scene, entity: Any) -> str:
+    """Return a remark on a soft body that would pass through the others; else an empty text."""
+    if entity.materials is None or scene.self_contact is not None:
+        return ""
+    return "soft bodies pass through each other, because the scene has no `self_contact`"
+
+
+def names_of(scene: Scene) -> set[str]:
+    """Return the names of a scene that a body cannot have."""
+    items = (*scene.handles, *scene.actuators, *scene.loads, *scene.fibres)
+    return {item.name for item in items} | set(parts_of(scene.mesh))
+
+
+_REPEATED_GROUP = re.compile(r"(?<!\\)\)[*+{]")
+
+
+_REPETITION = re.compile(r"[*+?{]")
+
+
+_MOST_REPETITIONS, _LONGEST_FILTER = 3, 100
+"""Largest number of repetitions in, and of characters of, an expression that filters names: more could take hours."""
+
+
+_ALL = 1
+"""Mode of a filter that needs all tags."""
+
+
+def named_poses(scene: Scene) -> Iterator[tuple[str, str, Placement]]:
+    """Yield name, kind (``handle``, ``obstacle`` or ``probe``) and initial placement in the node's frame."""
+    for each in scene.handles:
+        if isinstance(each, Obstacle) and not isinstance(each, RigidBody):
+            yield each.name, "obstacle", rest_place(each)
+        elif not isinstance(each, RigidBody):
+            yield each.name, "handle", Placement(each.centre(scene.mesh.vertices))
+    for name, point in scene.probes.items():
+        yield name, "probe", Placement(point.at(scene.mesh.vertices)[0])
+
+
+def has_tags(tags: tuple[str, ...], asked: Any) -> bool:
+    """Return whether tags contain any tag of a ``TagsFilter``, or all of them; without tags, the filter passes all."""
+    wanted = set(asked.tags)
+    return not wanted or (wanted <= set(tags) if asked.filter_mode == _ALL else bool(wanted & set(tags)))
+
+
+def name_filter(pattern: str) -> Callable[[str], object]:
+    """Return a function that tells whether a name matches an expression.
+
+    Raises:
+        Refused: it is no expression, or its search could take too long.
+    """
+    if why := _too_slow(pattern):
+        raise Refused(ResultCode.UNSUPPORTED, f"filters.filter {pattern[:_LONGEST_FILTER]!r} {why}")
+    try:
+        return re.compile(pattern).search
+    except re.error as error:
+        raise Refused(ResultCode.FAILED, f"filters.filter {pattern!r} is no regular expression: {error}") from error
+
+
+def require_bounds(bounds: Any) -> None:
+    """Raise `Refused` if the bounds of a filter are not two points of a box or a sphere, or none."""
+    if bounds.type == EMPTY:
+        return
+    if bounds.type not in (BOX, SPHERE):
+        text = f"filters.bounds.type is {bounds.type}; allowed: {EMPTY} (none), {BOX} (box), {SPHERE} (sphere)"
+        raise Refused(ResultCode.UNSUPPORTED, text)
+    numbers = [value for each in bounds.points for value in (each.x, each.y, each.z)]
+    if len(bounds.points) != 2 or not np.isfinite(numbers).all():
+        text = f"filters.bounds has {len(bounds.points)} points; allowed: two, of finite numbers"
+        raise Refused(ResultCode.FAILED, text)
+
+
+def _too_slow(pattern: str) -> str:
+    """Return why the search for an expression could take too long; empty if it cannot."""
+    if len(pattern) > _LONGEST_FILTER:
+        return f"has {len(pattern)} characters; allowed: up to {_LONGEST_FILTER}"
+    if _REPEATED_GROUP.search(pattern):
+        return "repeats a group, which is not supported"
+    if (count := len(_REPETITION.findall(pattern))) > _MOST_REPETITIONS:
+        return f"has {count} repetitions; allowed: up to {_MOST_REPETITIONS}"
+    return ""
+
+
+def pose_from_rest(thing: Thing, place: Placement) -> Pose:
+    """Return the pose relative to rest of a body whose own frame has the placement ``place``."""
+    rest = thing.rest
+    return Pose(tuple(place.origin - rest.origin), tuple((place.turn * rest.turn.inv()).as_rotvec()))
+
+
+def new_message(sequence: str) -> Any:
+    """Return a new message of the type of a field like ``sequence<simulation_interfaces/SpawnResult>``."""
+    import simulation_interfaces.msg
+
+    return getattr(simulation_interfaces.msg, sequence.rpartition("/")[2].rstrip(">"))()

@@ -89,7 +89,7 @@ class RunInfo:
             ValueError: the scene or a file differs from its checksum, or the record has data of another kind.
         """
         files = dict(attachments)
-        sums = {SCENE_FILE: metadata["scene_sha256"], **load_json_object(metadata.get("files_sha256", "{}"))}
+        sums = {SCENE_FILE: metadata["scene_sha256"], **load_json_object(metadata["files_sha256"])}
         for name, checksum in sums.items():
             if hashlib.sha256(files.get(name, b"")).hexdigest() != checksum:
                 raise ValueError(f"the attachment {name} does not match its checksum")

@@ -7,7 +7,7 @@ A table has a row for each point of a cloud, or a single row.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import partial
 
@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from gdfe_ros.actuators import ActuatorState, Embedding
+from gdfe_ros.actuators import Embedding
 from gdfe_ros.actuators.actuator import Readings
 from gdfe_ros.constraints import Handle, Pose
 from gdfe_ros.constraints.obstacle import ArmLink
@@ -179,7 +179,7 @@ class JointStates:
         Velocities of actuators are averages since the last call, 0 if no time passed.
         """
         record, states, joints = step.record, step.actuators, list(step.joints.values())
-        positions = self._readings.positions(states) if record.stamp is not None else _extents(states)
+        positions = self._readings.positions(states)
         velocities = np.zeros(len(positions))
         if self._last is not None and record.dt > 0.0 and record.time > self._last[0]:
             velocities = (positions - self._last[1]) / (record.time - self._last[0])
@@ -189,11 +189,6 @@ class JointStates:
         table["velocity"] = [*velocities, *(joint.velocity for joint in joints)]
         table["effort"] = [*(state.effort for state in states.values()), *(joint.effort for joint in joints)]
         return table
-
-
-def _extents(states: Mapping[str, ActuatorState]) -> NDArray[np.float64]:
-    """Return the positions (k,) of actuators as in old bags, in which a shortening cable reports its length."""
-    return np.array([each.command if each.mode.position_is_command else each.extent for each in states.values()])
 
 
 def _write_probe(point: Embedding, rest: NDArray[np.float64], step: Step, rows: NDArray) -> None:

@@ -59,8 +59,7 @@ class StepRecord:
         begin: state from which the step starts: the last step's state, the initial state, or a loaded state.
         time: simulation time at the end of the step [s].
         dt: duration of the step [s].
-        stamp: stamp of the step's messages on the node's clock [ns]; None in old bags, whose stamps are simulation
-            times.
+        stamp: stamp of the step's messages on the node's clock [ns].
         handles: dict from handle to the target that this step consumed: translation [m] and rotation vector [rad].
         actuators: dict from actuator to the command that this step consumed, in the unit of the mode.
         loads: dict from load to the factor that this step consumed.
@@ -88,7 +87,7 @@ class StepRecord:
     begin: Begin
     time: float
     dt: float
-    stamp: int | None = None
+    stamp: int
     handles: Mapping[str, Pose] = field(default_factory=dict)
     actuators: Mapping[str, float] = field(default_factory=dict)
     loads: Mapping[str, float] = field(default_factory=dict)
@@ -132,8 +131,6 @@ class StepRecord:
                 raise ValueError(f"its format is not {FORMAT}")
             entries["begin"] = Begin(entries["begin"])
             _require_sound(entries)
-            if "residual" in entries:  # its name in older bags
-                entries["error_estimate"] = entries.pop("residual")
             if entries["error_estimate"] is None:
                 entries["error_estimate"] = math.inf
             for poses in entries.keys() & {"handles", "bodies"}:
@@ -165,10 +162,14 @@ def _require_sound(entries: dict[str, Any]) -> None:
         value = entries[name]
         if not _is_finite(value) or not least <= value <= most:
             raise ValueError(f"its {name} is {value!r}; allowed: {least:g} to {most:g} s")
-    for name in ("step", "cut_after", "stamp"):
-        value = entries.get(name)
-        if not (value is None or (isinstance(value, int) and not isinstance(value, bool) and abs(value) < 2**63)):
+    for name in ("step", "stamp", "cut_after"):
+        value = entries[name]
+        if not (_is_whole(value) or (name == "cut_after" and value is None)):
             raise ValueError(f"its {name} is {str(value)[:80]}; allowed: an integer")
+
+
+def _is_whole(value: object) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool) and abs(value) < 2**63
 
 
 def _require_numbers(given: object, noun: str, names: set[str]) -> None:

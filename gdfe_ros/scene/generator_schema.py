@@ -10,8 +10,7 @@ from typing import Annotated, ClassVar
 from pydantic import Field, model_validator
 
 from gdfe_ros.mesh import HexMesh
-from gdfe_ros.mesh.generators import bar, cut, finger, grid
-from gdfe_ros.mesh.round_bodies import ring, sphere, tube
+from gdfe_ros.mesh.generators import bar, cut, finger, grid, ring, sphere, tube
 from gdfe_ros.mesh.selection import Where
 from gdfe_ros.quantity import ANY, Quantity, Vector
 from gdfe_ros.scene.entry import Entry

@@ -19,8 +19,7 @@ from gdfe_ros.mesh.mesh import MeshPart
 from gdfe_ros.mesh.mesh_input import LARGEST
 from gdfe_ros.mesh.outside import Outside
 from gdfe_ros.mesh.overlap import find_overlap
-from gdfe_ros.mesh.packing import mesh_arrays, mesh_of, pack_mesh, under
-from gdfe_ros.mesh.store import keep, key_of, recall
+from gdfe_ros.mesh.packing import keep, key_of, mesh_arrays, mesh_of, pack_mesh, recall, under
 from gdfe_ros.mesh.tetmesh import divided
 from gdfe_ros.mesh.touching import Touching
 from gdfe_ros.regular_file import read_bytes

@@ -29,9 +29,6 @@ LARGEST_CONTRAST = 1e10
 """Largest ratio of Young's moduli in a body; double precision does not resolve larger ratios. 1e6 is tested."""
 
 
-_WITHOUT_FIBRES = "the policy 'relative' has no forces, and thus no fibres; remedy: solver.policy: energy"
-
-
 def refuse_unsolvable(scene: Scene, settings: SolverSettings) -> None:
     """Raise an error if a scene cannot be solved with these settings.
 
@@ -143,26 +140,20 @@ def unsolvable(scene: Scene, policy: Policy) -> list[tuple[tuple[str, ...], str]
         (("materials",), _contrast(scene.materials, scene.cell_material)),
         (("solver", "policy"), _forces(scene, policy)),
         *((("actuators", name), text) for name, text in held.items()),
-        (("fibres",), _WITHOUT_FIBRES if scene.fibres and policy is Policy.RELATIVE else ""),
-        (("dynamics",), _inertia(scene.materials, policy) if moving else ""),
+        (("dynamics",), lacks_density(scene.materials, "dynamics need") if moving else ""),
         (("dynamics", "scheme"), _ringing(scene)),
         (("bodies",), _inside(scene) if moving else _still(scene)),
-        (cut, _beside(scene, policy) if cut else ""),
-        (("mesh",), _tetrahedra(mesh, policy)),
+        (cut, _beside(scene) if cut else ""),
+        (("mesh",), _skinned(mesh)),
     ]
     return [(key, text) for key, text in found if text]
 
 
-def _tetrahedra(mesh: Mesh | None, policy: Policy) -> str:
-    """Return a message about items that bodies of tetrahedra do not support; empty if there are none."""
-    if not isinstance(mesh, TetMesh):
+def _skinned(mesh: Mesh | None) -> str:
+    """Return a message about the skin of a body of tetrahedra; empty if there is none."""
+    if not isinstance(mesh, TetMesh) or mesh.skin is None:
         return ""
-    lacking = [f"policy {policy.value!r}"] * (policy is not Policy.ENERGY)
-    if mesh.skin is not None:
-        lacking += ["skin"]
-    if not lacking:
-        return ""
-    return f"a body of tetrahedra cannot have {', '.join(lacking)} yet; remedy: leave it out, or use voxels"
+    return "a body of tetrahedra cannot have a skin yet; remedy: leave it out, or use voxels"
 
 
 def cut_key(mesh: Mesh) -> tuple[str, ...]:
@@ -195,7 +186,7 @@ def _contrast(materials: Mapping[str, Material], cell_material: NDArray[np.int32
 
 
 def _forces(scene: Scene, policy: Policy) -> str:
-    """Return a message about items that need forces if the policy is ``relative``, which has no forces; else empty."""
+    """Return a message about items that the policy ``relative`` lacks; empty with the policy ``energy``."""
     if policy is Policy.ENERGY:
         return ""
     names = [item.name for item in scene.actuators if not isinstance(item, Growth)]
@@ -203,9 +194,12 @@ def _forces(scene: Scene, policy: Policy) -> str:
     names += [handle.name for handle in scene.handles if handle.turning or isinstance(handle, Obstacle)]
     names += ["self_contact"] * (scene.self_contact is not None)
     names += [f"compliance of {arm.name}" for arm in scene.arms if arm.springs is not None]
+    names += ["fibres"] * bool(scene.fibres) + ["dynamics"] * (scene.dynamics is not None)
+    names += ["tetrahedra"] * isinstance(scene.mesh, TetMesh)
+    names += ["cut cells"] * (scene.mesh is not None and scene.mesh.filling is not None)
     if not names:
         return ""
-    text = f"the policy 'relative' has no forces and cannot take {', '.join(names)}"
+    text = f"the policy 'relative' has no forces and only whole hexahedra; it cannot take {', '.join(names)}"
     return f"{text}; remedy: policy: energy (growth works in both)"
 
 
@@ -216,13 +210,6 @@ def _ringing(scene: Scene) -> str:
         return ""
     text = f"newmark does not damp the oscillating forces of grips: {', '.join(names)}"
     return f"{text}; what they let go of would jump by some per cent of its momentum; remedy: bdf2"
-
-
-def _inertia(materials: Mapping[str, Material], policy: Policy) -> str:
-    """Return a message if dynamics are impossible with the policy or without a density; empty if they are possible."""
-    if policy is not Policy.ENERGY:
-        return "the policy 'relative' has no forces and finds equilibria only; remedy: policy: energy"
-    return lacks_density(materials, "dynamics need")
 
 
 def _still(scene: Scene) -> str:
@@ -251,10 +238,8 @@ def _inside(scene: Scene) -> str:
     return "; ".join(text for text in found if text)
 
 
-def _beside(scene: Scene, policy: Policy) -> str:
+def _beside(scene: Scene) -> str:
     """Return a message about items that act on the faces of cut cells, which are not on the surface; empty if none."""
-    if policy is not Policy.ENERGY:
-        return "the policy 'relative' does not weight cells that are cut; remedy: cells: whole, or policy: energy"
     bare = _touch_by_cut_faces(scene.mesh)
     names = [item.name for item in scene.actuators if isinstance(item, Chamber) and item.points is None]
     touched = [handle.name for handle in scene.handles if bare and isinstance(handle, Obstacle)]

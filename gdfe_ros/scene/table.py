@@ -212,67 +212,70 @@ def read_stress_table(path: Path) -> StressTable:
         ValueError: the file cannot be read, has no such columns or several tests, has an unknown unit, has rows that
             are not finite numbers, or has fewer than two rows.
     """
-    rows = _numbered_rows(path)
-    places = [place for place in range(len(rows)) if _columns_at(path, rows, place) is not None]
+    try:
+        return _parse(_text(path))
+    except (OSError, csv.Error) as error:
+        raise ValueError(f"cannot read {path}: {getattr(error, 'strerror', None) or error}; {_REMEDY}") from error
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from error
+
+
+def _parse(text: str) -> StressTable:
+    rows = _numbered_rows(text)
+    places = [place for place in range(len(rows)) if _columns_at(rows, place) is not None]
     if not places:
         titles = [cell.lower() for cell in rows[0][1]]
-        raise ValueError(f"{path} line {rows[0][0]}: the header is {titles}; {_REMEDY}")
-    begin, end = _find_test(path, rows, places)
-    strain, stress, remarks = _columns_at(path, rows, begin)
+        raise ValueError(f"line {rows[0][0]}: the header is {titles}; {_REMEDY}")
+    begin, end = _find_test(rows, places)
+    strain, stress, remarks = _columns_at(rows, begin)
     remarks += [f"the table of results in line {rows[place][0]} is left out" for place in places if place != begin]
     begin += 2 if begin + 1 < len(rows) and is_unit_row(rows[begin + 1][1]) else 1
     points = [
         _Point(line, strain.value(row, _number), stress.value(row, _number), row) for line, row in rows[begin:end]
     ]
-    return _table(path, points, remarks)
+    return _table(points, remarks)
 
 
-def _numbered_rows(path: Path) -> list[tuple[int, list[str]]]:
+def _numbered_rows(text: str) -> list[tuple[int, list[str]]]:
     """Return the number and the cells of each line that is neither empty nor a comment."""
-    numbered = [(i, line) for i, line in enumerate(_text(path).splitlines(), 1) if line.strip() and line[0] != "#"]
+    numbered = [(i, line) for i, line in enumerate(text.splitlines(), 1) if line.strip() and line[0] != "#"]
     if not numbered:
-        raise ValueError(f"{path} is empty; {_REMEDY}")
+        raise csv.Error("it is empty")
     if len(numbered) > _MOST_ROWS:
-        raise ValueError(f"{path} has {len(numbered)} rows; allowed: up to {_MOST_ROWS}; remedy: leave out some rows")
+        raise ValueError(f"it has {len(numbered)} rows; allowed: up to {_MOST_ROWS}; remedy: leave out some rows")
     numbers, lines = zip(*numbered, strict=True)
-    return list(zip(numbers, _cells(path, lines), strict=True))
+    return list(zip(numbers, _cells(lines), strict=True))
 
 
-def _find_test(path: Path, rows: Sequence[tuple[int, list[str]]], places: Sequence[int]) -> tuple[int, int]:
+def _find_test(rows: Sequence[tuple[int, list[str]]], places: Sequence[int]) -> tuple[int, int]:
     """Return begin and end of the only test, given the ``places`` of all headers; short tables are summaries."""
     tests = list(zip(places, [*places[1:], len(rows)], strict=True))
     long = [(begin, end) for begin, end in tests if end - begin > _SUMMARY] if len(tests) > 1 else tests
     if len(long) != 1:
         lines = ", ".join(str(rows[place][0]) for place in places[:_LISTED])
-        raise ValueError(f"{path} has {len(places)} tests, with headers in line {lines}; remedy: one file for each")
+        raise ValueError(f"it has {len(places)} tests, with headers in line {lines}; remedy: one file for each")
     return long[0]
 
 
 def _text(path: Path) -> str:
-    try:
-        raw = read_bytes(path, most=LARGEST_TEXT)
-    except OSError as error:
-        raise ValueError(f"cannot read {path}: {error.strerror or error}; {_REMEDY}") from error
+    raw = read_bytes(path, most=LARGEST_TEXT)
     if raw.startswith((b"\xff\xfe", b"\xfe\xff")):
         return raw.decode("utf-16", errors="replace")
     if b"\0" in raw:
-        raise ValueError(f"cannot read {path}: it is no text; {_REMEDY}")
+        raise csv.Error("it is no text")
     try:
         return raw.decode("utf-8-sig")
     except UnicodeDecodeError:  # machines set up in Western Europe write Windows' own code
         return raw.decode("cp1252", errors="replace")
 
 
-def _cells(path: Path, lines: Sequence[str]) -> list[list[str]]:
+def _cells(lines: Sequence[str]) -> list[list[str]]:
     """Return the cells of each line, with decimal points."""
     delimiter = max(";\t,", key=lambda mark: sum(line.count(mark) > 0 for line in lines) + (mark != ",") * 0.5)
     most = max(line.count(delimiter) for line in lines)
     if most >= _MOST_COLUMNS:
-        raise ValueError(f"{path} has {most + 1} columns; allowed: up to {_MOST_COLUMNS}")
-    try:
-        rows = [next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), []) for line in lines]
-    except csv.Error as error:
-        raise ValueError(f"{path} is no table: {error}; {_REMEDY}") from error
+        raise ValueError(f"it has {most + 1} columns; allowed: up to {_MOST_COLUMNS}")
+    rows = [next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), []) for line in lines]
     rows = [[cell.strip() for cell in row] for row in rows]
     commas = any(_DECIMAL_COMMA.fullmatch(cell) for row in rows for cell in row)
     points = any(re.fullmatch(r"[-+]?\d*\.\d+(?:[eE][-+]?\d+)?", cell) for row in rows for cell in row)
@@ -287,9 +290,7 @@ def _with_point(cell: str) -> str:
     return plain.replace(",", ".") if _DECIMAL_COMMA.fullmatch(plain) else cell
 
 
-def _columns_at(
-    path: Path, rows: Sequence[tuple[int, list[str]]], place: int
-) -> tuple[TableColumn, TableColumn, list[str]] | None:
+def _columns_at(rows: Sequence[tuple[int, list[str]]], place: int) -> tuple[TableColumn, TableColumn, list[str]] | None:
     """Return the columns strain and stress, and remarks on them, if a row is a header; None if not."""
     line, row = rows[place]
     if any(_number(cell) is not None for cell in row):
@@ -299,7 +300,7 @@ def _columns_at(
     try:
         return find_columns(row, units, [each for _, each in rows[max(0, place - _ABOVE) : place]])
     except ValueError as error:
-        raise ValueError(f"{path} line {line}: {error}") from error
+        raise ValueError(f"line {line}: {error}") from error
 
 
 class _Point(NamedTuple):
@@ -321,7 +322,7 @@ class _Point(NamedTuple):
         return all(cell.lower() in _EMPTY for cell in self.row)
 
 
-def _table(path: Path, points: Sequence[_Point], remarks: list[str]) -> StressTable:
+def _table(points: Sequence[_Point], remarks: list[str]) -> StressTable:
     last = max((k for k, point in enumerate(points) if point.count == 2), default=-1)
     data, below = points[: last + 1], points[last + 1 :]
     if tail := [point.row for point in below if not point.is_empty]:
@@ -332,9 +333,9 @@ def _table(path: Path, points: Sequence[_Point], remarks: list[str]) -> StressTa
     wrong = [point for point in kept if point.count < 2] + [point for point in below if point.count == 1]
     if listed := wrong or (points if last < 0 else []):
         lines = ", ".join(str(point.line) for point in listed[:_LISTED])
-        raise ValueError(f"{path}: not two finite numbers in line {lines}; {_REMEDY}")
+        raise ValueError(f"not two finite numbers in line {lines}; {_REMEDY}")
     if len(kept) < 2:
-        raise ValueError(f"{path} has {len(kept)} rows of data; at least 2 are needed")
+        raise ValueError(f"it has {len(kept)} rows of data; at least 2 are needed")
     return StressTable(tuple(point.strain for point in kept), tuple(point.stress for point in kept), tuple(remarks))
 
 

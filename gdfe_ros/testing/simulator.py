@@ -23,8 +23,7 @@ from gdfe_ros.actuators.load import LOAD_FACTOR
 from gdfe_ros.command import Orders
 from gdfe_ros.constraints import Pose
 from gdfe_ros.errors import CommandError, GdfeError, OverlapError
-from gdfe_ros.node.interface import NODE_NAME
-from gdfe_ros.node.interface.services import COMPUTE_JACOBIAN, RESET_COMMANDS, STEP
+from gdfe_ros.node.interface import COMPUTE_JACOBIAN, NODE_NAME, RESET_COMMANDS, STEP
 from gdfe_ros.node.interface.topics import JACOBIAN, REFUSED, is_commanded, put_key, state_topics, target_key
 from gdfe_ros.node.messages import actuation, pose_stamped
 from gdfe_ros.node.refusals import Reason

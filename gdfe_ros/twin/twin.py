@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from gdfe_ros.bounded_text import Throttle
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.live.interface import View
 from gdfe_ros.live.session import LiveSession
 from gdfe_ros.node.orders import ActuatorOrder, require_near
-from gdfe_ros.node.plain_log import Throttle
 from gdfe_ros.node.refusals import Reason, Refusal, require_finite
 from gdfe_ros.node.remodelling import moduli_of
 from gdfe_ros.scene.scene import Scene

@@ -13,8 +13,8 @@ from gdfe_ros.materials import Linear, Material, NeoHookean
 from gdfe_ros.mesh import HexMesh, bar
 from gdfe_ros.mesh.cavities import find_cavities
 from gdfe_ros.mesh.faces import enclosed_volume
+from gdfe_ros.mesh.generators import sphere
 from gdfe_ros.mesh.outside import carry_skin
-from gdfe_ros.mesh.round_bodies import sphere
 from gdfe_ros.solver.body import Body, Growths
 from gdfe_ros.solver.forces.actuation import Actuation
 from gdfe_ros.solver.terms.cable import EFFORT, STIFFNESS, TARGET, cable_length

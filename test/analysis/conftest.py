@@ -73,11 +73,11 @@ class BagMaker:
         handles = dict(handles or {})
         result = self.simulation.step(Command(handles=handles), dt=dt)
         outcome = {name: getattr(result, name) for name in _OUTCOMES}
+        moment, rest = to_nanoseconds(result.time), self.scene.mesh.vertices
         record = StepRecord(
-            step=self._count, begin=self._begin, time=result.time, dt=dt, handles=handles, cut=False, **outcome
+            step=self._count, begin=self._begin, time=result.time, dt=dt, stamp=moment, handles=handles, **outcome
         )
         self._count, self._begin = self._count + 1, Begin.LAST
-        moment, rest = to_nanoseconds(result.time), self.scene.mesh.vertices
         head = messages.header(moment, "base_link")
         self._send("mesh", self._pack("mesh", moment, write_mesh, result.positions, rest), moment)
         self._send("step_record", String(data=record.to_json()), moment)
@@ -94,9 +94,9 @@ class BagMaker:
         for number in range(1, count + 1):
             time = result.time + number * dt
             outcome = {name: getattr(result, name) for name in _OUTCOMES}
-            record = StepRecord(step=self._count, begin=Begin.LAST, time=time, dt=dt, **outcome)
-            self._count += 1
             moment = to_nanoseconds(time)
+            record = StepRecord(step=self._count, begin=Begin.LAST, time=time, dt=dt, stamp=moment, **outcome)
+            self._count += 1
             self._send("step_record", String(data=record.to_json()), moment)
             self._send("mesh", self._pack("mesh", moment, write_mesh, result.positions, rest), moment)
             self._send("strain", self._pack("strain", moment, write_strain, fields), moment)

@@ -69,7 +69,7 @@ def test_a_page_has_the_same_scenery(pressing: Simulation) -> None:
     """Two frames packed for a page unpack to plate, tendon and forces within a fraction of a millimetre."""
     points = contact_points(pressing.result.contacts)
     samples = {"contacts": {name: points[name] for name in points.dtype.names}}
-    record = StepRecord(step=0, begin=Begin.LAST, time=0.0, dt=0.0)
+    record = StepRecord(step=0, begin=Begin.LAST, time=0.0, dt=0.0, stamp=0)
     surroundings, size = Surroundings(pressing.scene), pressing.mesh.size
     surroundings.add(BagStep(record, (0, 0), {}), pressing.mesh.vertices)
     surroundings.add(BagStep(record, (1, 0), samples), pressing.positions)

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchmarks.cases import CASES, CHEETAH, CaseName, LogNeoHooke, OgdenSeries, get_case, rotation_matrix
+from benchmarks.cases import CASES, CHEETAH, CaseName, LogNeoHooke, OgdenSeries, rotation_matrix
 from gdfe_ros.scene.loader import load_scene
 
 
@@ -79,10 +79,4 @@ def test_rotation_vectors_make_proper_rotations() -> None:
 def test_cells_that_cut_a_segment_are_refused() -> None:
     """A mesh whose cells straddle two materials is refused."""
     with pytest.raises(ValueError, match="multiple of 5"):
-        get_case("bend5").grid((12, 1, 1))
-
-
-def test_an_unknown_scene_lists_the_known_ones() -> None:
-    """An unknown scene is refused with a list of the known ones."""
-    with pytest.raises(ValueError, match="known: bend5, twist90, tensile, twist90_uniform"):
-        get_case("bend6")
+        CASES[CaseName.BEND5].grid((12, 1, 1))

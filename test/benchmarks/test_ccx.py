@@ -12,7 +12,7 @@ import pytest
 from benchmarks.cases import CASES, CHEETAH, CaseName, LogNeoHooke
 from benchmarks.grids import Grid
 from benchmarks.peers.ccx_deck import CcxElement, Incrementation, law_cards, used_nodes, write_deck
-from benchmarks.peers.ccx_output import count_iterations, read_displacements, read_reactions, to_lattice
+from benchmarks.peers.ccx_output import count_iterations, read_blocks, read_displacements, to_lattice
 
 DATA = Path(__file__).resolve().parents[1] / "data" / "calculix"
 PATIENT = Incrementation(first=0.25, patient=True)
@@ -102,7 +102,7 @@ def test_the_last_block_of_displacements_counts() -> None:
 
 def test_reactions_are_read_and_balance_sideways() -> None:
     """The handle's nodal forces are read; they sum to a force along x and to zero across."""
-    forces = read_reactions(DATA.joinpath("bar.dat").read_text())
+    forces = read_blocks(DATA.joinpath("bar.dat").read_text(), "forces")[1][-1]
     total = np.sum(list(forces.values()), axis=0)
     assert set(forces) == {3, 6, 9, 12}
     np.testing.assert_allclose(total, [4 * 2993.679, 0.0, 0.0], atol=1e-9)
@@ -116,7 +116,7 @@ def test_cut_off_output_is_refused() -> None:
     with pytest.raises(ValueError, match="no block DISP"):
         read_displacements("nothing")
     with pytest.raises(ValueError, match="no forces"):
-        read_reactions("nothing")
+        read_blocks("nothing", "forces")
 
 
 def test_nodes_find_their_place_in_the_lattice() -> None:

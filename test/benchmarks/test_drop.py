@@ -14,7 +14,7 @@ from benchmarks import drop, motion
 from benchmarks.grids import Grid
 from benchmarks.peers import ccx_drop, mujoco_drop
 from benchmarks.peers.ccx_deck import CcxElement
-from benchmarks.peers.ccx_output import read_paths
+from benchmarks.peers.ccx_output import read_blocks
 from benchmarks.peers.drop_case import DENSITY, GRAVITY, LAW, SIZE, TIP
 from benchmarks.peers.mujoco_model import Drive, write_model
 from benchmarks.report import KEPT, read_report
@@ -63,11 +63,11 @@ def test_calculix_gets_a_deck_in_its_units() -> None:
 
 def test_paths_are_read_back() -> None:
     """Two blocks of a .dat file are read, and a file without any is refused."""
-    times, paths = read_paths(PRINTED)
+    times, paths = read_blocks(PRINTED, "displacements")
     assert times.tolist() == [0.01, 0.02]
     assert [path[12] for path in paths] == [(1.0, 0.0, -2.0), (2.0, 0.0, -4.0)]
     with pytest.raises(ValueError, match="no displacements"):
-        read_paths(" forces (fx,fy,fz) for set TIP\n")
+        read_blocks(" forces (fx,fy,fz) for set TIP\n", "displacements")
 
 
 def test_mujoco_gets_the_mass_of_the_bar() -> None:
@@ -83,7 +83,7 @@ def test_mujoco_gets_the_mass_of_the_bar() -> None:
 @pytest.mark.skipif(mujoco_drop.available() is not None, reason="MuJoCo is not installed")
 def test_mujoco_falls_and_stays_whole() -> None:
     """The tip of a coarse quadratic flex swings within a quarter of the reference's depth, and up again."""
-    found = mujoco_drop.simulate(2, (5, 1, 1), 0.005, timeout=100.0)
+    found = mujoco_drop.simulate("quadratic flex", (5, 1, 1), 0.005, timeout=100.0)
     height, lowest = found.path[:, 2], np.load(drop.REFERENCE)["tip_centre"][:, 2].min()
     assert height.min() == pytest.approx(lowest, rel=0.25)
     assert height[height.argmin() :].max() > 0.6 * lowest

@@ -59,12 +59,6 @@ def test_a_table_is_measured_once(table: Table, capsys: pytest.CaptureFixture[st
         assert "skipped: good: of this solver already" in capsys.readouterr().out
 
 
-def test_a_table_without_a_probe_is_measured_again(table: Table) -> None:
-    """A report without a probe is never current."""
-    keep(table.file, Report([], stamp()))
-    assert not is_current(table)
-
-
 def test_a_file_of_another_form_is_measured_again(table: Table) -> None:
     """A file in the former format, bare rows, is not current and is measured again."""
     table.file.write_text("[]")
@@ -76,7 +70,7 @@ def test_a_failure_does_not_stop_the_others(table: Table, tmp_path: Path) -> Non
     """With a failing script, an empty one and a good one, two are reported, and kept files stay."""
     bad = script(tmp_path, "bad", "raise SystemExit('no such robot')")
     silent = script(tmp_path, "silent", "")
-    keep(bad.file, Report(["old"]))
+    keep(bad.file, Report(["old"], stamp(), {}))
     failures = command.run([bad, silent, table])
     assert failures == [
         "bad: ended with status 1; its table is as it was; see logs/bad.log: no such robot",
@@ -119,7 +113,7 @@ def test_every_table_has_a_script_and_a_probe() -> None:
     """Every table's script and probe exist, names are unique, and all take at most 85 minutes."""
     assert len(set(NAMES)) == len(NAMES)
     for item in TABLES:
-        assert item.missing() or callable(item.replay_function()), item.name
+        assert item.missing() or callable(item.probe), item.name
     assert sum(item.minutes for item in TABLES) <= 85.0
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import json
 import xml.etree.ElementTree as ElementTree
+from dataclasses import asdict
 
 import numpy as np
 import pytest
@@ -13,8 +14,9 @@ from benchmarks.cases import CASES, Case, CaseName
 from benchmarks.grids import Grid
 from benchmarks.peers import PeerError, PeerResult, PeerSolution, Solver, Variant, load_peer, run_peer
 from benchmarks.peers.mujoco_model import Drive, node_masses, tetrahedra, write_model
-from benchmarks.peers.peer import handle_reaction, worker_environment
+from benchmarks.peers.peer import handle_reaction, list_variants
 from benchmarks.peers.worker import measure
+from benchmarks.process import worker_environment
 from benchmarks.references import load_reference
 
 
@@ -27,10 +29,6 @@ class Stopwatch:
     def available(self) -> str | None:
         """Return None: the peer is available."""
         return None
-
-    def variants(self, case: Case) -> tuple[Variant, ...]:
-        """Return no variants."""
-        return ()
 
     def solve(self, case: Case, variant: Variant, points: np.ndarray) -> PeerSolution:
         """Return a solution with the next given time."""
@@ -72,13 +70,13 @@ def test_results_survive_json() -> None:
         reaction=(1.0, 2.0, 3.0, 4.0, 5.0, 6.0),
         settings={"steps": 3, "warnings": ["none to speak of"]},
     )
-    assert PeerResult.from_json(json.loads(json.dumps(result.to_json()))) == result
+    assert PeerResult.from_json(json.loads(json.dumps(asdict(result)))) == result
 
 
 def test_a_missing_peer_is_named_with_its_remedy(monkeypatch: pytest.MonkeyPatch) -> None:
     """A missing ccx is an error with the command that installs it, not a skip."""
     monkeypatch.setenv("PATH", "/nowhere")
-    variant = load_peer(Solver.CALCULIX).variants(CASES[CaseName.TENSILE])[0]
+    variant = list_variants(Solver.CALCULIX, CASES[CaseName.TENSILE])[0]
     with pytest.raises(PeerError, match="apt-get install calculix-ccx"):
         run_peer(Solver.CALCULIX, CaseName.TENSILE, variant)
 
@@ -104,7 +102,7 @@ def test_workers_have_their_threads_pinned() -> None:
 def test_every_variant_fits_its_scene(solver: Solver, name: CaseName) -> None:
     """Variants have distinct names, and their cells fit the scene's segments."""
     case = CASES[name]
-    variants = load_peer(solver).variants(case)
+    variants = list_variants(solver, case)
     labels = [variant.label for variant in variants]
     assert len(set(labels)) == len(labels)
     for variant in variants:
@@ -116,7 +114,7 @@ def test_the_papers_mesh_is_always_among_the_meshes() -> None:
     """FElupe and CalculiX have a variant with the paper's mesh in every scene."""
     for solver in (Solver.FELUPE, Solver.CALCULIX):
         for case in CASES.values():
-            assert case.cells in {variant.cells for variant in load_peer(solver).variants(case)}
+            assert case.cells in {variant.cells for variant in list_variants(solver, case)}
 
 
 def test_the_reaction_is_the_wrench_about_the_deformed_handle() -> None:

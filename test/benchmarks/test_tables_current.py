@@ -33,7 +33,7 @@ def test_a_table_is_of_a_solver_like_this_one(table: Table) -> None:
     """A replay of a small part of a table differs from it by at most a tenth (remedy: make measure, make docs)."""
     if absent := table.missing():
         pytest.skip(f"not installed: {', '.join(absent)}")
-    stale = read_report(table.file).stale(table.replay())
+    stale = read_report(table.file).stale(table.probe())
     assert not stale, f"{table.name} is stale: make measure ONLY={table.name}\n" + "\n".join(stale)
 
 

@@ -202,8 +202,8 @@ def test_choices_of_a_scene_are_remarks(tmp_path: Path) -> None:
     ("text", "told"),
     [
         ("," * 3_000_000, "has 3000001 columns; allowed: up to 1000"),
-        ('strain,stress\n"' + "x" * 1_000_000, "is no table: field larger than field limit"),
-        ("strain,stress\n0.1," + "9" * 1_000_000, "is no table: field larger than field limit"),
+        ('strain,stress\n"' + "x" * 1_000_000, "cannot read .*: field larger than field limit"),
+        ("strain,stress\n0.1," + "9" * 1_000_000, "cannot read .*: field larger than field limit"),
         ("x\n" * 1_000_000, "has 1000000 rows; allowed: up to 100000"),
         ("strain,stress\n" * 90_000, "has 90000 tests, with headers in line 1, 2, 3, 4, 5, 6, 7, 8, 9, 10; remedy"),
         ("force,x\n" * 90_000, r"line 1: the header is \['force', 'x'\]"),

@@ -10,7 +10,7 @@ import pytest
 import yaml
 
 from gdfe_ros.arms.urdf import parse_urdf
-from gdfe_ros.node.interface.services import FOLLOW_TRAJECTORY
+from gdfe_ros.node.interface import FOLLOW_TRAJECTORY
 from gdfe_ros.node.interface.topics import JOINT_COMMAND, JOINT_STATES, ROBOT_DESCRIPTION
 from gdfe_ros.scene import Scene, load_scene
 

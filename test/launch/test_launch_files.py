@@ -21,9 +21,8 @@ import yaml
 
 from gdfe_ros.examples.carrying_arm import CarryingArm
 from gdfe_ros.examples.tip_tracking import TipTracking
-from gdfe_ros.node.following import leaders_of
-from gdfe_ros.node.interface import NODE_NAME
-from gdfe_ros.node.interface.parameters import PARAMETERS
+from gdfe_ros.node.interface import NODE_NAME, PARAMETERS
+from gdfe_ros.node.run import leaders_of
 from gdfe_ros.scene.loader import load_scene
 
 ROOT = Path(__file__).parents[2]

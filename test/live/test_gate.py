@@ -108,7 +108,7 @@ def test_a_value_that_a_control_cannot_have_is_refused(
     """A value that is no option or out of range, or another attribute of a control, gives a note; all goes on."""
     page = live()
     viewer = page.look()
-    viewer._send("GuiUpdateMessage", uuid=viewer.controls[label]["uuid"], updates=updates)
+    viewer.send("GuiUpdateMessage", uuid=viewer.controls[label]["uuid"], updates=updates)
     viewer.wait(lambda: viewer.notes, "a note")
     assert text in viewer.notes[0]
     viewer.move("lower, tension [N]", 1.5)
@@ -169,12 +169,12 @@ def test_random_messages_change_nothing_bad(live: Callable[..., Any]) -> None:
     @given(st.randoms(use_true_random=False))
     def attack(dice: random.Random) -> None:
         messages = list(itertools.islice(_random_messages(uuids, dice), _BURST))
-        if not hostile or hostile[0]._socket.close_code is not None:  # viser ends a connection after some messages
+        if not hostile or hostile[0].socket.close_code is not None:  # viser ends a connection after some messages
             hostile[:] = [opened.enter_context(Viewer(page.page.address()))]
             hostile[0].wait(lambda: hostile[0].controls, "the page")
         with contextlib.suppress(ConnectionClosed):
             for message in messages:
-                hostile[0]._socket.send(msgspec.msgpack.encode(message))
+                hostile[0].socket.send(msgspec.msgpack.encode(message))
 
     hostile: list[Viewer] = []
     uuids = [control["uuid"] for control in viewer.controls.values()]

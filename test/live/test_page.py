@@ -388,8 +388,8 @@ def test_garbage_on_the_socket_is_told_in_a_line(live: Callable[..., Any], caplo
                 stranger.recv(1000)
     for garbage in (b"\xc1\x00garbage", "text", b""):
         with contextlib.suppress(ConnectionClosed), Viewer(page.page.address()) as viewer:
-            viewer._socket.send(garbage)
-            viewer._socket.recv(timeout=5.0)
+            viewer.socket.send(garbage)
+            viewer.socket.recv(timeout=5.0)
     page.look().wait(lambda: page.page.viewers >= 1, "the page")
     assert not any(record.exc_info or "Traceback" in record.getMessage() for record in caplog.records)
 

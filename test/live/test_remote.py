@@ -213,7 +213,7 @@ def test_the_end_of_a_program_is_commanded_though_the_word_of_steps_is_lost(bar:
     player = Player(scene_from_text(bar), lambda name, order: sent.append((name, order)))
     player.play()
     for step, moment in enumerate((0.0, 0.1, 5.0, 5.1)):
-        player.follow(StepRecord(step=step + 1, begin=Begin.LAST, time=moment, dt=0.1))
+        player.follow(StepRecord(step=step + 1, begin=Begin.LAST, time=moment, dt=0.1, stamp=0))
     assert not player.text
     last = {name: order for name, order in sent}
     assert last["tip"].translation == pytest.approx((0.0, 0.0, 0.02))

@@ -38,7 +38,7 @@ class Viewer:
         protocol = Subprotocol(f"viser-v{viser.__version__}")
         address = address.replace("http://", "ws://", 1)
         patience = {"open_timeout": 60.0, "close_timeout": 0.1}
-        self._socket = connect(address, subprotocols=[protocol], max_size=None, compression=None, **patience)
+        self.socket = connect(address, subprotocols=[protocol], max_size=None, compression=None, **patience)
         self.controls: dict[str, dict[str, Any]] = {}
         self.content: dict[str, str] = {}
         self.values: dict[str, Any] = {}
@@ -47,13 +47,13 @@ class Viewer:
         self.frames = 0
         eye = {"fov": 1.0, "near": 0.01, "far": 100.0, "image_height": 600, "image_width": 800}
         looks = {"wxyz": (1.0, 0.0, 0.0, 0.0), "look_at": (0.0, 0.0, 0.0), "up_direction": (0.0, 0.0, 1.0)}
-        self._send("ViewerCameraMessage", position=(1.0, 1.0, 1.0), **eye, **looks)
+        self.send("ViewerCameraMessage", position=(1.0, 1.0, 1.0), **eye, **looks)
 
     def __enter__(self) -> Viewer:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
-        self._socket.close()
+        self.socket.close()
 
     def wait(self, done: Callable[[], Any], what: str, *, patience: float = 120.0) -> Any:
         """Receive messages until ``done`` returns a true value, and return this value.
@@ -71,7 +71,7 @@ class Viewer:
     def receive(self, patience: float) -> bool:
         """Process one window of messages if it arrives within ``patience`` [s]."""
         try:
-            data = self._socket.recv(timeout=patience)
+            data = self.socket.recv(timeout=patience)
         except TimeoutError:
             return False
         for message in messages_in(data):
@@ -80,7 +80,7 @@ class Viewer:
 
     def move(self, label: str, value: Any) -> None:
         """Set the value of a control: slider, number, list or check box."""
-        self._send("GuiUpdateMessage", uuid=self.controls[label]["uuid"], updates={"value": value})
+        self.send("GuiUpdateMessage", uuid=self.controls[label]["uuid"], updates={"value": value})
 
     def press(self, label: str) -> None:
         """Press a button."""
@@ -89,13 +89,13 @@ class Viewer:
     def drag(self, handle: str, position: Any, wxyz: Any = (1.0, 0.0, 0.0, 0.0)) -> None:
         """Drag the control of a handle to a position (3,), in the units of the picture, and an orientation."""
         place, turn = [float(value) for value in position], [float(value) for value in wxyz]
-        self._send("TransformControlsUpdateMessage", name=f"/handles/{handle}", position=place, wxyz=turn, owner="")
+        self.send("TransformControlsUpdateMessage", name=f"/handles/{handle}", position=place, wxyz=turn, owner="")
 
     def drag_probe(self, probe: str, position: Any) -> None:
         """Drag the control of a probe to a position (3,), in the units of the picture."""
         place = [float(value) for value in position]
         name, turn = f"/probes/goals/{probe}", [1.0, 0.0, 0.0, 0.0]
-        self._send("TransformControlsUpdateMessage", name=name, position=place, wxyz=turn, owner="")
+        self.send("TransformControlsUpdateMessage", name=name, position=place, wxyz=turn, owner="")
 
     def place(self, handle: str) -> tuple[float, float, float]:
         """Return the position of a handle's control (3,), in the units of the picture."""
@@ -109,8 +109,9 @@ class Viewer:
         """Return the texts of the page, including the state."""
         return " ".join(self.content.values())
 
-    def _send(self, kind: str, **fields: Any) -> None:
-        self._socket.send(msgspec.msgpack.encode({"type": kind, **fields}))
+    def send(self, kind: str, **fields: Any) -> None:
+        """Send a message of a kind, as the page in a browser does."""
+        self.socket.send(msgspec.msgpack.encode({"type": kind, **fields}))
 
     def _take(self, message: dict[str, Any]) -> None:
         kind = message["type"]

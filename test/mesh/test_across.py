@@ -8,7 +8,7 @@ import pytest
 
 from gdfe_ros.mesh import bar
 from gdfe_ros.mesh.across import cells_across
-from gdfe_ros.mesh.trilinear import CORNERS
+from gdfe_ros.mesh.filling import CORNERS
 
 
 def test_a_bar_is_as_many_cells_across_as_it_has() -> None:

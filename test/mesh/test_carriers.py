@@ -4,8 +4,8 @@
 import numpy as np
 
 from gdfe_ros.mesh import bar
+from gdfe_ros.mesh.filling import reference_coordinates, trilinear_weights
 from gdfe_ros.mesh.outside import hang
-from gdfe_ros.mesh.trilinear import reference_coordinates, trilinear_weights
 
 
 def test_points_in_distorted_cells_get_their_coordinates() -> None:

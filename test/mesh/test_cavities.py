@@ -9,8 +9,7 @@ import pytest
 from gdfe_ros.mesh import bar, select_faces
 from gdfe_ros.mesh.cavities import find_cavities
 from gdfe_ros.mesh.faces import enclosed_volume
-from gdfe_ros.mesh.generators import cut
-from gdfe_ros.mesh.round_bodies import sphere
+from gdfe_ros.mesh.generators import cut, sphere
 from gdfe_ros.mesh.selection import BoxSelection, Side, Where
 from gdfe_ros.mesh.surface_edges import open_edges
 

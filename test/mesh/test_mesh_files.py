@@ -17,7 +17,7 @@ import trimesh
 import vtk
 
 from gdfe_ros.errors import MeshError
-from gdfe_ros.mesh import mesh_file
+from gdfe_ros.mesh import importer
 from gdfe_ros.mesh.importer import examine_mesh, read_mesh
 from gdfe_ros.mesh.inspection import inspect_file
 from gdfe_ros.mesh.quality import check_mesh
@@ -217,10 +217,10 @@ def test_files_with_a_wrong_suffix_are_read_by_their_first_bytes(tmp_path: Path)
 
 def test_groups_without_names_are_told_where_gmsh_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
     """Without gmsh, meshio's content of a file of version 4.0 has a remark on elements in several groups."""
-    doubtful = mesh_file.RawMesh(points=np.zeros((0, 3)), cells=[])
-    monkeypatch.setattr(mesh_file, "find_spec", lambda _: None)
-    monkeypatch.setattr(mesh_file, "_by_meshio", lambda *_: doubtful)
-    raw = mesh_file.read_file(CASES / "gmsh" / "msh40.msh", "mesh")
+    doubtful = importer.RawMesh(points=np.zeros((0, 3)), cells=[])
+    monkeypatch.setattr(importer, "find_spec", lambda _: None)
+    monkeypatch.setattr(importer, "_by_meshio", lambda *_: doubtful)
+    raw = importer.read_file(CASES / "gmsh" / "msh40.msh", "mesh")
     assert raw.remarks == [
         "elements with several physical groups are in the first one only; remedy: pip install 'gdfe_ros[cad]', or give "
         "each group a name"

@@ -11,7 +11,7 @@ from gdfe_ros import Simulation
 from gdfe_ros.mesh import bar, check_mesh
 from gdfe_ros.mesh.assembly import mirrored
 from gdfe_ros.mesh.generators import finger
-from gdfe_ros.mesh.hex_shape import cell_volumes
+from gdfe_ros.mesh.quality import cell_volumes
 from gdfe_ros.mesh.tetmesh import divided
 from gdfe_ros.scene import load_scene
 from gdfe_ros.scene.loader import scene_from_text

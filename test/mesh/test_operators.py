@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from gdfe_ros.mesh.filling import CORNERS
 from gdfe_ros.mesh.operators import ShapeOperators, shape_operators
-from gdfe_ros.mesh.trilinear import CORNERS
 
 CELL = np.arange(8, dtype=np.int32)[None]
 CUBE = 0.5 + 0.5 * CORNERS

@@ -8,8 +8,7 @@ import pytest
 
 from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh import HexMesh, bar, check_mesh, require_sound
-from gdfe_ros.mesh.hex_shape import cell_volumes, scaled_jacobians
-from gdfe_ros.mesh.quality import coincident_pairs
+from gdfe_ros.mesh.quality import cell_volumes, coincident_pairs, scaled_jacobians
 
 
 def cube(vertices: np.ndarray | None = None) -> HexMesh:

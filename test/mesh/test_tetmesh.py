@@ -15,9 +15,9 @@ from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh import TetMesh, bar, check_mesh
 from gdfe_ros.mesh.assembly import keep_cells
 from gdfe_ros.mesh.cavities import find_cavities, inside_volume
+from gdfe_ros.mesh.generators import sphere
 from gdfe_ros.mesh.importer import read_mesh
 from gdfe_ros.mesh.packing import pack_mesh, unpack_mesh
-from gdfe_ros.mesh.round_bodies import sphere
 from gdfe_ros.mesh.tet_faces import node_areas
 from gdfe_ros.mesh.tetmesh import divided
 from gdfe_ros.mesh.tetrahedra import EDGES, barycentric, quadratic_slopes, quadratic_weights, simplex_rule

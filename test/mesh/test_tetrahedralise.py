@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ import pytest
 import trimesh
 
 from gdfe_ros.errors import MeshError
-from gdfe_ros.mesh import TetMesh, check_mesh, store, tetrahedralise
+from gdfe_ros.mesh import TetMesh, check_mesh, tetrahedralise
 from gdfe_ros.mesh.cavities import find_cavities
 from gdfe_ros.mesh.tetrahedra import EDGES
 from gdfe_ros.mesh.tetrahedralise import from_step, from_surface
@@ -20,7 +21,7 @@ BOX, BALL = trimesh.creation.box((0.1, 0.06, 0.04)), trimesh.creation.icosphere(
 
 @pytest.fixture(autouse=True)
 def _own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(store, "_folder", lambda: tmp_path / "kept")
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "kept"))
 
 
 def test_a_step_file_is_filled_in_metres_with_curved_edges(step: Path) -> None:
@@ -43,7 +44,7 @@ def test_the_same_file_is_meshed_once(step: Path, monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(tetrahedralise, "run_mesher", lambda *given: runs.append(given) or real(*given))
     assert np.array_equal(from_step(step, size=0.01).vertices, first.vertices)
     assert runs == []
-    for entry in store._folder().iterdir():
+    for entry in Path(os.environ["NUMBA_CACHE_DIR"], "gdfe_ros_bodies").iterdir():
         entry.write_text("damaged")
     assert from_step(step, size=0.01).n_cells == first.n_cells
     assert len(runs) == 1

@@ -19,8 +19,8 @@ from gdfe_ros.analysis.bag_run import BagRun
 from gdfe_ros.analysis.replay import Replay
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.examples.carrying_arm import CarryingArm, joints_at, tool_at
-from gdfe_ros.node.following import leaders_of
 from gdfe_ros.node.messages import to_time
+from gdfe_ros.node.run import leaders_of
 from gdfe_ros.scene.loader import load_scene
 from gdfe_ros.testing import Simulator
 

@@ -9,9 +9,7 @@ from typing import Any
 from rcl_interfaces.srv import DescribeParameters, ListParameters
 
 from docs.scripts.node_reference import markdown
-from gdfe_ros.node.interface import NODE_NAME
-from gdfe_ros.node.interface.parameters import PARAMETERS
-from gdfe_ros.node.interface.services import SERVICES
+from gdfe_ros.node.interface import NODE_NAME, PARAMETERS, SERVICES
 from gdfe_ros.node.interface.topics import COMMANDS, OUTPUTS
 from gdfe_ros.node.ros_types import installed
 

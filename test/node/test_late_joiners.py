@@ -38,24 +38,24 @@ class _Newcomer:
     """A client that subscribes to diagnostics only, until `listen` adds topics."""
 
     def __init__(self, ros: Any, wait: Callable) -> None:
-        self.node, self._wait = ros.node("newcomer"), wait
-        self._status: dict[str, str] = {}
+        self.node, self.wait = ros.node("newcomer"), wait
+        self.status: dict[str, str] = {}
         self.node.create_subscription(DiagnosticArray, "/diagnostics", self._read, _QOS)
 
     def _read(self, message: DiagnosticArray) -> None:
-        self._status = {value.key: value.value for status in message.status for value in status.values}
+        self.status = {value.key: value.value for status in message.status for value in status.values}
 
     def wait_for_steps(self, count: int) -> None:
-        self._wait(lambda: int(self._status.get("steps", 0)) == count)
+        self.wait(lambda: int(self.status.get("steps", 0)) == count)
 
     def publish(self, topic: str, message: Any) -> None:
         publisher = self.node.create_publisher(type(message), f"/gdfe_sim/{topic}", 10)
-        self._wait(publisher.get_subscription_count)
+        self.wait(publisher.get_subscription_count)
         publisher.publish(message)
 
     def call(self, kind: type, name: str, request: Any) -> None:
         client = self.node.create_client(kind, f"/gdfe_sim/{name}")
-        self._wait(client.service_is_ready)
+        self.wait(client.service_is_ready)
         # The answer may get lost where the node does not know this client yet; what it does is seen in diagnostics.
         client.call_async(request)
 
@@ -94,43 +94,42 @@ def test_late_joiners_get_the_present_state(newcomer: _Newcomer, start: Callable
     newcomer.wait_for_steps(1)
     if clock == "wall":
         newcomer.call(SetBool, "pause", SetBool.Request(data=True))
-        newcomer._wait(lambda: newcomer._status["clock"] == "paused")
+        newcomer.wait(lambda: newcomer.status["clock"] == "paused")
     _lift(newcomer, 0.1)
-    newcomer._wait(lambda: newcomer._status["commands taken"] == "1")
+    newcomer.wait(lambda: newcomer.status["commands taken"] == "1")
     if clock == "wall":
         newcomer.call(Trigger, "step", Trigger.Request())
     newcomer.wait_for_steps(2)
     got = {topic: newcomer.listen(topic, kind) for topic, kind in _TOPICS.items()}
     got["volatile"] = newcomer.listen("mesh", PointCloud2, _BEST_EFFORT)
-    newcomer._wait(lambda: all(_lifted(messages) for messages in got.values()))
-    assert newcomer._status["steps"] == "2"
+    newcomer.wait(lambda: all(_lifted(messages) for messages in got.values()))
+    assert newcomer.status["steps"] == "2"
+
+
+def _begin_a_long_step(newcomer: _Newcomer, start: Callable, doing: str) -> None:
+    """Make a step of a fine bar, and begin one that takes long; wait until the node says that it works on ``doing``."""
+    fine = ["mesh.bar.cells=[60, 14, 14]", "solver.tolerance=1e-12", "solver.max_iterations=100000"]
+    start(scene="bend5", scene_overrides=fine, clock="lockstep")
+    newcomer.wait_for_steps(1)
+    _lift(newcomer, 0.1)
+    newcomer.wait_for_steps(2)
+    _lift(newcomer, 0.2, turned=True)
+    newcomer.wait(lambda: re.search(doing, newcomer.status.get("working on", "")))
 
 
 def test_late_joiners_get_the_last_state_during_a_long_step(newcomer: _Newcomer, start: Callable) -> None:
     """While a step takes long, a late subscriber of any topic gets the state after the step before it."""
-    fine = ["mesh.bar.cells=[60, 14, 14]", "solver.tolerance=1e-12", "solver.max_iterations=100000"]
-    start(scene="bend5", scene_overrides=fine, clock="lockstep")
-    newcomer.wait_for_steps(1)
-    _lift(newcomer, 0.1)
-    newcomer.wait_for_steps(2)
-    _lift(newcomer, 0.2, turned=True)
-    newcomer._wait(lambda: "rounds of iterations" in newcomer._status.get("working on", ""))
+    _begin_a_long_step(newcomer, start, "rounds of iterations")
     got = {topic: newcomer.listen(topic, kind) for topic, kind in _TOPICS.items()}
-    newcomer._wait(lambda: all(_lifted(messages) for messages in got.values()))
-    assert newcomer._status["steps"] == "2"
+    newcomer.wait(lambda: all(_lifted(messages) for messages in got.values()))
+    assert newcomer.status["steps"] == "2"
 
 
 def test_the_stored_state_is_the_last_one_during_a_long_step(newcomer: _Newcomer, start: Callable) -> None:
     """After steps that nobody saw, a subscriber first receives, during a long step, the state before this step."""
-    fine = ["mesh.bar.cells=[60, 14, 14]", "solver.tolerance=1e-12", "solver.max_iterations=100000"]
-    start(scene="bend5", scene_overrides=fine, clock="lockstep")
-    newcomer.wait_for_steps(1)
-    _lift(newcomer, 0.1)
-    newcomer.wait_for_steps(2)
-    _lift(newcomer, 0.2, turned=True)
-    newcomer._wait(lambda: re.search("[1-9] rounds of iterations", newcomer._status.get("working on", "")))
+    _begin_a_long_step(newcomer, start, "[1-9] rounds of iterations")
     got = {topic: newcomer.listen(topic, _TOPICS[topic]) for topic in ("mesh", "strain", "markers")}  # store the last
-    newcomer._wait(lambda: all(got.values()))
+    newcomer.wait(lambda: all(got.values()))
     assert all(_lifted(messages[:1]) for messages in got.values())
 
 
@@ -160,7 +159,7 @@ def test_a_late_joiner_gets_the_time_and_the_joints(newcomer: _Newcomer, start: 
     newcomer.publish("actuation", JointState(name=["flexor"], effort=[2.0]))
     newcomer.wait_for_steps(2)
     clock, joints = newcomer.listen("/clock", Clock, _BEST_EFFORT), newcomer.listen("joint_states", JointState)
-    newcomer._wait(lambda: clock and joints and joints[-1].effort[0] == 2.0)
+    newcomer.wait(lambda: clock and joints and joints[-1].effort[0] == 2.0)
     assert clock[-1].clock.nanosec == 250_000_000
 
 
@@ -173,6 +172,6 @@ def test_a_bag_holds_each_step_once_whoever_comes_late(
     _lift(newcomer, 0.1)
     newcomer.wait_for_steps(2)
     got = newcomer.listen("mesh", PointCloud2)
-    newcomer._wait(lambda: _lifted(got))
+    newcomer.wait(lambda: _lifted(got))
     process.stop()
     assert BagReader(tmp_path / "bag").counts["/gdfe_sim/mesh"] == 2

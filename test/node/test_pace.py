@@ -19,10 +19,20 @@ class _Clock:
         return self.now
 
 
-def test_the_wall_pace_keeps_to_its_grid() -> None:
+@pytest.fixture
+def clock() -> _Clock:
+    """Give a simulated clock."""
+    return _Clock()
+
+
+@pytest.fixture
+def pace(clock: _Clock) -> WallPace:
+    """Give a pace at 10 Hz by the clock."""
+    return WallPace(lambda: TIMING, clock)
+
+
+def test_the_wall_pace_keeps_to_its_grid(clock: _Clock, pace: WallPace) -> None:
     """Steps that start a little late do not shift the grid, cover dt each, and are no overruns."""
-    clock = _Clock()
-    pace = WallPace(lambda: TIMING, clock)
     for step in range(5):
         clock.now = 100.0 + 0.1 * step + 0.03
         assert pace.delay(pending=True, settled=False) == 0.0
@@ -31,10 +41,8 @@ def test_the_wall_pace_keeps_to_its_grid() -> None:
     assert pace.overruns == 0
 
 
-def test_a_long_step_is_an_overrun_and_the_next_begins_at_once() -> None:
+def test_a_long_step_is_an_overrun_and_the_next_begins_at_once(clock: _Clock, pace: WallPace) -> None:
     """A step at 10 Hz that lasts 0.45 s misses three periods; the next starts at once, and covers one dt only."""
-    clock = _Clock()
-    pace = WallPace(lambda: TIMING, clock)
     pace.begin()
     clock.now += 0.45
     assert pace.delay(pending=True, settled=False) == 0.0
@@ -43,10 +51,8 @@ def test_a_long_step_is_an_overrun_and_the_next_begins_at_once() -> None:
     assert pace.delay(pending=True, settled=False) == pytest.approx(0.1)
 
 
-def test_an_idle_wall_pace_only_beats_and_then_catches_up() -> None:
+def test_an_idle_wall_pace_only_beats_and_then_catches_up(clock: _Clock, pace: WallPace) -> None:
     """An idle pace waits for the heartbeat; a step after 1.3 s covers 13 periods and is no overrun."""
-    clock = _Clock()
-    pace = WallPace(lambda: TIMING, clock)
     pace.begin()
     assert pace.delay(pending=False, settled=True) == pytest.approx(2.0)
     clock.now += 1.3
@@ -55,13 +61,11 @@ def test_an_idle_wall_pace_only_beats_and_then_catches_up() -> None:
     assert pace.overruns == 0
 
 
-def test_time_in_which_the_process_stood_still_is_skipped() -> None:
+def test_time_in_which_the_process_stood_still_is_skipped(clock: _Clock, pace: WallPace) -> None:
     """After 4 s without a heartbeat of 2 s, as by SIGSTOP, a step covers 2 s; the rest counts as late.
 
     Before, the simulation made up for the whole time in few long steps.
     """
-    clock = _Clock()
-    pace = WallPace(lambda: TIMING, clock)
     pace.begin()
     assert pace.delay(pending=False, settled=True) == pytest.approx(2.0)
     clock.now += 6.0
@@ -84,10 +88,8 @@ def test_without_a_heartbeat_an_idle_pace_waits_for_an_event() -> None:
     assert pace.delay(pending=False, settled=True) == 0.0
 
 
-def test_rest_does_not_hide_that_a_step_was_late() -> None:
+def test_rest_does_not_hide_that_a_step_was_late(clock: _Clock, pace: WallPace) -> None:
     """Each step of 0.35 s of a settled body is late by 0.25 s, also if the next command comes 20 ms later."""
-    clock = _Clock()
-    pace = WallPace(lambda: TIMING, clock)
     for step in range(4):
         assert pace.begin() == 0.5
         clock.now += 0.35
@@ -99,10 +101,8 @@ def test_rest_does_not_hide_that_a_step_was_late() -> None:
     assert pace.begin() == pytest.approx(6 * 0.5)
 
 
-def test_a_pause_is_not_an_overrun() -> None:
+def test_a_pause_is_not_an_overrun(clock: _Clock, pace: WallPace) -> None:
     """A restart after 10 s starts a new grid and is no overrun."""
-    clock = _Clock()
-    pace = WallPace(lambda: TIMING, clock)
     pace.begin()
     clock.now += 10.0
     pace.restart()

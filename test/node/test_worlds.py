@@ -28,18 +28,18 @@ class _Worlds:
     def __init__(self, client: Any) -> None:
         from simulation_interfaces import srv
 
-        self._client, self._srv = client, srv
+        self._client, self.srv = client, srv
 
     def ask(self, kind: str, service: str, **fields: Any) -> Any:
-        return self._client.call(getattr(self._srv, kind), service, getattr(self._srv, kind).Request(**fields))
+        return self._client.call(getattr(self.srv, kind), service, getattr(self.srv, kind).Request(**fields))
 
     def request(self, uri: str = "", text: str = "") -> Any:
-        found = self._srv.LoadWorld.Request()
+        found = self.srv.LoadWorld.Request()
         found.world_resource.uri, found.world_resource.resource_string = uri, text
         return found
 
     def load(self, uri: str = "", text: str = "") -> Any:
-        return self._client.call(self._srv.LoadWorld, "load_world", self.request(uri, text))
+        return self._client.call(self.srv.LoadWorld, "load_world", self.request(uri, text))
 
     def state(self) -> int:
         return self.ask("GetSimulationState", "get_simulation_state").state.state
@@ -53,7 +53,7 @@ def test_a_world_is_loaded_while_the_old_one_steps(
     worlds = _Worlds(client)
     start(scene=str(slab), clock="fast")
     client.wait(lambda: client.records() and client.records()[-1].time > 0.05)  # all kernels are compiled
-    service = client.node.create_client(worlds._srv.LoadWorld, client.full("load_world"))
+    service = client.node.create_client(worlds.srv.LoadWorld, client.full("load_world"))
     client.wait(service.service_is_ready)
     before, answer = client.record().time, service.call_async(worlds.request(text=LARGE))
     client.wait(lambda: answer.done() or client.record().time > before)
@@ -72,9 +72,9 @@ def test_a_world_is_loaded_while_the_old_one_steps(
     assert worlds.state() == STOPPED
     assert client.state() == "active"
     client.wait(lambda: "name: other" in client.last("scene").data)
-    request = worlds._srv.SetSimulationState.Request()
+    request = worlds.srv.SetSimulationState.Request()
     request.state.state = PLAYING
-    assert client.call(worlds._srv.SetSimulationState, "set_simulation_state", request).result.result == OK
+    assert client.call(worlds.srv.SetSimulationState, "set_simulation_state", request).result.result == OK
     assert worlds.state() == PLAYING
     client.wait(lambda: client.received["mesh"] and len(client.mesh()) == 51 * 11 * 11)
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import yaml
 
-from gdfe_ros.node.interface.parameters import PARAMETERS
+from gdfe_ros.node.interface import PARAMETERS
 
 
 def test_every_entry_is_a_parameter_of_the_node(root: Path) -> None:

@@ -75,10 +75,10 @@ def test_bad_input_is_named(key: str, value: Any, said: str) -> None:
 
 def test_the_policy_relative_does_not_move() -> None:
     """The policy relative with dynamics is refused, in the file or later, with a remedy."""
-    with pytest.raises(SceneError, match="finds equilibria only; remedy: policy: energy"):
+    with pytest.raises(SceneError, match="cannot take dynamics; remedy: policy: energy"):
         load_scene("drop", overrides={"solver.policy": "relative", "loads": {}, "program": None})
     scene = load_scene("drop", overrides={"loads": {}, "program": None})
-    with pytest.raises(SceneError, match="finds equilibria only"):
+    with pytest.raises(SceneError, match="cannot take dynamics"):
         Simulation(scene, settings=SolverSettings(policy=Policy.RELATIVE))
 
 

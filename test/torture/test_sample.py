@@ -43,6 +43,11 @@ SAMPLE += [case for case in CASES if case.name in WATCHED and case not in SAMPLE
 STEPS = 250
 
 
+def test_names_of_cases_are_unique() -> None:
+    """Each case has a name of its own, by which another process finds it."""
+    assert len({case.id for case in CASES}) == len(CASES)
+
+
 @pytest.mark.parametrize("case", SAMPLE, ids=[case.id for case in SAMPLE])
 def test_sample(case: Case) -> None:
     """Every sixth case passes, or is refused with the expected words."""

@@ -117,7 +117,7 @@ class RunHistory:
     Attributes:
         time: simulation time at the end of each step [s].
         simulated: sum of the durations of the steps so far, at the end of each step [s].
-        stamps: stamp of each step on the node's clock [s]; NaN in old bags.
+        stamps: stamp of each step on the node's clock [s].
         targets: dict from handle to its target at each step: translation [m] and rotation vector [rad], six numbers.
         commands: dict from actuator, load or joint to its command at each step; NaN before the first command.
         costs: dict from cost to its value at each step: ``iterations, substeps, error_estimate, wall_time`` [s] and
@@ -147,7 +147,7 @@ class RunHistory:
         record, count = step.record, len(self.time)
         self.time.append(record.time)
         self.simulated.append((self.simulated[-1] if count else 0.0) + record.dt)
-        self.stamps.append(np.nan if record.stamp is None else 1e-9 * record.stamp)
+        self.stamps.append(1e-9 * record.stamp)
         self._add_commands(step, count)
         costs = {name: float(getattr(record, name)) for name in COSTS}
         costs |= {f"skipped.{name}": float(number) for name, number in record.skipped.items()}
@@ -170,7 +170,7 @@ class RunHistory:
     def lateness(self) -> NDArray[np.float64]:
         """Return, for each step, the wall time since the first step minus the simulation time since then [s].
 
-        NaN in old bags. With ``publish_clock``, or the /clock of another node, stamps are no wall times.
+        With ``publish_clock``, or the /clock of another node, stamps are no wall times.
         """
         return (np.array(self.stamps) - self.stamps[0]) - (np.array(self.simulated) - self.simulated[0])
 

@@ -101,7 +101,7 @@ def _wall_time(run: BagRun, history: RunHistory) -> str:
     if not wall_stamped(run) or not wall > 0.0:
         return ""
     text = f"{wall:.6g} s for {span:.6g} s of simulation time: {span / wall:.3g} of real time"
-    late = float(np.nanmax(history.lateness()))
+    late = float(np.max(history.lateness()))
     return f"{text}, late by up to {late:.3g} s" if paced_by_wall(run) and late > 0.0 else text
 
 

@@ -18,8 +18,8 @@ from std_srvs.srv import SetBool, Trigger
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.live.interface import Ability
 from gdfe_ros.live.session import Programme
-from gdfe_ros.node.interface import services, topics
-from gdfe_ros.node.interface.parameters import MODULUS
+from gdfe_ros.node import interface
+from gdfe_ros.node.interface import MODULUS, topics
 from gdfe_ros.node.interface.topics import is_commanded, put_key, target_key
 from gdfe_ros.node.messages import actuation, pose_message
 from gdfe_ros.node.orders import ActuatorOrder, Order, PlaceOrder, require_order
@@ -28,10 +28,10 @@ from gdfe_ros.recording.step import Begin, StepRecord
 from gdfe_ros.scene.scene import Scene
 
 SERVICES = {
-    Ability.PAUSE: services.PAUSE,
-    Ability.STEP: services.STEP,
-    Ability.RESET: services.RESET,
-    Ability.RECORD: services.RECORD,
+    Ability.PAUSE: interface.PAUSE,
+    Ability.STEP: interface.STEP,
+    Ability.RESET: interface.RESET,
+    Ability.RECORD: interface.RECORD,
 }
 """Dict from request to the node's service."""
 

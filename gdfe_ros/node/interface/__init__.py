@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Names and descriptions of every parameter, topic and service of the node.
+"""Names and descriptions of every parameter, topic and service of the node; topics are in ``topics.py``.
 
 The node's declarations and the tables of its documentation page are both generated from this package.
 """
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from enum import Enum
 
@@ -63,16 +64,13 @@ class ParameterSpec:
     @property
     def kind(self) -> str:
         """Name of the parameter's type, for users."""
-        if isinstance(self.default, list):
-            return "list of strings"
-        return {bool: "bool", int: "integer", float: "double", str: "string"}[type(self.default)]
+        names = {bool: "bool", int: "integer", float: "double", str: "string", list: "list of strings"}
+        return names[type(self.default)]
 
     @property
     def allowed(self) -> str:
         """Text with the allowed values, for users; empty if every value of the type is allowed."""
-        if self.choices:
-            return ", ".join(self.choices)
-        return "" if self.least is None else f"{self.least:g} to {self.most:g}"
+        return ", ".join(self.choices) or ("" if self.least is None else f"{self.least:g} to {self.most:g}")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -110,3 +108,292 @@ class ServiceSpec:
     def key(self) -> str:
         """Name relative to the node's name."""
         return self.name.removeprefix("~/")
+
+
+_UP_TO_AN_HOUR = {"unit": "s", "least": 0.0, "most": 3600.0}
+
+PARAMETERS = (
+    ParameterSpec(
+        name="scene",
+        default="bend5",
+        meaning="name of a scene in config/scenes, or the path of a scene file",
+        change=Changeable.UNCONFIGURED,
+    ),
+    ParameterSpec(
+        name="scene_overrides",
+        default=[""],
+        meaning="entries key=value that replace values of the scene, e.g. mesh.bar.cells=[25, 2, 2]; empty entries "
+        "have no effect",
+        change=Changeable.UNCONFIGURED,
+    ),
+    ParameterSpec(
+        name="autostart",
+        default=True,
+        meaning="configure and activate at start; if that fails, the node keeps running, unconfigured",
+        change=Changeable.START,
+    ),
+    ParameterSpec(
+        name="required",
+        default=False,
+        meaning="if `autostart` fails, end the process with status 1, e.g. for a script or a container",
+        change=Changeable.START,
+    ),
+    ParameterSpec(
+        name="clock",
+        default="wall",
+        choices=("wall", "fast", "lockstep", "external"),
+        meaning="trigger of a step. wall: the wall clock, at `rate`; fast: the end of the step before; lockstep: a "
+        "command set, or the service ~/step; external: each `dt` of another node's /clock (needs `use_sim_time`)",
+        change=Changeable.INACTIVE,
+    ),
+    ParameterSpec(
+        name="rate",
+        default=100.0,
+        unit="Hz",
+        least=0.01,
+        most=10e3,
+        meaning="steps per second of wall time, with clock wall",
+    ),
+    ParameterSpec(name="dt", default=0.01, unit="s", least=1e-6, most=1e3, meaning="simulation time of one step"),
+    ParameterSpec(
+        name="deadline",
+        default=0.0,
+        **_UP_TO_AN_HOUR,
+        meaning="wall time after which a step returns its best state; the next step continues from it; 0: no deadline",
+    ),
+    ParameterSpec(
+        name="cut_after",
+        default=-1,
+        least=-1,
+        most=1_000_000_000,
+        meaning="for replays: end each solve at the same point as the recorded one (`cut_after` of its step "
+        "record), whatever the time; -1: never",
+    ),
+    ParameterSpec(
+        name="heartbeat",
+        default=1.0,
+        **_UP_TO_AN_HOUR,
+        meaning="while nothing is commanded, interval of the steps that only publish; not with clock lockstep; 0: none",
+    ),
+    ParameterSpec(
+        name="publish_clock",
+        default=False,
+        meaning="publish /clock, stamp with simulation time, and with clocks wall and fast keep stepping while "
+        "nothing is commanded; only one node of a system may do this",
+        change=Changeable.INACTIVE,
+    ),
+    ParameterSpec(
+        name="frame_id",
+        default=FRAME,
+        meaning="frame of the rest shape (REP-105); the header of every output has it, except poses and wrenches of "
+        "handles and obstacles",
+        change=Changeable.UNCONFIGURED,
+    ),
+    ParameterSpec(
+        name="publish_tf",
+        default=True,
+        meaning="publish frames of handles, obstacles and probes on /tf and /tf_static, if tf2_msgs is installed",
+        change=Changeable.UNCONFIGURED,
+    ),
+    ParameterSpec(
+        name="follow",
+        default=[""],
+        meaning="handles and obstacles that follow a topic or a frame: handle=topic:/arm/tool_pose (PoseStamped) or "
+        "handle=frame:tool0 (TF, needs tf2_msgs); such a handle takes no other commands",
+        change=Changeable.UNCONFIGURED,
+    ),
+    ParameterSpec(name="record", default=False, meaning="write a bag while active", change=Changeable.INACTIVE),
+    ParameterSpec(
+        name="bag_path",
+        default="",
+        meaning="directory of the next bag; it must not exist yet, or be empty. Empty text: runs/<scene>_<time>",
+    ),
+    ParameterSpec(
+        name="command_set",
+        default=[""],
+        meaning="with clock lockstep, a step begins when each of these inputs has a command, e.g. handles/tip/target, "
+        "commands; empty: when any input has one",
+        change=Changeable.INACTIVE,
+    ),
+    ParameterSpec(
+        name="command_max_age",
+        default=0.0,
+        **_UP_TO_AN_HOUR,
+        meaning="largest age of a command; one with an older stamp is refused. The age is measured on the node's "
+        "clock, which is simulation time if it publishes /clock; 0: no limit",
+    ),
+    ParameterSpec(
+        name="command_max_lead",
+        default=0.5,
+        **_UP_TO_AN_HOUR,
+        meaning="a command is refused if its stamp is ahead of the node's clock by more than this",
+    ),
+    ParameterSpec(
+        name="velocity_timeout",
+        default=0.5,
+        **_UP_TO_AN_HOUR,
+        meaning="simulation time for which a velocity command acts",
+    ),
+    ParameterSpec(
+        name="slew_time",
+        default=0.5,
+        **_UP_TO_AN_HOUR,
+        meaning="with clock wall or a deadline, shortest simulation time in which an actuator's command crosses its "
+        "`range`; longer while steps do not converge in time; 0: a command acts at once. An actuator's `rate` in the "
+        "scene limits it with every clock",
+    ),
+    ParameterSpec(
+        name="step_count", default=1, least=1, most=1_000_000, meaning="number of steps that one call of ~/step makes"
+    ),
+    ParameterSpec(name="state_path", default="", meaning="path of the file for ~/save_state and ~/load_state"),
+    ParameterSpec(
+        name="marker_rate",
+        default=5.0,
+        unit="Hz",
+        least=0.01,
+        most=1000.0,
+        meaning="largest number of markers per second of wall time",
+    ),
+    ParameterSpec(
+        name="marker_field",
+        default="eps_eq",
+        choices=("eps_eq", "J", "omega", "tangent", "energy_density"),
+        meaning="field that colours the markers, from its smallest value (violet) to its largest (yellow)",
+    ),
+)
+
+MODULUS = ParameterSpec(
+    name="materials.{material}.young",
+    default=0.0,
+    unit="Pa",
+    least=1.0,
+    most=1e12,
+    meaning="Young's modulus of each linear and neo-Hookean material, while configured; initially the scene's value. "
+    "After a change the body goes to its new equilibrium; with `dynamics` it continues to move from its present state. "
+    "Not while a bag is written",
+)
+
+
+def _own(name: str, meaning: str, *, kind: str = "Trigger") -> ServiceSpec:
+    return ServiceSpec(name=f"~/{name}", type=f"std_srvs/srv/{kind}", meaning=meaning)
+
+
+def _standard(kind: str, meaning: str, *, form: str = "srv") -> ServiceSpec:
+    """Return a standard service or action; its name is that of its type in lower case, with underscores."""
+    name = re.sub("(?<=[a-z])(?=[A-Z])", "_", kind).lower()
+    return ServiceSpec(name=f"~/{name}", type=f"simulation_interfaces/{form}/{kind}", meaning=meaning)
+
+
+RESET = _own("reset", "go back to rest at time 0 and drop waiting commands")
+RESET_COMMANDS = _own(
+    "reset_commands",
+    "drop waiting commands, velocities and trajectories; with the next step all targets, actuators and loads go "
+    "back to their initial values, and the body follows",
+)
+RESET_BODIES = _own(
+    "reset_bodies",
+    "put every rigid body back to its rest pose, without velocity, with the next step; nothing else changes",
+)
+RESET_SHAPE = _own(
+    "reset_shape",
+    "put the elastic body back to its rest shape and all commands back to those of rest; time continues, and "
+    "rigid bodies keep their places but lose their velocities. Not while a bag is written",
+)
+RESET_ARMS = _own(
+    "reset_arms",
+    "put all arms back to their initial joint positions at once; what an arm holds moves with it and keeps its "
+    "shape. Time, loads, actuators and places of rigid bodies stay; velocities are the initial ones. Not while a "
+    "bag is written",
+)
+PAUSE = _own("pause", "true: pause the stepping; false: continue", kind="SetBool")
+STEP = _own(
+    "step", "make `step_count` steps, and answer after they are published; only with clock `lockstep` or while paused"
+)
+RECORD = _own("record", "true: begin a bag at `bag_path`; false: finish it. Only while active", kind="SetBool")
+SAVE_STATE = _own("save_state", "write the state to the file `state_path`")
+LOAD_STATE = _own(
+    "load_state",
+    "go to the state in the file `state_path`, which must be of the same scene. Not while a bag is written",
+)
+COMPUTE_JACOBIAN = _own("compute_jacobian", "compute ~/jacobian at the present equilibrium and publish it")
+GET_FEATURES = _standard("GetSimulatorFeatures", "list the features of the standard interfaces that the node supports")
+GET_STATE = _standard(
+    "GetSimulationState",
+    "answer playing, paused, stopped (paused in the initial state, or not active), no world (unconfigured), or loading",
+)
+SET_STATE = _standard(
+    "SetSimulationState", "play; pause; stop, which pauses and resets; or quit, which ends the process as SIGINT does"
+)
+RESET_SIMULATION = _standard(
+    "ResetSimulation",
+    "as ~/reset, and remove spawned bodies (scope 4, or all); time and state can only be reset together",
+)
+STEP_SIMULATION = _standard("StepSimulation", "as ~/step, with the number of steps in the request")
+SIMULATE_STEPS = _standard(
+    "SimulateSteps",
+    "an action: as ~/step_simulation, with feedback after each step; it can be cancelled",
+    form="action",
+)
+SPAWN_ENTITY = _standard(
+    "SpawnEntity",
+    "add a rigid body, from a URDF with one link (box, cylinder or sphere with a mass) or from YAML like an entry "
+    "of `bodies`; or a soft body, from a mesh with its material. The scene needs `dynamics`. Not while a bag is "
+    "written",
+)
+SPAWN_ENTITIES = _standard(
+    "SpawnEntities", "as ~/spawn_entity for up to 100 bodies, one after another; each has a result of its own"
+)
+DELETE_ENTITY = _standard("DeleteEntity", "remove a spawned body. Not while a bag is written")
+GET_ENTITIES = _standard(
+    "GetEntities",
+    "list the rigid bodies and the soft bodies beside the scene's body; filters: an expression for names, "
+    "categories, tags (rigid, soft, spawned), a box or a sphere in the frame `frame_id`",
+)
+GET_ENTITY_STATE = _standard(
+    "GetEntityState",
+    "answer a body's pose and velocity after the last step, in the frame `frame_id`; those of a soft body are its "
+    "mean ones",
+)
+GET_ENTITIES_STATES = _standard(
+    "GetEntitiesStates", "answer names and states, all after the same step, with the filters of ~/get_entities"
+)
+SET_ENTITY_STATE = _standard(
+    "SetEntityState",
+    "teleport a body with the next step; it is then without velocity, and a soft one keeps its deformation. A "
+    "velocity is refused",
+)
+GET_ENTITY_INFO = _standard("GetEntityInfo", "answer category, description and tags of a body")
+GET_ENTITY_BOUNDS = _standard(
+    "GetEntityBounds",
+    "answer the box around a body as it is now, in the body's own frame: highest corner, lowest corner",
+)
+GET_SPAWNABLES = _standard(
+    "GetSpawnables", "list the bodies of config/bodies, and the .yaml and .urdf files of the folders in `sources`"
+)
+GET_NAMED_POSES = _standard(
+    "GetNamedPoses", "list the rest poses of handles, obstacles and probes, each with its kind as a tag"
+)
+LOAD_WORLD = _standard(
+    "LoadWorld",
+    "replace the scene by another one, from a file or a text; the present one steps on while the new one is "
+    "prepared. The node is then active and paused at time 0",
+)
+UNLOAD_WORLD = _standard("UnloadWorld", "as the transitions deactivate and cleanup")
+GET_CURRENT_WORLD = _standard("GetCurrentWorld", "answer name, file and description of the scene")
+GET_AVAILABLE_WORLDS = _standard(
+    "GetAvailableWorlds", "list the scenes of config/scenes, and the .yaml files of the folders in `additional_sources`"
+)
+FOLLOW_TRAJECTORY = ServiceSpec(
+    name="~/follow_joint_trajectory",
+    type="control_msgs/action/FollowJointTrajectory",
+    meaning="an action: a trajectory as on ~/trajectory, with feedback after each step. `position` in its "
+    "tolerances is the allowed distance between the trajectory and the commands in force, which rate limits may "
+    "hold back. A later command of one of its actuators ends it. After a cancellation the commands keep their "
+    "present values",
+)
+_ALL = [spec for spec in vars().values() if isinstance(spec, ServiceSpec)]
+SERVICES = tuple(spec for spec in _ALL if spec.type.startswith("std_srvs/"))
+STANDARD_SERVICES = tuple(spec for spec in _ALL if spec.type.startswith("simulation_interfaces/"))
+"""Services offered if the package simulation_interfaces is installed, and its version has them."""
+ACTIONS = tuple(spec for spec in _ALL if spec.type.startswith("control_msgs/"))
+"""Actions offered if the package control_msgs is installed."""

@@ -14,11 +14,11 @@ from geometry_msgs.msg import PointStamped, PoseStamped
 from rclpy.qos import QoSProfile, qos_profile_sensor_data
 from sensor_msgs.msg import JointState
 
+from gdfe_ros.bounded_text import shorten
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.command_messages import ActuatorOrders
 from gdfe_ros.node.inputs import read_message
 from gdfe_ros.node.interface import FRAME
-from gdfe_ros.node.plain_log import shorten
 from gdfe_ros.node.process import LoneNode
 from gdfe_ros.node.refusals import Refusal, RefusalLog
 from gdfe_ros.twin.twin import Twin
