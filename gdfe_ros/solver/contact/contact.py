@@ -72,6 +72,7 @@ class Contact(ContactTerm):
         self.shape = Surfaces.of(touched.form.kind, points.carriers.shape[1], self._form, *four)
         self._scale, self._held_fast = np.zeros(count), np.zeros(count, dtype=bool)
         self._distances, self._normals = np.zeros(count), np.zeros((count, 3))
+        self._entered = np.zeros((count, 4))
         self._take_none()
         self._clear, self._lag, self._began = -np.inf, 0.0, np.zeros((0, 3))
         self._pose = self._seen_at = Pose()
@@ -88,6 +89,14 @@ class Contact(ContactTerm):
     def held_mass(self) -> float:
         """Mass [kg] of a rigid body that the elastic body touches, else 0."""
         return self._touched.mass if self.on_body and isinstance(self._touched, RigidBody) else 0.0
+
+    @property
+    def _bounces(self) -> bool:
+        """Whether a ball meets an obstacle, off which the plane at its entry throws it.
+
+        A plane that a force turns with a rigid body, whose centre it misses, would not hold.
+        """
+        return self._radius > 0.0 and not isinstance(self._touched, RigidBody)
 
     @property
     def inside(self) -> bool:
@@ -122,7 +131,7 @@ class Contact(ContactTerm):
     def begin(self, commands: Mapping[str, float], saved: Saved, positions: NDArray[np.float64], ratio: float) -> None:
         """Choose the points near the obstacle. Start from the last step's multipliers, rotated with the obstacle."""
         free = saved["press"] is self._free["press"] or not saved["press"].any()
-        self._saved = saved
+        self._saved, self._entered[...] = saved, 0.0
         self._lag = self._shifted(positions)
         if free and self._lag + self._moved(positions) < self._clear:
             self._take_none()
@@ -138,6 +147,8 @@ class Contact(ContactTerm):
         """Choose the points again at ``positions`` (n, 3) [m]; those that stay keep their forces."""
         shears, press, shear = self.stored(self._shear), self._free["press"].copy(), self._free["shear"].copy()
         press[self._chosen], shear[self._chosen] = self._press, shears
+        if self._bounces:  # this force is what keeps a ball from entering
+            self._entered[self._chosen] = np.where(self._press[:, None] > 0.0, self._planes, 0.0)
         self._choose({**self._saved, "press": press, "shear": shear}, positions)
         if self.near:
             self.stencils = self.lay_out(positions)
@@ -186,7 +197,7 @@ class Contact(ContactTerm):
 
     def resume(self, commands: Mapping[str, float], saved: Saved, found: Saved, positions: NDArray[np.float64]) -> None:
         """Prepare the linearisation of a solve: choose the points in contact at its end, with their contact forces."""
-        self._led = np.zeros((0, 3))
+        self._led, self._entered[...] = np.zeros((0, 3)), 0.0
         if not found["press"].any():
             self._take_none()
             return
@@ -328,11 +339,13 @@ class Contact(ContactTerm):
         self._seen, self._seen_at, self._lag = positions.copy(), self._pose, 0.0
         self._clear = self._distances.min(initial=np.inf) - REACH * self._body.size
         self._began = self._starts(places)
-        planes = find_entries(self._began, self._in_frame(places), ENTRY * self._body.size, *self._obstacle[1:])
+        given = ENTRY * self._body.size, self._radius, *self._obstacle[1:]
+        planes = find_entries(self._began, self._in_frame(places), *given)
+        planes = np.where(self._entered.any(axis=1, keepdims=True), self._entered, planes)
         near = (self._distances < REACH * self._body.size) | (saved["press"] > 0.0) | planes[:, :3].any(axis=1)
         self._chosen = chosen = self._first_to_touch(np.flatnonzero(near & ~self._held_fast), places)
         self._press, self._shear = saved["press"][chosen], saved["shear"][chosen] @ self._axes.T
-        self._planes, self._fixed = planes[chosen], np.zeros(len(chosen), dtype=bool)
+        self._planes, self._fixed = planes[chosen], self._bounces & planes[chosen].any(axis=1)
         self._offsets = np.full(len(chosen), self._radius)
         self._set_anchors(saved, positions)
         faces = self.on_body and self._touched.points is ContactPoints.FACES

@@ -18,13 +18,13 @@ SMOOTH = 0.95
 
 
 @kernel
-def find_entries(starts, ends, reach, form, kind):
-    """Return the entry planes (k, 4) of points that move on straight lines from ``starts`` to ``ends`` (k, 3) [m].
+def find_entries(starts, ends, reach, radius, form, kind):
+    """Return the entry planes (k, 4) of balls whose centres move straight from ``starts`` to ``ends`` (k, 3) [m].
 
-    All positions and planes are in the frame. Rows of points that do not enter the obstacle, or move by less than
-    ``reach`` [m], are zero. A point that starts nearer than ``reach`` counts as entering only if the obstacle would
-    push it out on the other side at the path's end. Each path is sphere-traced: each move is as long as the distance to
-    the obstacle at its start.
+    The balls have the ``radius`` [m], 0 for points. All positions and planes are in the frame. Rows of balls that do
+    not enter the obstacle, or move by less than ``reach`` [m], are zero. A ball that starts nearer than ``reach``
+    counts as entering only if the obstacle would push it out on the other side at the path's end. Each path is
+    sphere-traced: each move is as long as the distance to the obstacle at its start.
     """
     planes = np.zeros((len(starts), 4))
     for i in range(len(starts)):
@@ -34,14 +34,15 @@ def find_entries(starts, ends, reach, form, kind):
             continue
         for _ in range(MOST_STEPS):
             p = along(1.0, start, gone / length, offset)
-            g, nx, ny, nz = distance_in_frame(kind, form, p[0], p[1], p[2])
+            away, nx, ny, nz = distance_in_frame(kind, form, p[0], p[1], p[2])
+            g = away - radius
             if gone == 0.0 and g < reach:
                 _, ex, ey, ez = distance_in_frame(kind, form, ends[i, 0], ends[i, 1], ends[i, 2])
                 if nx * ex + ny * ey + nz * ez >= 0.0:
                     break
             if g < reach:
                 n = unit((nx, ny, nz))
-                planes[i, 0], planes[i, 1], planes[i, 2], planes[i, 3] = n[0], n[1], n[2], dot(n, p) - g
+                planes[i, 0], planes[i, 1], planes[i, 2], planes[i, 3] = n[0], n[1], n[2], dot(n, p) - away
                 break
             gone += g if kind != MESH else SURE * g
             if gone >= length:

@@ -165,6 +165,22 @@ def strike(pair: Callable[..., Simulation], other: str, h: float, shift: float) 
     return error
 
 
+@pytest.mark.parametrize("aside", [0.0, 0.006, 0.012])
+def test_a_fast_ball_does_not_pass_a_rod_beside_its_centre(pair: Callable[..., Simulation], aside: float) -> None:
+    """A ball that moves by more than its diameter in a step is thrown back by a thin rod, with all of its energy."""
+    rod = {"capsule": {"radius": 0.001, "length": 0.2}, "at": [0.2, aside, 0.0], "fixed": True}
+    ball = {"sphere": {"radius": 0.02}, "density": 800, "at": [0.1, 0.0, 0.0], "restitution": 1.0}
+    away = {"bodies.two.at": [0.9, 0.0, 0.0], "bodies.two.friction": 0.0}
+    simulation = pair(more={"bodies.one": ball, "obstacles": {"rod": rod}, "dynamics.step": 0.005, **away})
+    kick(simulation, one=((10.0, 0.0, 0.0), (0.0, 0.0, 0.0)))
+    advance(simulation, count=3)
+    body = simulation.scene.rigid_bodies[0]
+    found = simulation.stepper.velocities(simulation.state)[body.vertices].mean(axis=0)
+    normal = np.array([-math.sqrt(1.0 - (aside / 0.021) ** 2), -aside / 0.021, 0.0])
+    assert found @ normal > -5.0 * normal[0]  # a mirror at the entry gives twice as much
+    np.testing.assert_allclose(np.linalg.norm(found), 10.0, rtol=1e-6)
+
+
 @pytest.mark.parametrize("scheme", ["bdf2", "generalised_alpha", "newmark"])
 def test_a_turning_body_goes_on_turning(pair: Callable[..., Simulation], scheme: str) -> None:
     """A tumbling box in free flight keeps its kinetic energy for hundreds of steps."""
