@@ -78,11 +78,6 @@ class Actuation:
         self.neutral.update({name: term.neutral_command for name, term in self._driven.items()})
 
     @property
-    def drives(self) -> bool:
-        """Whether anything other than handles and contact acts on the body."""
-        return len(self.terms) > len(self.contacts) or bool(self.growths)
-
-    @property
     def updates(self) -> bool:
         """Whether a multiplier is updated between minimisations."""
         return any(term.updates for term in self.terms)
