@@ -79,7 +79,6 @@ class CellType(NamedTuple):
     """A type of cells: hexahedra or tetrahedra.
 
     Attributes:
-        noun: plural name of the cells.
         corners: number of nodes c.
         operators: function that returns the constant operators, from vertices (n, 3) [m], cells (m, c) and the filling
             of cut cells.
@@ -96,7 +95,6 @@ class CellType(NamedTuple):
         simple: (k, 8) nodes of the hexahedra that fill a cell; those of a tetrahedron have coincident corners.
     """
 
-    noun: str
     corners: int
     operators: Callable
     table: Callable[[MaterialTable], MaterialTable]
@@ -143,7 +141,6 @@ def _tet_matrix(
 
 
 HEXAHEDRA = CellType(
-    "hexahedra",
     8,
     shape_operators,
     lambda table: table,
@@ -157,7 +154,6 @@ HEXAHEDRA = CellType(
     np.arange(8, dtype=np.int32)[None],
 )
 TETRAHEDRA = CellType(
-    "tetrahedra",
     10,
     lambda vertices, cells, filling=None: tet_operators(vertices, cells),
     with_local_share,

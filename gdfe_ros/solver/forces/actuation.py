@@ -80,11 +80,6 @@ class Actuation:
         self.neutral = {item.name: item.neutral(body.rest) for item in self.actuators} | dict.fromkeys(self.loaded, 0.0)
 
     @property
-    def drives(self) -> bool:
-        """Whether anything other than handles and contact acts on the body."""
-        return len(self.terms) > len(self.contacts) or bool(self.growths)
-
-    @property
     def updates(self) -> bool:
         """Whether a multiplier is updated between minimisations."""
         return any(term.updates for term in self.terms)

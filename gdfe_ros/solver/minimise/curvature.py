@@ -76,13 +76,11 @@ class Lowest(NamedTuple):
         value: least Ritz value of M^-1 K.
         direction: (3 r,) Ritz vector [m] of this value, with M-norm 1.
         known: whether the value has converged to the least eigenvalue.
-        products: number of products with K.
     """
 
     value: float
     direction: NDArray[np.float64]
     known: bool
-    products: int
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -142,9 +140,9 @@ class Lanczos:
                 break
             beside.append(np.sqrt(weight))
         if not diagonal:
-            return Lowest(1.0, np.zeros_like(load), True, 0)
+            return Lowest(1.0, np.zeros_like(load), True)
         value, coefficients = _least(diagonal, beside[: len(diagonal) - 1])
-        return Lowest(value, coefficients @ vectors[: len(diagonal)], known, len(diagonal))
+        return Lowest(value, coefficients @ vectors[: len(diagonal)], known)
 
 
 def _least(diagonal: list[float], beside: list[float]) -> tuple[float, NDArray[np.float64]]:
