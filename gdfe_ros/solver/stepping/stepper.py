@@ -129,7 +129,7 @@ class Stepper:
         return there.with_(suspect=not there.sound)
 
     def carried(self, state: State, before: State) -> State:
-        """Return ``state``: equilibria have no account of energies."""
+        """Return ``state`` unchanged. `MotionStepper.carried` keeps its account of energies, which statics has not."""
         return state
 
     def completed(self, state: State) -> State:
