@@ -87,7 +87,7 @@ def is_large(result: CompileResult) -> bool:
 
 
 def publish(result: CompileResult) -> None:
-    """Let further callers of a large kernel call its address."""
+    """Register a large kernel that is compiled or loaded: from now on, numba writes calls of it with its symbol."""
     link, context = link_of(result), result.target_context
     address = result.library.get_pointer_to_function(result.fndesc.llvm_func_name)
     if not address:

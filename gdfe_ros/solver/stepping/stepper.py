@@ -160,7 +160,7 @@ class Stepper:
         return there.with_(suspect=not there.sound)
 
     def carried(self, state: State, before: State) -> State:
-        """Return ``state``: equilibria have no account of energies."""
+        """Return ``state`` unchanged. `MotionStepper.carried` keeps its account of energies, which statics has not."""
         return state
 
     def velocities(self, state: State) -> None:
