@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,7 +13,6 @@ from gdfe_ros import Command, Simulation, load_scene
 from gdfe_ros.examples.pick import GRAVITY, LIFTED, forces_of, make_schedule, soft_cells, soft_object
 from gdfe_ros.examples.picker import motions
 from gdfe_ros.examples.soft_grip import BAND, SoftGrip
-from gdfe_ros.solver.result import StepResult
 
 SWAPPED = {"meshes.cube.at": [0.43, 0.14, 0.02], "bodies.box.at": [0.45, -0.14, 0.02]}
 """Overrides that put the cube where the hand closes first."""
@@ -20,7 +20,7 @@ LIFT = 2.9
 """Time [s] at which the first object is in the air."""
 
 
-def play(simulation: Simulation, forces: Sequence[float]) -> Iterator[StepResult]:
+def play(simulation: Simulation, forces: Sequence[float]) -> Iterator[Any]:
     """Yield the results of the steps up to `LIFT`; the ``forces`` [N] of the fingers are controlled."""
     scene, dt = simulation.scene, simulation.scene.dynamics.step
     schedule, felt = make_schedule(scene, forces), dict.fromkeys(simulation.actuator_names, 0.0)
