@@ -84,14 +84,7 @@ def write_deck(case: Case, grid: Grid, element: CcxElement, *, steps: int, incre
     Returns:
         The deck. At the end of the last step, CalculiX writes the displacements of all nodes into the
         ``.frd`` file, and the reaction forces of the right face (node set TIP) into the ``.dat`` file.
-
-    Raises:
-        ValueError: if ``steps`` is less than one or the order of the grid does not fit.
     """
-    if steps < 1:
-        raise ValueError(f"steps {steps} must be at least 1")
-    if grid.order != element.order:
-        raise ValueError(f"{element.value} needs a grid of order {element.order}, not {grid.order}")
     used = used_nodes(grid, element)
     right = np.intersect1d(grid.face(right=True), used)
     lines = [*_mesh_cards(case, grid, element, used), *set_cards("BASE", np.intersect1d(grid.face(right=False), used))]

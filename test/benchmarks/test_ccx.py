@@ -75,16 +75,6 @@ def test_load_steps_follow_the_arc_of_a_turning_handle() -> None:
     assert float(corner.group(1)) == pytest.approx(25.0, abs=1e-8)  # (-25, -25) mm turned by 45 degrees: (0, -35.4)
 
 
-@pytest.mark.parametrize(
-    ("element", "order", "steps", "text"), [(CcxElement.C3D8, 2, 1, "order 1"), (CcxElement.C3D8, 1, 0, "steps 0")]
-)
-def test_decks_that_make_no_sense_are_refused(element: CcxElement, order: int, steps: int, text: str) -> None:
-    """A grid of another order and a load without steps are refused."""
-    case = CASES[CaseName.TENSILE]
-    with pytest.raises(ValueError, match=text):
-        write_deck(case, case.grid(order=order), element, steps=steps, incrementation=PATIENT)
-
-
 def test_displacements_are_read_from_touching_columns() -> None:
     """Numbers of fixed width are read, also without a blank between them."""
     found = read_displacements(DATA.joinpath("bar.frd").read_text())

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchmarks.grids import HEXAHEDRON8, HEXAHEDRON20, Grid, lagrange_weights, serendipity_weights
+from benchmarks.grids import HEXAHEDRON8, HEXAHEDRON20, Grid, serendipity_weights
 
 SIZE = (0.5, 0.05, 0.04)
 
@@ -109,15 +109,3 @@ def test_points_outside_the_bar_are_refused() -> None:
     grid = Grid(size=SIZE, cells=(4, 3, 2))
     with pytest.raises(ValueError, match=r"points \[1\] lie outside"):
         grid.evaluate(grid.points(), np.array([[0.1, 0.0, 0.0], [0.6, 0.0, 0.0]]))
-
-
-def test_values_of_another_grid_are_refused() -> None:
-    """Values that do not match the lattice are refused."""
-    with pytest.raises(ValueError, match="expected"):
-        Grid(size=SIZE, cells=(4, 3, 2)).evaluate(np.zeros((7, 3)), np.zeros((1, 3)))
-
-
-def test_unknown_orders_are_refused() -> None:
-    """Only linear and quadratic weights are accepted."""
-    with pytest.raises(ValueError, match="order 3"):
-        lagrange_weights(np.array([0.5]), order=3)

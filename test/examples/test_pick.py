@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 import pytest
@@ -20,7 +21,7 @@ LIFT = 2.9
 """Time [s] at which the first object is in the air."""
 
 
-def play(simulation: Simulation, forces: Sequence[float]) -> Iterator[StepResult]:
+def play(simulation: Simulation, forces: Sequence[float]) -> Iterator[Any]:
     """Yield the results of the steps up to `LIFT`; the ``forces`` [N] of the fingers are controlled."""
     scene, dt = simulation.scene, simulation.scene.dynamics.step
     schedule, felt = make_schedule(scene, forces), dict.fromkeys(simulation.actuator_names, 0.0)
