@@ -49,6 +49,10 @@ would jump far along what is not unique, and points would change their state in 
 """
 
 
+WORSE = 1.5
+"""Largest violation with bounded forces, divided by the least one, where the laws have no solution."""
+
+
 @vector_kernel
 def row_product(w, f, i):
     """Return the product of row ``i`` of ``w`` and ``f``."""
@@ -248,6 +252,26 @@ def sweep_often(w, q, mu, start, f, p, sweeps):
     displace(w, q, f, p)
 
 
+@internal
+def bounded(w, q, mu, f, p, least, tolerance):
+    """Replace the forces ``f``, which violate the laws by ``least`` [m], by those of firm springs if these do no worse.
+
+    Return the violation [m]. Where the laws have no solution, as for a rigid body between two obstacles that approach,
+    forces would grow in each iteration.
+    """
+    soft, found, best = w.copy(), np.zeros(len(f)), np.zeros(len(f))
+    for n in range(len(f)):
+        soft[n, n] *= 1.0 + FIRM
+    displace(soft, q, found, p)
+    newton(soft, q, mu, found, p, best, tolerance, tolerance, RIDGE, MOST_FIRM)
+    displace(w, q, best, p)
+    left = residual(w, mu, best, p)
+    if not left <= WORSE * least:
+        return least
+    f[:] = best
+    return left
+
+
 @kernel
 def solve_laws(w, q, mu, f, tolerance, faint):
     """Write the forces that satisfy the laws to ``f``, and return the largest violation [m] that remains.
@@ -291,4 +315,4 @@ def solve_laws(w, q, mu, f, tolerance, faint):
             best[:] = f
             least = residual(w, mu, f, p)
     f[:] = best
-    return least
+    return least if least <= faint else bounded(w, q, mu, f, p, least, tolerance)

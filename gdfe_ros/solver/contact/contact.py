@@ -341,7 +341,8 @@ class Contact(ContactTerm):
         self._began = self._starts(places)
         given = ENTRY * self._body.size, self._radius, *self._obstacle[1:]
         planes = find_entries(self._began, self._in_frame(places), *given)
-        planes = np.where(self._entered.any(axis=1, keepdims=True), self._entered, planes)
+        if self._bounces:
+            planes = np.where(self._entered.any(axis=1, keepdims=True), self._entered, planes)
         near = (self._distances < REACH * self._body.size) | (saved["press"] > 0.0) | planes[:, :3].any(axis=1)
         self._chosen = chosen = self._first_to_touch(np.flatnonzero(near & ~self._held_fast), places)
         self._press, self._shear = saved["press"][chosen], saved["shear"][chosen] @ self._axes.T

@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from gdfe_ros.solver.contact.complementarity import find_violations, solve_laws
+from gdfe_ros.solver.contact.complementarity import FIRM, find_violations, solve_laws
 
 G = 9.81
 
@@ -97,3 +97,16 @@ def test_slender_compliance(seed):
     assert np.abs(press * gap).max() < 1e-12
     shear = np.linalg.norm(force.reshape(-1, 3)[:, 1:], axis=1)
     assert (shear <= 0.4 * press + 1e-12).all()
+
+
+def test_laws_without_a_solution_leave_bounded_forces():
+    """Squeeze a body of unit compliance by 1 m between two walls: both enter alike, with the forces of firm springs."""
+    w, q, force = np.zeros((6, 6)), np.zeros(6), np.zeros(6)
+    w[0, 0] = w[3, 3] = 1.0
+    w[0, 3] = w[3, 0] = -1.0
+    for axis in (1, 2):
+        w[axis::3, axis::3] = 1.0
+    q[::3] = -0.5
+    for _ in range(3):
+        assert solve_laws(w, q, np.zeros(2), force, 1e-13, 1e-13) == pytest.approx(0.5, rel=0.01)
+        np.testing.assert_allclose(force[::3], 0.5 / FIRM, rtol=0.01)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gdfe_ros import Simulation
+from gdfe_ros import Command, Pose, Simulation
 from gdfe_ros.constraints.form import Box, Cylinder
 from gdfe_ros.contacts import contact_names
 from gdfe_ros.scene.loader import scene_from_text
@@ -258,6 +258,27 @@ def test_a_stack_that_is_dropped_comes_to_rest(scheme: str) -> None:
     assert simulation.handle_pose("box_2").translation == pytest.approx(before, abs=1e-8)
     push = sum(touch.presses.sum() for name, touch in simulation.result.contacts.items() if name.endswith("on floor"))
     assert push == pytest.approx(3 * 500 * 0.04**3 * 9.81, rel=1e-6)
+
+
+def test_what_is_squeezed_between_obstacles_has_bounded_forces_and_recovers(pair: Callable[..., Simulation]) -> None:
+    """A ram presses a ball 0.1 mm into a floor, which nothing can yield: it is told, and over when the ram leaves.
+
+    Forces grew to 1e15 N, stayed when the ram had left, and did work of 1e13 J.
+    """
+    ram = {"box": {"size": [0.2, 0.2, 0.02]}, "at": [0.1, 0, -0.0495]}
+    obstacles = {"floor": FLOORED["obstacles"]["floor"], "ram": ram}
+    ball = {"sphere": {"radius": 0.02}, "mass": 0.1, "at": [0.1, 0, -0.08]}
+    simulation = pair(more={**FLOORED, "obstacles": obstacles, "bodies.one": ball, "bodies.two.at": [0.9, 0, 0]})
+    advance(simulation)
+    for depth in (0.0006, 0.0006):
+        result = simulation.step(Command(handles={"ram": Pose((0.0, 0.0, -depth))}))
+        assert not result.converged
+        assert "contact" in result.message
+        assert max(np.abs(touch.forces).max(initial=0.0) for touch in result.contacts.values()) < 1e6
+    simulation.step(Command(handles={"ram": Pose((0.0, 0.0, 0.001))}))
+    result = advance(simulation, count=3)
+    assert abs(result.energies["work"]) < 100.0
+    np.testing.assert_allclose(result.contacts["one on floor"].forces.sum(axis=0), [0.0, 0.0, 0.1 * 9.81], atol=0.01)
 
 
 def test_a_stack_of_ten_stands() -> None:
