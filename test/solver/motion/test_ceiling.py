@@ -136,6 +136,19 @@ def test_energy_that_cannot_be_mended_is_told(moving: Callable, monkeypatch: pyt
     assert bar.step().converged
 
 
+def test_an_excess_is_told_once(moving: Callable) -> None:
+    """After a step that told a gain of energy, a motion that conserves it goes on without repeated steps."""
+    bar = moving(handles={}, dynamics__scheme="newmark", dynamics__spin=[0.0, 0.0, 50.0])
+    bar.step()
+    ledger = bar.state.ledger
+    low = type(ledger.bound)(start=-1.0, least=-1.0, most=ledger.bound.most)
+    bar.state = bar.state.with_(ledger=type(ledger)(work=ledger.work, lost=ledger.lost, bound=low))
+    assert "of energy without a source" in bar.step().message
+    results = [bar.step() for _ in range(30)]
+    assert [result.message for result in results] == [""] * 30
+    assert all(result.substeps == 1 for result in results)
+
+
 def test_a_start_inside_of_an_obstacle_is_a_cause(moving: Callable) -> None:
     """A body that starts inside of a floor is pushed out; the message has this cause, and no scheme that is chosen."""
     floor = {"floor": {"plane": [0, 0, 1], "at": [0, 0, -0.001]}}
