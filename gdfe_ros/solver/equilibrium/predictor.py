@@ -169,7 +169,7 @@ def find_screw(
     if angle > HALF_TURN and vector @ sense < 0.0:
         vector *= 1.0 - 2.0 * np.pi / angle
     # exp(xi) moves a point by (J - I) x + J_l v; J_l is invertible below a whole turn.
-    left = np.stack([apply_left_jacobian(vector, axis) for axis in np.eye(3)], axis=1)
+    left = apply_left_jacobian(vector[None], np.eye(3)).T
     return np.concatenate([vector, np.linalg.solve(left, end - turn.apply(start))])
 
 
@@ -180,5 +180,5 @@ def _are_on_a_line(arms: NDArray[np.float64], moved: NDArray[np.float64]) -> boo
 
 def follow_screws(screws: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return points (n, 3) [m] after the motions of screws (n, 6), one for each point."""
-    turn, velocity = screws[:, :3], screws[:, 3:]
+    turn, velocity = screws[:, :3].copy(), screws[:, 3:]
     return points + apply_left_jacobian(turn, np.cross(turn, points) + velocity)

@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.compiled import inlined, internal, kernel
-from gdfe_ros.materials.tensor import cofactor, determinant, rotation, times
-from gdfe_ros.mesh.triples import combine, cross
+from gdfe_ros.materials.tensor import cofactor, determinant, rotation, scaled, times
+from gdfe_ros.mesh.triples import combine, corner, cross
 from gdfe_ros.solver.elements.corners import mean_gradient
 from gdfe_ros.solver.vectors import clear_part
 
@@ -117,8 +117,8 @@ def add_gradients(x, before, shape, sums):
             continue
         # F F0^-1 = F cof(F0)^T / J0
         p, q, s = times(c, (f[0], f[1], f[2])), times(c, (f[3], f[4], f[5])), times(c, (f[6], f[7], f[8]))
-        for corner in range(shape.cells.shape[1]):
-            total = sums[shape.cells[e, corner]]
+        for a in range(shape.cells.shape[1]):
+            total = sums[shape.cells[e, a]]
             for i in range(3):
                 total[i] += p[i] / j
                 total[3 + i] += q[i] / j
@@ -141,12 +141,11 @@ def unrotated(count: int) -> NDArray[np.float64]:
     return np.tile(np.eye(3).ravel(), (count, 1))
 
 
-def apply_left_jacobian(turn: NDArray[np.float64], vector: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return J_l(w) u = u + b w x u + c w x (w x u) of vectors (..., 3)."""
-    square = np.sum(turn * turn, axis=-1, keepdims=True)
-    angle = np.sqrt(square)
-    safe, small = np.maximum(angle, SMALL), angle < SMALL
-    b = np.where(small, 0.5 - square / 24.0, (1.0 - np.cos(safe)) / safe**2)
-    c = np.where(small, 1.0 / 6.0 - square / 120.0, (safe - np.sin(safe)) / safe**3)
-    across = np.cross(turn, vector)
-    return vector + b * across + c * np.cross(turn, across)
+@kernel
+def apply_left_jacobian(turns, vectors):
+    """Return J_l(w) u (k, 3) of ``vectors`` u (k, 3), for rotation vectors w (k, 3) [rad], or for one of all (1, 3)."""
+    found = np.empty_like(vectors)
+    for k in range(len(vectors)):
+        against = scaled(corner(turns, k if len(turns) > 1 else 0), -1.0)
+        found[k, 0], found[k, 1], found[k, 2] = left_jacobian_transposed(against, corner(vectors, k))
+    return found

@@ -142,7 +142,7 @@ def rigid_motion(u: NDArray[np.float64], frame: HandlePositions, unknowns: Unkno
             first, shares = 3 * (turn - len(unknowns.free)), unknowns.turns[p] / unknowns.radius[p]
             arms = frame.base[unknowns.members[begin:end]] - frame.centre[p]
             arms = Rotation.from_rotvec(rows[turn] * shares).apply(arms)
-            axes = apply_left_jacobian(rows[turn] * shares, np.diag(shares))
+            axes = apply_left_jacobian((rows[turn] * shares)[None], np.diag(shares))
             own[:, :, first : first + 3] = np.moveaxis(np.cross(axes, arms[:, None]), 1, 2)
     return motion.reshape(3 * len(motion), motion.shape[2])
 

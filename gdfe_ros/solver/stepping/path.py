@@ -326,4 +326,5 @@ def jumped(old: State, new: Solution, handles: HandleMotions, size: float) -> bo
 def _displacement(begin: Pose, end: Pose) -> NDArray[np.float64]:
     """Return translation [m] and rotation about world axes [rad] (6,); their product with a wrench is its work."""
     middle, change = 0.5 * np.add(end.rotation, begin.rotation), np.subtract(end.rotation, begin.rotation)
-    return np.concatenate([np.subtract(end.translation, begin.translation), apply_left_jacobian(middle, change)])
+    turned = apply_left_jacobian(middle[None], change[None])[0]
+    return np.concatenate([np.subtract(end.translation, begin.translation), turned])
