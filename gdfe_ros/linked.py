@@ -6,10 +6,8 @@ ten times its own code, in time and in the cache. Here a kernel above `LARGE` in
 callers contain nothing but this symbol. LLVM would not inline such a kernel anyway. Smaller kernels are still inlined.
 
 The cache of a kernel lists the symbols that it calls. They are loaded, or compiled, before the kernel is loaded. If a
-called kernel now returns another type, the caller is compiled anew.
-
-This uses private parts of numba. With a version of numba that this was not tested with, kernels are plain functions of
-numba, which compile for longer.
+called kernel now returns another type, the caller is compiled anew. All this uses private parts of numba: with a
+version that was not tested, kernels are plain functions of numba, which compile for longer.
 """
 
 from __future__ import annotations

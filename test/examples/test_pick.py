@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from gdfe_ros.solver.result import StepResult
 
 from gdfe_ros import Command, Simulation, load_scene
 from gdfe_ros.examples.pick import GRAVITY, LIFTED, forces_of, make_schedule, soft_cells, soft_object

@@ -28,9 +28,10 @@ SWEEPS, MOST_SWEEPS, MOST_NEWTON, MOST_FIRM, ROUNDS = 12, 2000, 12, 40, 30
 """Numbers of Gauss-Seidel sweeps before Newton iterations, and limit to which they double where these fail; numbers of
 Newton iterations in a row with the compliances `RIDGE` and `FIRM`, and of rounds of both.
 """
-HALF = 0.5
-"""A violation that counts as nothing ends the search if it does not fall to this fraction any more. Points that hold
-the same place, such as vertex on vertex, contradict each other by what is of second order in the step.
+HALF, WORSE = 0.5, 1.5
+"""A violation that counts as nothing ends the search if it does not fall to the first fraction any more. Points that
+hold the same place, such as vertex on vertex, contradict each other by what is of second order in the step. The second
+number is the largest violation with bounded forces, divided by the least one, where the laws have no solution.
 """
 MANY, BRISK = 150, 0.3
 """With more unknown forces than the first number, sweeps come first, as long as each dozen of them lowers the violation
@@ -47,10 +48,6 @@ RIDGE, FIRM = 1e-9, 5e-3
 four corners of a rigid box, are not unique. If the first fails, every other round has the second: forces of a stack
 would jump far along what is not unique, and points would change their state in turn.
 """
-
-
-WORSE = 1.5
-"""Largest violation with bounded forces, divided by the least one, where the laws have no solution."""
 
 
 @vector_kernel
