@@ -250,7 +250,7 @@ def sweep_often(w, q, mu, start, f, p, sweeps):
 
 
 @internal
-def bounded(w, q, mu, f, p, least, tolerance):
+def bound_forces(w, q, mu, f, p, least, tolerance):
     """Replace the forces ``f``, which violate the laws by ``least`` [m], by those of firm springs if these do no worse.
 
     Return the violation [m]. Where the laws have no solution, as for a rigid body between two obstacles that approach,
@@ -312,4 +312,4 @@ def solve_laws(w, q, mu, f, tolerance, faint):
             best[:] = f
             least = residual(w, mu, f, p)
     f[:] = best
-    return least if least <= faint else bounded(w, q, mu, f, p, least, tolerance)
+    return least if least <= faint else bound_forces(w, q, mu, f, p, least, tolerance)
