@@ -146,7 +146,7 @@ def _timed(step: Callable[[], Sequence[bool]], steps: int, longest: float = math
     step()
     while len(times) < steps and sum(times) < longest:
         begun = perf_counter()
-        converged += step()
+        converged.extend(step())
         times.append(perf_counter() - begun)
     return times, converged
 
