@@ -45,8 +45,9 @@ class StepResult:
         cut_after: number of time checks before the deadline of the solve passed; None if it did not pass.
         actuators: dict from actuator name to its command, length or volume, and tension or pressure.
         terms: dict from the name of a term that was added to the simulation to its report.
-        restarts: 1 if the result was reached from the undeformed body instead of along the load path; otherwise 0. This
-            is tried only if the load path begins with folded or inverted elements. The message has the reason.
+        restarts: 1 if the result was reached from the undeformed body, or after contact with obstacles was dropped,
+            instead of along the load path; otherwise 0. Both are tried only after a load path fails or begins with
+            folded or inverted elements. The message has the reason.
         velocities: (n, 3) [m/s] with dynamics, a copy; None without dynamics.
         energies: dict from name to energy [J] with dynamics: kinetic, elastic, potential, work done and dissipated
             energy since the start. Empty without dynamics.

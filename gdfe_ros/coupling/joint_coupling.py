@@ -265,6 +265,7 @@ def _joined(first: March | None, second: March) -> March:
         second = _flawed(second, f"in an earlier part of the step: {first.message}")
     return changed(
         second.counting(first),
+        snapped=first.snapped or second.snapped,
         restarts=max(first.restarts, second.restarts),
         simulated=None if second.simulated is None else first.simulated + second.simulated,
     )

@@ -51,7 +51,9 @@ class Outcome(IntEnum):
     """Surfaces penetrate each other."""
     STOPPED = 19
     """The step ended at an equilibrium before its command."""
-    RESTARTED = 20
+    LET_GO = 20
+    """Contact was dropped, because the load path with it failed."""
+    RESTARTED = 21
     """The load path began anew, at the undeformed body."""
 
 
@@ -79,6 +81,7 @@ _TEXTS = {
     Outcome.PRESSED: "on the way to the command elements are pressed flat, and would fold or turn inside out",
     Outcome.ENTERED: "surfaces would enter each other",
     Outcome.STOPPED: "{reason} at {done:.3g} of the way to the command; the next step goes on from there",
+    Outcome.LET_GO: "contact with {names} was dropped without following the load path, on which {flaw}",
     Outcome.RESTARTED: "restarted from rest: the first load path ended in {flaw}",
 }
 REMEDY_OF_FOLDS = "remedy: return to commands at which the elements were sound, or reset; finer cells fold later"

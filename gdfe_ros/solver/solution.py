@@ -127,7 +127,8 @@ class March(Found):
         iterations: number of iterations of all increments.
         increments: number of attempted increments, including failed increments.
         skipped: dict from kind of work to the count that the last solve left out, as in `StepResult`.
-        restarts: 1 if the load path from the undeformed body led to the state; otherwise 0.
+        snapped: whether the load path ended in a jump to another equilibrium.
+        restarts: 1 if the undeformed body, or dropped contacts, led to the state instead of the load path; otherwise 0.
         simulated: time [s] by which a moving body advanced; None without dynamics.
     """
 
@@ -139,6 +140,7 @@ class March(Found):
     reached: bool
     increments: int = 0
     skipped: dict[str, int] = field(default_factory=dict)
+    snapped: bool = False
     restarts: int = 0
     simulated: float | None = None
 

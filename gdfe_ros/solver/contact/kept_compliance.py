@@ -32,13 +32,7 @@ class Compliance:
         self._blocks, self._frames, self._scale = np.zeros(0), np.zeros((0, 9)), 1.0
 
     def of(
-        self,
-        problem: Problem,
-        work: Workspace,
-        metric: Metric,
-        key: tuple[object, ...],
-        field: PointField,
-        count: int,
+        self, problem: Problem, work: Workspace, metric: Metric, key: tuple[object, ...], field: PointField, count: int
     ) -> NDArray[np.float64]:
         """Return W (3 c, 3 c) [m/N] of the points that take part; the next call overwrites it."""
         chosen = field.chosen[:count].copy()

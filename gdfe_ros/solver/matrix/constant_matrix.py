@@ -210,12 +210,7 @@ class ConstantMatrix:
     ROLLING = 0.5
     """Stiffness of the spring at a vertex on rollers over the vertex' diagonal entry. No equilibrium depends on it."""
 
-    def __init__(
-        self,
-        matrix: sparse.csc_matrix,
-        rest: NDArray[np.float64],
-        unknowns: Unknowns,
-    ) -> None:
+    def __init__(self, matrix: sparse.csc_matrix, rest: NDArray[np.float64], unknowns: Unknowns) -> None:
         self.assembled, self._unknowns = matrix, unknowns
         free = unknowns.free
         rows = matrix[free]

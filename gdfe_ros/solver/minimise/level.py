@@ -85,12 +85,7 @@ class TangentLevel:
     """
     first_shift = 1e-8
 
-    def __init__(
-        self,
-        body: Body,
-        matrix: sparse.csc_matrix,
-        terms: Sequence[Term] = (),
-    ) -> None:
+    def __init__(self, body: Body, matrix: sparse.csc_matrix, terms: Sequence[Term] = ()) -> None:
         self._body, self._unknowns, self._terms = body, body.unknowns, terms
         count, corners = body.cells.shape
         self.stiffness = np.zeros((0, 3 * corners, 3 * corners))

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -141,13 +141,15 @@ class Stepper:
         unfinished, deadline = march.state.unfinished, goal.deadline
         given_up = unfinished is None or max(march.iterations, unfinished.iterations) >= self.equilibrium.patience
         doubtful = crumpled(state) or crumpled(march.state) or not march.sound
-        if state.anchor is None or not (given_up and doubtful) or past(deadline):
-            return march
-        # The state of an unfinished solve leads to a failure, or is crumpled and leads to higher energy.
-        # Try again from the last equilibrium.
-        again = self._march(state.anchor, goal)
-        lower = not march.sound or self._energy(again.state) < self._energy(march.state)
-        return again.counting(march) if again.sound and lower else march.counting(again)
+        if given_up and state.anchor is not None and doubtful and not past(deadline):
+            # The state of an unfinished solve leads to a failure, or is crumpled and leads to higher energy.
+            # Try again from the last equilibrium.
+            again = self._march(state.anchor, goal)
+            lower = not march.sound or self._energy(again.state) < self._energy(march.state)
+            march = again.counting(march) if again.sound and lower else march.counting(again)
+        if given_up and not (march.sound or (march.snapped and march.reached) or past(deadline)):
+            march = self._let_go(march, goal, state)
+        return march
 
     def place(self, state: State, positions: NDArray[np.float64]) -> State:
         """Return a state at ``positions`` (n, 3) [m]; the handles stay at their commanded poses.
@@ -194,7 +196,7 @@ class Stepper:
             else:
                 path = path.went(self._accepted(attempt, stops=verdict is Verdict.STOP))
             if verdict is Verdict.STOP:
-                return self._end(path)
+                return self._end(path, snapped=attempt.snapped)
 
     def _attempt(self, path: LoadPath) -> Attempt:
         """Solve the next increment of a load path; return the attempt."""
@@ -244,7 +246,7 @@ class Stepper:
             accepted = accepted.flawed(join(tell(Outcome.SNAPPED), remedy, accepted.summary.message))
         return accepted.with_(sound=attempt.sound, anchor=anchor)
 
-    def _end(self, path: LoadPath) -> March:
+    def _end(self, path: LoadPath, *, snapped: bool = False) -> March:
         """Return the outcome at the end of a load path, with the reason if it ends before its command."""
         state, deadline = path.state, path.goal.deadline
         if not path.arrived and state.summary.converged:
@@ -253,7 +255,34 @@ class Stepper:
         message = state.summary.message
         if path.folded and not state.summary.converged and tell(Outcome.FOLDED) not in message:
             state = state.flawed(join(message, tell(Outcome.PRESSED)))
-        return changed(path, state=state).march(self.equilibrium.skipped())
+        return changed(path, state=state).march(self.equilibrium.skipped(), snapped=snapped)
+
+    def _let_go(self, march: March, goal: Increment, start: State) -> March:
+        """Retry with the moving obstacles at their targets and without contact forces; return the accepted outcome.
+
+        The first attempt starts from the present state, the second from the undeformed body. A result is accepted only
+        if these obstacles do not touch the body there: otherwise an obstacle might have passed through the body. If no
+        result is accepted, ``march`` is returned.
+        """
+        flaw, touched = march.message, [contact.name for contact in self.actuation.contacts if contact.on_body]
+        touched = [name for name in touched if march.state.terms[name]["press"].any()]
+        names = [name for name in touched if start.poses[name] != goal.poses[name]]
+        for begin in (march.state, self.at_rest()) if names else ():
+            found = self._march(self._untouched(begin, march.state, names, goal), goal)
+            free = found.sound and not any(found.state.terms[name]["press"].any() for name in names)
+            march = found.counting(march) if free else march.counting(found)
+            if free:
+                text = tell(Outcome.LET_GO, names=", ".join(names), flaw=flaw)
+                return changed(march.told(text, converged=True), restarts=1)
+        return march
+
+    def _untouched(self, begin: State, last: State, names: Sequence[str], goal: Increment) -> State:
+        """Return ``begin`` with the obstacles ``names`` at their targets, without contact forces."""
+        there = self.place(begin, begin.positions)
+        rubbed = {contact.name: last.terms[contact.name]["lost"] for contact in self.actuation.contacts}
+        lost = {name: {**there.terms[name], "lost": heat} for name, heat in rubbed.items()}
+        poses = {**begin.poses, **{name: goal.poses[name] for name in names}}
+        return there.with_(poses=poses, terms={**there.terms, **lost})
 
     def _better_from_rest(self, march: March, goal: Increment) -> March:
         """Return the better of ``march`` and the load path from the undeformed body; the latter gets a message."""

@@ -41,10 +41,14 @@ def poked() -> Simulation:
 
 
 def test_a_body_goes_back_to_rest_when_what_is_stuck_in_it_is_taken_away(poked: Simulation) -> None:
-    """When the box is taken away, the body returns to its undeformed shape."""
+    """When the box is taken away, the body returns to its undeformed shape, and a dropped contact is reported.
+
+    Contact is dropped where elements would fold on the load path. Whether they would depends on rounding.
+    """
     result = advance(poked, Command(handles={"thing": AWAY}))
-    assert not result.message
-    assert result.restarts == 0
+    lets_go = "contact with thing was dropped without following the load path, on which " in result.message
+    assert lets_go or not result.message
+    assert result.restarts == lets_go
     assert largest_distance(result.positions, poked.mesh.vertices) < 1e-5 * poked.mesh.size
     assert not len(result.contacts["thing"].vertices)
     assert not result.reactions["thing"].any()
@@ -52,12 +56,13 @@ def test_a_body_goes_back_to_rest_when_what_is_stuck_in_it_is_taken_away(poked: 
 
 
 def test_nothing_passes_through_a_body_that_cannot_follow(poked: Simulation) -> None:
-    """A box that turns further inside the body keeps touching it.
+    """Contact with a box that turns further inside the body is not dropped, because the body would still touch it.
 
     A solve that was cut may end between two touches, and says that it did not converge.
     """
     for turn in (0.2, 0.4):
         result = poked.step(Command(handles={"thing": Pose((-0.004, 0.014, -0.150), (-1.01, -0.57, -1.31 + turn))}))
+        assert "was dropped" not in result.message
         assert result.restarts == 0
         assert result.min_det > 0.0
         assert len(result.contacts["thing"].vertices) or not result.converged
