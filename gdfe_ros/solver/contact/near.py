@@ -9,7 +9,7 @@ from scipy import sparse
 
 from gdfe_ros.compiled import inlined, internal, kernel
 
-MOST = 24
+MOST = 25
 """Largest number of bins along an axis."""
 Ragged = tuple[NDArray[np.int64], NDArray[np.int64]]
 """Rows of different lengths: the offsets (m + 1,) of each row, and the values of all rows, ascending in each row."""
@@ -89,8 +89,8 @@ def lay_grid(boxes, others):
         for j in range(len(others)):
             wide += (others[j, 1, axis] - others[j, 0, axis]) / len(others)
         span = most[axis] - least[axis]
-        if span > 0.0:
-            counts[axis] = 1 + int(min(span / max(wide, span / MOST), MOST))
+        if 0.0 < span < np.inf:
+            counts[axis] = min(1 + int(span / max(wide, span / MOST)), MOST)
             pitch[axis] = span / counts[axis]
     return least, longest, pitch, counts
 

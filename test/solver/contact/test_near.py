@@ -39,3 +39,11 @@ def test_without_boxes_nothing_is_near() -> None:
     empty = np.zeros(2, np.int64), np.zeros(0, np.int64)
     for one, two in ((none, some), (some, none)):
         assert find_near(one, two, np.zeros((len(one), 1), np.int32), empty, 1.0).shape == (2, 0)
+
+
+def test_boxes_whose_distance_overflows_are_compared_too() -> None:
+    """Positions at both ends of the range of doubles leave one bin along the axis, and the near pair is found."""
+    x = np.array([[-1.5e308, 0.0, 0.0], [1.5e308, 0.0, 0.0]])
+    points = np.array([[0], [1]], np.int32)
+    boxes, empty = boxes_around(x, points), (np.zeros(3, np.int64), np.zeros(0, np.int64))
+    np.testing.assert_array_equal(find_near(boxes, boxes, points, empty, 0.0), [[0, 1], [0, 1]])
