@@ -9,8 +9,7 @@ from gdfe_ros.compiled import internal, kernel
 from gdfe_ros.solver.contact.complementarity import row_product, solve_laws
 from gdfe_ros.solver.contact.compliance import differentiate, project
 from gdfe_ros.solver.contact.contact_term import MARGIN
-from gdfe_ros.solver.contact.points import find_stencils
-from gdfe_ros.solver.contact.stencil import add_load, turn_shear
+from gdfe_ros.solver.contact.stencil import add_load, find_stencils, turn_shear
 from gdfe_ros.solver.descent.loop import ENDLESS, choose
 from gdfe_ros.solver.matrix.unknowns import add_rows, gather_rigid_rows
 

@@ -10,10 +10,13 @@ M turns with the vertices: M^-1 = R C R^T, and C is constant as long as M is kep
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gdfe_ros.compiled import internal, kernel
-from gdfe_ros.solver.descent.loop import apply_initial
-from gdfe_ros.solver.descent.workspace import inner
+from gdfe_ros.solver.contact.field import PointField
+from gdfe_ros.solver.contact.kept_columns import ConstantColumns, HalvedColumns, KeptColumns
+from gdfe_ros.solver.descent.loop import Metric, apply_initial
+from gdfe_ros.solver.descent.workspace import MEMORY, Problem, Workspace, inner, numbers
 from gdfe_ros.solver.matrix.rotation import left_jacobian_transposed
 from gdfe_ros.solver.matrix.unknowns import rigid_part
 
@@ -119,26 +122,53 @@ def turn_blocks(chosen, rows, blocks, counts, frames):
 
 
 @kernel
-def join(chosen, rows, blocks, counts, number, between, frames, out):
+def find_unknown(chosen, rows, counts, place):
+    """Return the rows on which the ``chosen`` points depend and that have no ``place`` (r,); some more than once."""
+    found, count = np.empty(len(chosen) * rows.shape[1], np.int64), 0
+    for i in chosen:
+        for e in range(counts[i]):
+            if place[rows[i, e]] < 0:
+                found[count] = rows[i, e]
+                count += 1
+    return found[:count].copy()
+
+
+@internal
+def list_places(chosen, rows, counts, place, most):
+    """Return the places of all rows on which the ``chosen`` points depend; all are below ``most``."""
+    found, listed, count = np.empty(most, np.int64), np.zeros(most, np.bool_), 0
+    for i in chosen:
+        for e in range(counts[i]):
+            at = place[rows[i, e]]
+            if not listed[at]:
+                found[count], listed[at] = at, True
+                count += 1
+    return found[:count]
+
+
+@kernel
+def join(chosen, rows, blocks, counts, place, between, frames, out):
     """Write J M^-1 J^T (3 c, 3 c) [m/N] of the ``chosen`` points; ``frames`` (f, 9) rotate the vertices.
 
-    ``number`` (r,) is the place of each row in C, which is ``between`` (3 m, 3 m).
+    ``place`` (r,) is the place of each row in C, which is ``between`` (3 m, 3 m).
     """
-    turned = turn_blocks(chosen, rows, blocks, counts, frames)
-    half = np.empty(len(between))
+    turned, half = turn_blocks(chosen, rows, blocks, counts, frames), np.empty(len(between))
+    places = list_places(chosen, rows, counts, place, len(between) // 3)
     for c in range(len(chosen)):
         for k in range(3):
-            half[:] = 0.0
+            for b in places:
+                half[3 * b], half[3 * b + 1], half[3 * b + 2] = 0.0, 0.0, 0.0
             for e in range(counts[chosen[c]]):
-                at = 3 * number[rows[chosen[c], e]]
+                at = 3 * place[rows[chosen[c], e]]
                 t0, t1, t2 = turned[c, e, k, 0], turned[c, e, k, 1], turned[c, e, k, 2]
-                for n in range(len(half)):
-                    half[n] += t0 * between[at, n] + t1 * between[at + 1, n] + t2 * between[at + 2, n]
+                for b in places:
+                    for n in range(3 * b, 3 * b + 3):
+                        half[n] += t0 * between[at, n] + t1 * between[at + 1, n] + t2 * between[at + 2, n]
             for d in range(c, len(chosen)):
                 for j in range(3):
                     total = 0.0
                     for f in range(counts[chosen[d]]):
-                        at = 3 * number[rows[chosen[d], f]]
+                        at = 3 * place[rows[chosen[d], f]]
                         for n in range(3):
                             total += half[at + n] * turned[d, f, j, n]
                     if d > c or j >= k:
@@ -200,3 +230,60 @@ def add_pairs(work, images, chosen, rows, blocks, counts, out):
         for a in range(size):
             for b in range(size):
                 out[a, b] += own * js[a] * js[b] - rho * (js[a] * jz[b] + jz[a] * js[b])
+
+
+class Compliance:
+    """Finds W, and keeps what does not change: columns of M^-1, J M^-1 J^T, and products of M^-1 with pairs of L-BFGS.
+
+    Args:
+        vertices: vertices on which contact forces can act, ascending.
+        count: number 3 r of unknowns.
+    """
+
+    def __init__(self, vertices: NDArray[np.int32], count: int) -> None:
+        self._vertices = vertices
+        self._images, self._known = np.zeros((MEMORY, count)), np.full(MEMORY, np.nan)
+        self._source: tuple[object, ...] = ()
+        self._columns: KeptColumns
+        self._joined = self._w = np.zeros((0, 0))
+        self._seen: tuple[NDArray, ...] | None = None
+        self._frames, self._scale = np.zeros((0, 9)), 1.0
+
+    def of(
+        self, problem: Problem, work: Workspace, metric: Metric, key: tuple[object, ...], field: PointField, count: int
+    ) -> NDArray[np.float64]:
+        """Return W (3 c, 3 c) [m/N] of the points that take part; the next call overwrites it."""
+        chosen, columns = field.chosen[:count].copy(), self._take_matrix(problem, work, metric, key)
+        given = chosen, field.rows, field.blocks, field.used
+        if len(unknown := find_unknown(chosen, field.rows, field.used, columns.place)):
+            columns.include(unknown)
+        seen = field.used[chosen], field.rows[chosen], field.blocks[chosen]
+        if self._seen is None or not all(map(np.array_equal, seen, self._seen)):
+            self._seen = seen
+            if len(self._joined) != 3 * count:
+                self._joined, self._w = np.empty((2, 3 * count, 3 * count))
+            join(*given, columns.place, columns.between, self._frames, self._joined)
+            if self._scale != 1.0:
+                self._joined *= self._scale
+        self._w[...] = self._joined
+        add_history(work, metric, self._images, self._known, *given, field.stencils.soft, self._w)
+        return self._w
+
+    def _take_matrix(self, problem: Problem, work: Workspace, metric: Metric, key: tuple[object, ...]) -> KeptColumns:
+        """Return C of the present initial matrix; drop what belongs to another one, or to other rotations of vertices.
+
+        ``key`` has the arrays of the tangent; the constant matrix is known by its own.
+        """
+        status, free = numbers(work), problem.unknowns.free
+        wild = bool(status["wild"])
+        constant, scale = wild or not len(metric.kept.order), float(status["scale"]) if wild else 1.0
+        frames = np.zeros((0, 9)) if constant else metric.kept.frames
+        source = (metric.coupling.inverse_schur, free) if constant else key
+        if len(source) != len(self._source) or any(a is not b for a, b in zip(source, self._source, strict=True)):
+            needed = np.flatnonzero(np.isin(free, self._vertices))
+            columns = ConstantColumns(metric.coupling, needed, len(free)) if constant else HalvedColumns(metric.kept)
+            self._source, self._columns = source, columns
+        elif scale == self._scale and np.array_equal(frames, self._frames):
+            return self._columns
+        self._known[...], self._seen, self._frames, self._scale = np.nan, None, frames.copy(), scale
+        return self._columns

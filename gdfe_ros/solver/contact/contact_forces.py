@@ -7,19 +7,17 @@ gaps and slips at its end are p = p0 + J d. The forces f + df keep the laws betw
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from itertools import pairwise
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.solver.contact.answer import begin_step, look_again, settle
 from gdfe_ros.solver.contact.complementarity import HALF, find_violations
-from gdfe_ros.solver.contact.compliance import project, pull
-from gdfe_ros.solver.contact.contact_term import FAINT, ROUNDING, ContactTerm, HeldLoads
-from gdfe_ros.solver.contact.field import PointField
-from gdfe_ros.solver.contact.kept_compliance import Compliance
-from gdfe_ros.solver.contact.points import PLANES, Surfaces
+from gdfe_ros.solver.contact.compliance import Compliance, project, pull
+from gdfe_ros.solver.contact.contact_term import FAINT, ROUNDING, ContactTerm
+from gdfe_ros.solver.contact.field import HeldLoads, PointField
+from gdfe_ros.solver.contact.stencil import PLANES
 from gdfe_ros.solver.descent.loop import Metric
 from gdfe_ros.solver.descent.workspace import Problem, Workspace, numbers
 from gdfe_ros.solver.matrix.unknowns import Unknowns
@@ -55,37 +53,33 @@ class ContactForces:
     """Finds the contact forces of each step of a minimisation.
 
     Args:
-        contacts: all contact terms of the body.
-        held: the term that stands for their forces.
+        held: the near points of all contacts, and the loads that stand for their forces.
         unknowns: numbering of the unknowns.
         count: number n of vertices.
 
     Attributes:
-        contacts: the argument.
+        contacts: all contact terms of the body.
         left: largest violation [m] of the laws in the last step.
     """
 
-    def __init__(self, contacts: Sequence[ContactTerm], held: HeldLoads, unknowns: Unknowns, count: int) -> None:
-        self.contacts, self._held = tuple(contacts), held
-        self._searches = [contact for contact in contacts if contact.shape.kind[0] == PLANES]
+    def __init__(self, held: HeldLoads, unknowns: Unknowns, count: int) -> None:
+        self.contacts, self._held = held.contacts, held
+        self._searches = [contact for contact in self.contacts if contact.shape.kind[0] == PLANES]
         self._handle_of = np.full(count, -1, dtype=np.int64)
         for p in range(len(unknowns.slides)):
             self._handle_of[unknowns.members[unknowns.member_start[p] : unknowns.member_start[p + 1]]] = p
-        self._rows, self._swings = 3 * unknowns.rows, any(contact.valid < np.inf for contact in contacts)
+        self._rows, self._swings = 3 * unknowns.rows, any(contact.valid < np.inf for contact in self.contacts)
         self._turns = unknowns.rigid_rows > 0
-        self._surfaces = Surfaces.join([contact.shape for contact in contacts])
-        self._change, self._head = np.zeros((count, 3)), np.zeros(1, dtype=np.int64)
         self.begin()
         self._row_of, self._numbered = np.full(count, -1, dtype=np.int64), None
-        vertices = np.unique(np.concatenate([contact.vertices for contact in contacts]))
+        vertices = np.unique(np.concatenate([contact.vertices for contact in self.contacts]))
         self._compliance = Compliance(vertices, self._rows)
 
     def begin(self) -> None:
         """Prepare a solve."""
         self.left, self._nearest, self._changes = 0.0, np.inf, 0
         self._least, self._in_vain, self._faint = np.inf, 0, 0.0
-        self._last, self._inertia, self._head[0] = np.zeros(self._rows), 0.0, 0
-        self._field: PointField | None = None
+        self._last, self._inertia, self._held.head[0] = np.zeros(self._rows), 0.0, 0
 
     @property
     def near(self) -> bool:
@@ -112,33 +106,22 @@ class ContactForces:
         The points of contacts that have moved far are chosen again. ``problem``, ``work`` and ``metric`` are those of
         the minimisation; ``size`` [m] is the body's size, and ``most`` the number of iterations that a matrix serves.
         """
-        if self._searches:
-            self.return_forces()
         self._waiting = [contact for contact in self._searches if not contact.acts]
         for contact in self.contacts:
             if contact not in self._waiting and contact.strays(work.x):
                 self._follow(contact, work.x, np.inf)
         given = self._row_of, self._handle_of, size, most
-        if self._field is not None:
-            self._correct(self._field, work)
+        if self._held.field is not None:
+            self._held.correct(work.x)
         found, self._count = begin_step(problem, work, metric, self._gather(problem, work), *given)
         return found
 
     def _follow(self, contact: ContactTerm, positions: NDArray[np.float64], ahead: float) -> None:
         """Let a contact choose its points again; the next step moves vertices by at most ``ahead`` [m]."""
-        self.return_forces()
         was_near = contact.near
         contact.follow(positions, ahead)
         if was_near or contact.near:
-            self._field = None
-
-    def return_forces(self) -> None:
-        """Give the present forces back to the contacts."""
-        if self._field is None:
-            return
-        for contact, part in zip(self.contacts, self._parts, strict=True):
-            if part.stop > part.start:
-                contact.take_forces(self._field.stencils.held[part, 0], self._field.stencils.shears[part])
+            self._held.field = None
 
     def approach(self, work: Workspace) -> bool:
         """Choose the points again of the other contacts, before the step in ``work``; return whether any is near."""
@@ -177,7 +160,7 @@ class ContactForces:
         ``work.direction``. ``key`` is the identity of the initial matrix, ``size`` [m] the body's size, and ``target``
         [m] the distance to the equilibrium that the minimisation allows.
         """
-        afresh, status, found, before = self._field is None, numbers(work), 2, np.inf
+        afresh, status, found, before = self._held.field is None, numbers(work), 2, np.inf
         field, count = self._gather(problem, work), self._count
         if afresh:
             count = look_again(problem, work, field, self._row_of, self._handle_of, size)
@@ -214,8 +197,8 @@ class ContactForces:
             return
         self._watch(work.direction)
         share = 1.0 / (1.0 + self._inertia)
-        for contact, part in zip(self.contacts, self._parts, strict=True):
-            longest = float(np.sqrt(np.square(field.ahead[part]).sum(axis=1).max(initial=0.0)))
+        for contact, (first, last) in zip(self.contacts, self._held.parts, strict=True):
+            longest = float(np.sqrt(np.square(field.ahead[first:last]).sum(axis=1).max(initial=0.0)))
             share = min(share, contact.valid / max(longest, 1e-300))
         if share < 1.0:
             work.direction[...] *= share
@@ -255,22 +238,10 @@ class ContactForces:
         return multiply
 
     def _gather(self, problem: Problem, work: Workspace) -> PointField:
-        """Return the near points of all contacts; they are gathered again after any contact has chosen others."""
+        """Return the near points of all contacts; they are gathered anew after any contact has chosen others."""
         unknowns = problem.unknowns
         if self._numbered is not unknowns:
             self._row_of[...] = -1
             self._row_of[unknowns.free] = np.arange(len(unknowns.free))
             self._numbered = unknowns
-        if self._field is None:
-            kept = self._held.loads, self._held.integers, self._change, np.empty(self._rows), self._head
-            self._field = PointField.of(self.contacts, self._surfaces, kept)
-            ends = np.searchsorted(self._field.owner, np.arange(len(self.contacts) + 1))
-            self._parts = [slice(*each) for each in pairwise(ends)]
-            self._correct(self._field, work)
-        return self._field
-
-    def _correct(self, field: PointField, work: Workspace) -> None:
-        """Update the offsets of gaps that depend on the positions."""
-        for contact, part in zip(self.contacts, self._parts, strict=True):
-            if part.stop > part.start and contact.corrects:
-                field.stencils.offsets[part] = contact.correct(work.x)
+        return self._held.gather(work.x)

@@ -9,8 +9,7 @@ from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact.contact import Contact
 from gdfe_ros.solver.contact.contact_term import ContactTerm
 from gdfe_ros.solver.contact.own_contact import OwnContact
-from gdfe_ros.solver.contact.rigid_contact import RigidContact
-from gdfe_ros.solver.contact.round_contact import RoundContact
+from gdfe_ros.solver.contact.rigid_contact import RigidContact, RoundContact
 from gdfe_ros.solver.contact.surface import ContactSurface
 
 

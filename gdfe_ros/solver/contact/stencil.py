@@ -11,6 +11,7 @@ the gap and w' of the slip. Before the next step, they turn with the surfaces.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple, Self
 
@@ -18,8 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.compiled import internal, kernel
+from gdfe_ros.constraints.distances import ORIGIN, distance_at, in_frame, in_world
 from gdfe_ros.materials.tensor import perpendicular
-from gdfe_ros.mesh.triples import cross, dot, unit
+from gdfe_ros.mesh.triples import corner, cross, dot, minus, unit
 from gdfe_ros.solver.terms.term import as_arrays, term_kernel
 
 LOADS = 6
@@ -69,6 +71,10 @@ class Stencils(NamedTuple):
         held[:, 0] = presses
         return cls(np.empty((count, 3)), np.empty((count, 3, 3)), held, *others)
 
+    def part(self, first: int, last: int) -> Self:
+        """Return views of the points from ``first`` to before ``last``."""
+        return type(self)(*(each[first:last] for each in self))
+
     @classmethod
     def join(cls, parts: Sequence[Stencils], width: int) -> Self:
         """Return the stencils of all ``parts``, with ``width`` ends; those that are added have no weight."""
@@ -105,6 +111,58 @@ def pad_columns(parts: Sequence[NDArray], width: int) -> NDArray:
             own[:, part.shape[1] :] = part[:, :1]
         first += len(part)
     return found
+
+
+PLANES = -1
+"""Kind of a surface of which each point has a plane of its own: that of the body itself."""
+
+
+class Surfaces(NamedTuple):
+    """What the points of t contacts touch.
+
+    Attributes:
+        kind: (t,) kinds of shapes, or `PLANES`.
+        own: (t,) number of the ends of a point that move the point itself.
+        turning: (t,) whether a rigid body is touched: its four vertices are the last ends of each point.
+        frames: (t, 12) rotation, and origin [m], of each surface.
+        vertices: (t, 4) vertices of each rigid body.
+        signs: (t, 4, 3) [1/m] factors that give its rotation (`RigidBody.signs`).
+        form_start: (t + 1,) offsets of the numbers of each shape in ``forms``.
+        forms: numbers of all shapes (`gap.form_numbers`).
+    """
+
+    kind: NDArray[np.int64]
+    own: NDArray[np.int64]
+    turning: NDArray[np.bool_]
+    frames: NDArray[np.float64]
+    vertices: NDArray[np.int64]
+    signs: NDArray[np.float64]
+    form_start: NDArray[np.int64]
+    forms: NDArray[np.float64]
+
+    @classmethod
+    def of(
+        cls,
+        kind: int,
+        own: int,
+        form: NDArray[np.float64],
+        vertices: NDArray[np.int32] | None = None,
+        signs: NDArray[np.float64] | None = None,
+    ) -> Surfaces:
+        """Return one surface; ``vertices`` and ``signs`` are those of a rigid body."""
+        turning = vertices is not None
+        four = np.asarray(vertices, dtype=np.int64) if turning else np.zeros(4, dtype=np.int64)
+        turns = signs if turning else np.zeros((4, 3))
+        numbers, ends = [np.array([each]) for each in (kind, own, turning)], np.array([0, len(form)])
+        frames = np.append(np.eye(3), np.zeros(3))[None]
+        return cls(*numbers, frames, four[None], turns[None].copy(), ends, form)
+
+    @classmethod
+    def join(cls, parts: list[Surfaces]) -> Surfaces:
+        """Return all surfaces of ``parts``."""
+        starts = np.cumsum([0, *(len(part.forms) for part in parts)])
+        whole = [np.concatenate([part[k] for part in parts]) for k in range(6)]
+        return cls(*whole, starts, np.concatenate([part.forms for part in parts]))
 
 
 @internal
@@ -149,6 +207,122 @@ def add_loads(stencils, loads):
     """Do `add_load` for all points."""
     for i in range(len(stencils.ends)):
         add_load(stencils, i, loads)
+
+
+@kernel
+def take_frames(x, surfaces, frames):
+    """Write the frames (t, 12) of rigid bodies with vertices at ``x`` (n, 3) [m]."""
+    for t in range(len(surfaces.kind)):
+        if not surfaces.turning[t]:
+            continue
+        frame = frames[t]
+        frame[:] = 0.0
+        for a in range(4):
+            v = surfaces.vertices[t, a]
+            for i in range(3):
+                frame[ORIGIN + i] += 0.25 * x[v, i]
+                for j in range(3):
+                    frame[3 * i + j] += x[v, i] * surfaces.signs[t, a, j]
+
+
+@internal
+def place_of(x, ends, weights, i, own):
+    """Return the mean (3,) [m] of the first ``own`` ends of a point with its weights."""
+    p0, p1, p2 = 0.0, 0.0, 0.0
+    for a in range(own):
+        v, w = ends[i, a], weights[i, a]
+        p0, p1, p2 = p0 + w * x[v, 0], p1 + w * x[v, 1], p2 + w * x[v, 2]
+    return p0, p1, p2
+
+
+@internal
+def measure_gap(stencils, surfaces, t, i, p):
+    """Return the signed distance [m] of a point at ``p`` (3,) from what it touches, and its gradient (3,)."""
+    frame, form = surfaces.frames[t], surfaces.forms[surfaces.form_start[t] : surfaces.form_start[t + 1]]
+    a, b, c, d = stencils.planes[i, 0], stencils.planes[i, 1], stencils.planes[i, 2], stencils.planes[i, 3]
+    if surfaces.kind[t] == PLANES:
+        return a * p[0] + b * p[1] + c * p[2] - d, a, b, c
+    g, nx, ny, nz = distance_at(surfaces.kind[t], frame, form, p[0], p[1], p[2])
+    if a == 0.0 and b == 0.0 and c == 0.0:
+        return g, nx, ny, nz
+    ex, ey, ez = in_world(frame, a, b, c)
+    # Where the surface pushes the point out on the plane's side itself, it serves.
+    if nx * ex + ny * ey + nz * ez > 0.0 and not stencils.fixed[i]:
+        return g, nx, ny, nz
+    u = in_frame(frame, p[0] - frame[ORIGIN], p[1] - frame[ORIGIN + 1], p[2] - frame[ORIGIN + 2])
+    return a * u[0] + b * u[1] + c * u[2] - d, ex, ey, ez
+
+
+@internal
+def find_point(x, surfaces, t, i, stencils):
+    """Write the stencil of point ``i``, which may touch surface ``t``; its forces turn with the surface."""
+    own, frame = surfaces.own[t], surfaces.frames[t]
+    p, q = place_of(x, stencils.ends, stencils.pressing, i, own), place_of(x, stencils.ends, stencils.rubbing, i, own)
+    g, nx, ny, nz = measure_gap(stencils, surfaces, t, i, p)
+    anchor = stencils.anchors[i, 0], stencils.anchors[i, 1], stencils.anchors[i, 2]
+    if surfaces.turning[t]:
+        u = in_frame(frame, p[0] - frame[ORIGIN], p[1] - frame[ORIGIN + 1], p[2] - frame[ORIGIN + 2])
+        for a in range(4):
+            sign = surfaces.signs[t, a, 0], surfaces.signs[t, a, 1], surfaces.signs[t, a, 2]
+            stencils.pressing[i, own + a] = -0.25 - dot(u, sign)
+            stencils.rubbing[i, own + a] = -0.25 - dot(anchor, sign)
+    began = in_world(frame, anchor[0], anchor[1], anchor[2])
+    s0, s1 = q[0] - frame[ORIGIN] - began[0], q[1] - frame[ORIGIN + 1] - began[1]
+    slip = s0, s1, q[2] - frame[ORIGIN + 2] - began[2]
+    set_axes(i, g - stencils.offsets[i], (nx, ny, nz), slip, stencils)
+
+
+@kernel
+def find_stencils(x, surfaces, owner, stencils):
+    """Write the stencils of all points; ``owner`` (k,) are the numbers of their surfaces."""
+    take_frames(x, surfaces, surfaces.frames)
+    for i in range(len(owner)):
+        find_point(x, surfaces, owner[i], i, stencils)
+
+
+@kernel
+def sum_wrench(x, stencils, own, origin, forces):
+    """Return the sum of ``forces`` (k, 3) [N] of points and their moment [N m] about ``origin`` (3,), together (6,).
+
+    The forces act where friction does: at the mean of the first ``own`` ends.
+    """
+    found = np.zeros(6)
+    for i in range(len(forces)):
+        p, f = place_of(x, stencils.ends, stencils.rubbing, i, own), corner(forces, i)
+        moment = cross(minus(p, (origin[0], origin[1], origin[2])), f)
+        for axis in range(3):
+            found[axis] += f[axis]
+            found[3 + axis] += moment[axis]
+    return found
+
+
+@kernel
+def find_pressing(x, surfaces, owner, stencils, chosen, axes, held, blocks):
+    """Write unit axes (c, 3, 3) and forces (c, 3) [N] along them of ``chosen`` points (c,), and the derivatives.
+
+    These are the ``blocks`` (c, e, 3, 3) of gaps and slips with respect to the ends. On a touched rigid body, friction
+    acts at the points' present places at ``x`` (n, 3) [m], not at those where their slips began.
+    """
+    for c in range(len(chosen)):
+        i = chosen[c]
+        t = owner[i]
+        own, frame, normal = surfaces.own[t], surfaces.frames[t], corner(stencils.axes[i], 0)
+        length = math.sqrt(dot(normal, normal))  # below 1 at edges of a surface of triangles
+        q = place_of(x, stencils.ends, stencils.rubbing, i, own)
+        u = in_frame(frame, q[0] - frame[ORIGIN], q[1] - frame[ORIGIN + 1], q[2] - frame[ORIGIN + 2])
+        for k in range(3):
+            share = length if k == 0 else 1.0
+            held[c, k] = share * stencils.held[i, k]
+            for j in range(3):
+                axes[c, k, j] = stencils.axes[i, k, j] / share
+        for a in range(stencils.ends.shape[1]):
+            rubbing = stencils.rubbing[i, a]
+            if surfaces.turning[t] and own <= a < own + 4:
+                rubbing = -0.25 - dot(u, corner(surfaces.signs[t], a - own))
+            for k in range(3):
+                weight = stencils.pressing[i, a] if k == 0 else rubbing
+                for j in range(3):
+                    blocks[c, a, k, j] = weight * axes[c, k, j]
 
 
 @kernel

@@ -16,7 +16,7 @@ from gdfe_ros.materials.tensor import scaled
 from gdfe_ros.mesh.triples import corner, cross, minus, plus
 from gdfe_ros.solver.body import Body, Growths
 from gdfe_ros.solver.contact.contact import Contact
-from gdfe_ros.solver.contact.contact_term import HeldLoads
+from gdfe_ros.solver.contact.field import HeldLoads
 from gdfe_ros.solver.contact.pairs import contacts_of
 from gdfe_ros.solver.elements.blocks import Operators
 from gdfe_ros.solver.forces.grip import GripTerm
@@ -52,7 +52,7 @@ class Actuation:
         neutral: dict from actuator or load name to the command without effect.
         loaded: names of the loads.
         contacts: contact terms of the obstacles, and the self-contact term.
-        held: the dead loads that stand for the forces of all contacts.
+        held: the near points of all contacts, and the dead loads that stand for their forces.
     """
 
     def __init__(
@@ -72,7 +72,7 @@ class Actuation:
         self._more = tuple(terms)
         self._commanded = *self._loads, *driven
         self.terms: tuple[Term, ...] = *self._commanded, *self.contacts, *self._more
-        self.held = HeldLoads(len(body.rest))
+        self.held = HeldLoads(body, self.contacts)
         self.table = TermTable.pack((*self.terms, self.held) if self.contacts else self.terms)
         self.growths = Growths(body, self.actuators)
         self._driven = {term.name: term for term in driven}
@@ -115,7 +115,7 @@ class Actuation:
                 term.leave_out([pair for grip in self.grips for pair in grip.pairs])
             term.begin(commands, saved[term.name], positions, ratio)
         if self.contacts:
-            self.held.take(self.contacts, positions)
+            self.held.take(positions)
 
     def update(self, positions: NDArray[np.float64]) -> float:
         """Update the multipliers; return the largest error of a constraint, divided by the body's size."""
@@ -133,6 +133,8 @@ class Actuation:
 
     def finish(self, saved: Mapping[str, Saved], positions: NDArray[np.float64]) -> dict[str, Saved]:
         """Return a dict from term name to the state to store after a solve that ended at ``positions`` (n, 3) [m]."""
+        if self.contacts:
+            self.held.look(positions)
         return {term.name: term.finish(saved[term.name], positions) for term in self.terms}
 
     def unstable(

@@ -156,8 +156,6 @@ class Minimiser:
             if task.active.ended is Outcome.NONE and (done >= limit or past(task.deadline)):
                 task.active.status["ended"] = Outcome.CUT
             if task.active.ended is not Outcome.NONE:
-                if self.contact_forces is not None:
-                    self.contact_forces.return_forces()
                 return done
 
     def _follow_terms(self, task: Task) -> None:
