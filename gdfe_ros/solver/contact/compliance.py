@@ -9,6 +9,8 @@ M turns with the vertices: M^-1 = R C R^T, and C is constant as long as M is kep
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -186,23 +188,108 @@ def project_one(vector, i, rows, blocks, counts, k):
     return total
 
 
-@kernel
-def add_history(work, metric, images, known, chosen, rows, blocks, counts, soft, w):
-    """Add to W = J M^-1 J^T of the ``chosen`` points the change by the pairs of L-BFGS, and the points' springs.
+class Known(NamedTuple):
+    """What is known of the compliance of the points that take part in a step.
 
-    ``images`` (memory, 3 r) are products M^-1 y; those of pairs without a ``known`` (memory,) curvature are found.
+    Attributes:
+        place, between: see `KeptColumns`.
+        frames: (f, 9) the rotations of the vertices for which `joined` holds; none for the constant matrix.
+        images, curvature: products M^-1 y of pairs of L-BFGS (memory, 3 r), and those pairs' s . y; NaN if not known.
+        wild: (1,) whether the constant matrix replaces the tangent for this minimisation only.
+        scale: (1,) its factor then.
+        valid: (1,) whether `joined` is J M^-1 J^T of points with the derivatives `rows`, `blocks` and `used`.
+        joined, w: (3 c, 3 c) [m/N].
+        rows, blocks, used: those of the points in `joined`.
+        q, forces: (3 c,) displacements without forces [m], and forces [N].
     """
-    status, memory = work.status[0], len(known)
+
+    place: NDArray[np.int64]
+    between: NDArray[np.float64]
+    frames: NDArray[np.float64]
+    images: NDArray[np.float64]
+    curvature: NDArray[np.float64]
+    wild: NDArray[np.int64]
+    scale: NDArray[np.float64]
+    valid: NDArray[np.bool_]
+    joined: NDArray[np.float64]
+    w: NDArray[np.float64]
+    rows: NDArray[np.int64]
+    blocks: NDArray[np.float64]
+    used: NDArray[np.int64]
+    q: NDArray[np.float64]
+    forces: NDArray[np.float64]
+
+
+@internal
+def follow_frames(frames, known):
+    """Take the present rotations of the vertices; what was found with others is not valid any more."""
+    same = True
+    for n in range(len(known.frames)):
+        for k in range(9):
+            same &= frames[n, k] == known.frames[n, k]
+            known.frames[n, k] = frames[n, k]
+    if not same:
+        known.valid[0] = False
+        known.curvature[:] = np.nan
+
+
+@internal
+def is_joined(field, chosen, known):
+    """Return whether `Known.joined` is that of the ``chosen`` points; take their derivatives."""
+    same = known.valid[0]
+    for c in range(len(chosen)):
+        i = chosen[c]
+        same &= known.used[c] == field.used[i]
+        known.used[c] = field.used[i]
+        for e in range(field.used[i]):
+            same &= known.rows[c, e] == field.rows[i, e]
+            known.rows[c, e] = field.rows[i, e]
+            for k in range(3):
+                for j in range(3):
+                    same &= known.blocks[c, e, k, j] == field.blocks[i, e, k, j]
+                    known.blocks[c, e, k, j] = field.blocks[i, e, k, j]
+    known.valid[0] = True
+    return same
+
+
+@internal
+def find_compliance(work, metric, field, known, count):
+    """Write W [m/N] of the first ``count`` chosen points to ``known.w``.
+
+    Return False if `Compliance.prepare` must be called first.
+    """
+    status, chosen = work.status[0], field.chosen[:count]
+    given = chosen, field.rows, field.blocks, field.used
+    if known.wild[0] != status.wild or len(known.w) != 3 * count or known.rows.shape[1] != field.rows.shape[1]:
+        return False
+    if len(find_unknown(chosen, field.rows, field.used, known.place)) > 0:
+        return False
+    scale = status.scale if status.wild == 1 else 1.0
+    follow_frames(metric.kept.frames, known)
+    if known.scale[0] != scale:
+        known.curvature[:] = np.nan
+        known.scale[0] = scale
+    if not is_joined(field, chosen, known):
+        join(*given, known.place, known.between, known.frames, known.joined)
+    known.w[:] = scale * known.joined
+    add_history(work, metric, known, *given, field.stencils.soft)
+    return True
+
+
+@internal
+def add_history(work, metric, known, chosen, rows, blocks, counts, soft):
+    """Add to W the change by the pairs of L-BFGS, and the points' springs."""
+    status, memory = work.status[0], len(known.curvature)
     for k in range(status.count):
         at = (status.head - 1 - k) % memory
-        if known[at] == work.curvature[at]:
+        if known.curvature[at] == work.curvature[at]:
             continue
-        known[at] = work.curvature[at]
-        apply_initial(status, metric, work.changes[at], images[at])
+        known.curvature[at] = work.curvature[at]
+        apply_initial(status, metric, work.changes[at], known.images[at])
     if status.count > 0:
-        add_pairs(work, images, chosen, rows, blocks, counts, w)
+        add_pairs(work, known.images, chosen, rows, blocks, counts, known.w)
     for c in range(len(chosen)):
-        w[3 * c, 3 * c] += soft[chosen[c]]
+        known.w[3 * c, 3 * c] += soft[chosen[c]]
 
 
 @internal
@@ -233,7 +320,7 @@ def add_pairs(work, images, chosen, rows, blocks, counts, out):
 
 
 class Compliance:
-    """Finds W, and keeps what does not change: columns of M^-1, J M^-1 J^T, and products of M^-1 with pairs of L-BFGS.
+    """Prepares what `find_compliance` needs, and keeps what does not change from step to step.
 
     Args:
         vertices: vertices on which contact forces can act, ascending.
@@ -241,49 +328,37 @@ class Compliance:
     """
 
     def __init__(self, vertices: NDArray[np.int32], count: int) -> None:
-        self._vertices = vertices
-        self._images, self._known = np.zeros((MEMORY, count)), np.full(MEMORY, np.nan)
-        self._source: tuple[object, ...] = ()
+        self._vertices, self._source = vertices, ()
+        self._images, self._curvature = np.zeros((MEMORY, count)), np.full(MEMORY, np.nan)
         self._columns: KeptColumns
-        self._joined = self._w = np.zeros((0, 0))
-        self._seen: tuple[NDArray, ...] | None = None
-        self._frames, self._scale = np.zeros((0, 9)), 1.0
+        self.known: Known | None = None
 
-    def of(
+    def prepare(
         self, problem: Problem, work: Workspace, metric: Metric, key: tuple[object, ...], field: PointField, count: int
-    ) -> NDArray[np.float64]:
-        """Return W (3 c, 3 c) [m/N] of the points that take part; the next call overwrites it."""
-        chosen, columns = field.chosen[:count].copy(), self._take_matrix(problem, work, metric, key)
-        given = chosen, field.rows, field.blocks, field.used
-        if len(unknown := find_unknown(chosen, field.rows, field.used, columns.place)):
-            columns.include(unknown)
-        seen = field.used[chosen], field.rows[chosen], field.blocks[chosen]
-        if self._seen is None or not all(map(np.array_equal, seen, self._seen)):
-            self._seen = seen
-            if len(self._joined) != 3 * count:
-                self._joined, self._w = np.empty((2, 3 * count, 3 * count))
-            join(*given, columns.place, columns.between, self._frames, self._joined)
-            if self._scale != 1.0:
-                self._joined *= self._scale
-        self._w[...] = self._joined
-        add_history(work, metric, self._images, self._known, *given, field.stencils.soft, self._w)
-        return self._w
+    ) -> Known:
+        """Return what is known of the first ``count`` chosen points of a ``field``; of those at hand if it is negative.
 
-    def _take_matrix(self, problem: Problem, work: Workspace, metric: Metric, key: tuple[object, ...]) -> KeptColumns:
-        """Return C of the present initial matrix; drop what belongs to another one, or to other rotations of vertices.
-
-        ``key`` has the arrays of the tangent; the constant matrix is known by its own.
+        What belongs to another initial matrix than the present one is dropped. ``key`` has the arrays of the tangent;
+        the constant matrix is known by its own.
         """
-        status, free = numbers(work), problem.unknowns.free
-        wild = bool(status["wild"])
-        constant, scale = wild or not len(metric.kept.order), float(status["scale"]) if wild else 1.0
-        frames = np.zeros((0, 9)) if constant else metric.kept.frames
+        free, wild, known = problem.unknowns.free, int(numbers(work)["wild"]), self.known
+        constant = bool(wild) or not len(metric.kept.order)
         source = (metric.coupling.inverse_schur, free) if constant else key
         if len(source) != len(self._source) or any(a is not b for a, b in zip(source, self._source, strict=True)):
             needed = np.flatnonzero(np.isin(free, self._vertices))
             columns = ConstantColumns(metric.coupling, needed, len(free)) if constant else HalvedColumns(metric.kept)
-            self._source, self._columns = source, columns
-        elif scale == self._scale and np.array_equal(frames, self._frames):
-            return self._columns
-        self._known[...], self._seen, self._frames, self._scale = np.nan, None, frames.copy(), scale
-        return self._columns
+            self._source, self._columns, known = source, columns, None
+        chosen, columns, width = field.chosen[: max(count, 0)], self._columns, field.rows.shape[1]
+        if count < 0:
+            count, width = (0, 0) if known is None else (len(known.used), known.rows.shape[1])
+        else:
+            columns.include(find_unknown(chosen, field.rows, field.used, columns.place))
+        frames = np.zeros((0, 9)) if constant else metric.kept.frames
+        if known is None or known.wild[0] != wild or len(known.w) != 3 * count or known.rows.shape[1] != width:
+            numbers_of = np.array([wild]), np.full(1, np.nan), np.zeros(1, np.bool_)
+            seen = np.zeros((count, width), np.int64), np.zeros((count, width, 3, 3)), np.zeros(count, np.int64)
+            self._curvature[...] = np.nan
+            given = frames.copy(), self._images, self._curvature, *numbers_of, *np.empty((2, 3 * count, 3 * count))
+            known = Known(columns.place, columns.between, *given, *seen, *np.zeros((2, 3 * count)))
+        self.known = known._replace(place=columns.place, between=columns.between)
+        return self.known

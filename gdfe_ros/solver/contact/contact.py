@@ -15,9 +15,9 @@ from gdfe_ros.constraints.obstacle import ArmLink, ContactPoints, Obstacle
 from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact.contact_term import FAINT, ContactTerm
-from gdfe_ros.solver.contact.gap import find_close, nearness
-from gdfe_ros.solver.contact.stencil import NOTHING_NEAR, Stencils, Surfaces, sum_wrench, take_frames
-from gdfe_ros.solver.contact.surface import SHAPE, TURNED, CarriedPoints, ContactSurface
+from gdfe_ros.solver.contact.gap import find_close
+from gdfe_ros.solver.contact.stencil import NO_FACES, NOTHING_NEAR, Stencils, Surfaces, sum_wrench, take_frames
+from gdfe_ros.solver.contact.surface import TURNED, CarriedPoints, ContactSurface
 from gdfe_ros.solver.contact.touch import NOTHING, Touch
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.state import Saved, State
@@ -137,9 +137,10 @@ class Contact(ContactTerm):
         else:
             self._choose(saved, positions)
 
-    def strays(self, positions: NDArray[np.float64]) -> bool:
-        """Return whether the body has moved far enough at ``positions`` (n, 3) [m] for other points to be near."""
-        return self._moved(positions) >= max(self._clear - self._lag, 0.5 * REACH * self._body.size)
+    def room(self, positions: NDArray[np.float64]) -> float:
+        """Return how far [m] vertices may move from ``positions`` (n, 3) [m] before other points may be near."""
+        room = max(self._clear - self._lag, 0.5 * REACH * self._body.size) - self._moved(positions)
+        return room / (self._points.reach + TURNED * isinstance(self._touched, RigidBody))
 
     def follow(self, positions: NDArray[np.float64], ahead: float) -> None:
         """Choose the points again at ``positions`` (n, 3) [m]; those that stay keep their forces."""
@@ -166,8 +167,10 @@ class Contact(ContactTerm):
             ends = np.column_stack([ends, np.tile(self._touched.vertices, (len(ends), 1))])
             pressing, rubbing = np.column_stack([pressing, four]), np.column_stack([rubbing, four])
         self.shape.frames[0] = self._others
-        offsets = np.full(len(ends), self._radius)
-        given = shears, np.zeros(len(ends)), self._anchors[:, :3].copy(), self._planes, self._fixed, offsets
+        faces = len(self.faces[0]) > 0
+        areas = self._points.areas[self._chosen] if faces else np.full(len(ends), np.inf)
+        more = self._planes, self._fixed, np.full(len(ends), self._radius), areas
+        given = shears, np.zeros(len(ends)), self._anchors[:, :3].copy(), *more
         return Stencils.unwritten(presses, *given, ends, pressing, rubbing)
 
     def stored(self, vectors: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -304,7 +307,7 @@ class Contact(ContactTerm):
         return shift + angle * farthest
 
     def _take_none(self) -> None:
-        self._chosen, self._around = np.zeros(0, dtype=np.int64), np.zeros((2, 0, 4))
+        self._chosen, self.faces = np.zeros(0, dtype=np.int64), NO_FACES
         self.stencils = NOTHING_NEAR
 
     def _in_frame(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -336,7 +339,7 @@ class Contact(ContactTerm):
         self._fix_planes(places[chosen], positions)
         self._set_anchors(saved, positions)
         faces = self.on_body and self._touched.points is ContactPoints.FACES
-        self._around = self._points.about(chosen) if faces and len(chosen) else np.zeros((2, 0, 4))
+        self.faces = self._points.about(chosen) if faces else NO_FACES
         self.stencils = self.lay_out(positions, saved["press"][chosen], saved["shear"][chosen] @ self._axes.T)
 
     def _fix_planes(self, places: NDArray[np.float64], positions: NDArray[np.float64]) -> None:
@@ -355,21 +358,3 @@ class Contact(ContactTerm):
     def _kept(self) -> NDArray[np.float64]:
         """Return the anchors (k, 3) [m] that the state stores for the chosen points."""
         return self._anchors[:, :3]
-
-    @property
-    def corrects(self) -> bool:
-        """Whether the gaps have offsets that depend on the positions."""
-        return len(self._around[0]) > 0
-
-    def correct(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the offsets (k,) [m] of the chosen points at ``positions`` (n, 3) [m].
-
-        Between its corners, a flat face comes nearer to a round obstacle than at its corners. The error of a face is
-        the distance interpolated between its corners, minus the true distance. The offset of a vertex is the mean of
-        this error over the faces around it, at least 0. On a ball the offsets halve the error of the gaps.
-        """
-        if isinstance(self._touched, RigidBody):
-            self._take_frame(positions)
-        nearer = np.zeros(len(positions))
-        nearness(positions, *self._around, SHAPE, *self._obstacle, nearer)
-        return np.maximum(0.0, nearer[self._points.carriers[self._chosen, 0]] / self._points.areas[self._chosen])

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.contact.stencil import NOTHING_NEAR, Stencils, Surfaces, add_loads, find_stencils
+from gdfe_ros.solver.contact.stencil import NO_FACES, NOTHING_NEAR, Faces, Stencils, Surfaces, add_loads, find_stencils
 from gdfe_ros.solver.state import Saved, State
 from gdfe_ros.solver.terms.term import Term
 
@@ -48,13 +48,14 @@ class ContactTerm(Term):
             or of the field of all contacts, of which they are then a view.
         shape: what the points touch, for the kernels.
         on_body: whether the points of the term belong to the elastic body; False for self-contact.
-        corrects: whether the gaps have offsets that depend on the positions, which `correct` returns.
+        faces: the faces (q, 4), with the areas (q, 4) [m^2] of their Gauss points, that correct gaps.
         held_mass: mass [kg] of a rigid body that the elastic body touches, else 0.
         valid: relative displacement [m] for which the stencils of the points hold.
         changed: whether points that press touch other faces since `follow` was last called.
     """
 
-    on_body, corrects, held_mass = False, False, 0.0
+    on_body, held_mass = False, 0.0
+    faces: tuple[NDArray[np.int32], NDArray[np.float64]] = NO_FACES
     ANCHOR: int = 3
     """Numbers of each point that derivatives differentiate: its anchor, the place where its slip begins; for contact
     with an obstacle or rigid body, also the weights of the material point on which friction acts.
@@ -133,11 +134,11 @@ class ContactTerm(Term):
         if self.near:
             self.stencils = self.lay_out(positions, self.stencils.held[:, 0], self.stencils.shears)
             owner = np.zeros(self.count, dtype=np.int64)
-            find_stencils(positions, self.shape, owner, self.stencils)
+            find_stencils(positions, self.shape, Faces.join([self.faces]), owner, self.stencils)
 
-    def strays(self, positions: NDArray[np.float64]) -> bool:
-        """Return whether `follow` has to choose points again at ``positions`` (n, 3) [m]."""
-        return True
+    def room(self, positions: NDArray[np.float64]) -> float:
+        """Return how far [m] vertices may move from ``positions`` (n, 3) [m] before `follow` has to choose points."""
+        return 0.0
 
     def led(self, positions: NDArray[np.float64], before: State) -> NDArray[np.float64]:
         """Return the displacement (k, 3) [m] of what commanded poses move, at the near points, since ``before``."""

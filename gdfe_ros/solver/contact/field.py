@@ -12,7 +12,16 @@ from numpy.typing import NDArray
 
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact.contact_term import ContactTerm
-from gdfe_ros.solver.contact.stencil import LOADS, Stencils, Surfaces, add_loads, find_stencils, held_entry
+from gdfe_ros.solver.contact.stencil import (
+    LOADS,
+    NO_FACES,
+    Faces,
+    Stencils,
+    Surfaces,
+    add_loads,
+    find_stencils,
+    held_entry,
+)
 from gdfe_ros.solver.terms.term import Term
 
 
@@ -21,7 +30,7 @@ class PointField(NamedTuple):
 
     Attributes:
         stencils: their stencils; ends beyond a contact's own have no weight.
-        surfaces: what they touch.
+        surfaces, faces: what they touch, and the faces that correct their gaps.
         owner: (k,) number of the contact of each point.
         friction, restitution, scale: (k,) coefficients, and stiffness [N/m] of the body at the point.
         rows, blocks, used: derivatives with respect to the rows of unknowns, see `differentiate`.
@@ -36,6 +45,7 @@ class PointField(NamedTuple):
 
     stencils: Stencils
     surfaces: Surfaces
+    faces: Faces
     owner: NDArray[np.int64]
     friction: NDArray[np.float64]
     restitution: NDArray[np.float64]
@@ -84,8 +94,8 @@ class HeldLoads(Term):
             for number, contact in enumerate(contacts):
                 contact.shape = contact.shape._replace(frames=self._surfaces.frames[number : number + 1])
 
-    def gather(self, positions: NDArray[np.float64]) -> PointField:
-        """Return the field; if any contact has chosen other points, it is made anew at ``positions`` (n, 3) [m]."""
+    def gather(self) -> PointField:
+        """Return the field; it is made anew if any contact has chosen other points."""
         if self.field is None:
             near = [contact if contact.near else None for contact in self.contacts]
             sizes, some = [contact.count if contact else 0 for contact in near], list(filter(None, near))
@@ -95,6 +105,7 @@ class HeldLoads(Term):
             self.field = PointField(
                 Stencils.join([contact.stencils for contact in some], width),
                 self._surfaces,
+                Faces.join([contact.faces if contact else NO_FACES for contact in near]),
                 owner,
                 *coefficients,
                 np.concatenate([np.zeros(0), *scale]),
@@ -114,20 +125,13 @@ class HeldLoads(Term):
             for contact, (first, last) in zip(self.contacts, self.parts, strict=True):
                 if last > first:
                     contact.stencils = self.field.stencils.part(first, last)
-            self.correct(positions)
         return self.field
-
-    def correct(self, positions: NDArray[np.float64]) -> None:
-        """Update the offsets of gaps that depend on the positions (n, 3) [m]."""
-        for contact in self.contacts:
-            if contact.near and contact.corrects:
-                contact.stencils.offsets[...] = contact.correct(positions)
 
     def look(self, positions: NDArray[np.float64]) -> PointField:
         """Turn the forces of all contacts with their surfaces to ``positions`` (n, 3) [m]; return the field."""
-        field = self.gather(positions)
+        field = self.gather()
         if len(field.owner):
-            find_stencils(positions, field.surfaces, field.owner, field.stencils)
+            find_stencils(positions, field.surfaces, field.faces, field.owner, field.stencils)
         return field
 
     def take(self, positions: NDArray[np.float64]) -> None:

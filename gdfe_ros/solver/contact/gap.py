@@ -7,6 +7,7 @@ import math
 
 import numpy as np
 
+from gdfe_ros.actuators.load import GAUSS
 from gdfe_ros.compiled import internal, kernel
 from gdfe_ros.constraints.distances import MESH, ORIGIN, SURE, distance_at, distance_in_frame, in_frame, measure
 from gdfe_ros.mesh.triples import along, corner, dot, minus, unit
@@ -15,6 +16,11 @@ MOST_STEPS = 60
 """Largest number of sphere-tracing moves along one path. If they do not reach the obstacle, the path only grazes it."""
 SMOOTH = 0.95
 """The obstacle is smooth at a face if the mean of its unit normals at the four corners has at least this length."""
+
+
+SIGNS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+SHAPE = np.stack([0.25 * (1.0 + GAUSS * SIGNS * point).prod(axis=1) for point in SIGNS])
+"""(4, 4) weights of a face's corners at each of its Gauss points."""
 
 
 @internal
@@ -93,7 +99,7 @@ def find_entries(starts, ends, reach, radius, form, kind):
 
 
 @kernel
-def nearness(x, quads, gauss, shape, frame, form, kind, out):
+def nearness(x, quads, gauss, frame, form, kind, out):
     """Add the integral over faces of the error of interpolated obstacle distances to ``out`` (n,) [m^3].
 
     The error is the distance interpolated between a face's corners, minus the true distance. Each face's integral is
@@ -112,7 +118,7 @@ def nearness(x, quads, gauss, shape, frame, form, kind, out):
         for p in range(4):
             place, told = (0.0, 0.0, 0.0), 0.0
             for a in range(4):
-                place, told = along(1.0, place, shape[p, a], corner(x, quads[q, a])), told + shape[p, a] * away[a]
+                place, told = along(1.0, place, SHAPE[p, a], corner(x, quads[q, a])), told + SHAPE[p, a] * away[a]
             nearer = gauss[q, p] * (told - distance_at(kind, frame, form, place[0], place[1], place[2])[0])
             for a in range(4):
-                out[quads[q, a]] += shape[p, a] * nearer
+                out[quads[q, a]] += SHAPE[p, a] * nearer

@@ -157,7 +157,7 @@ class OwnContact(ContactTerm):
         soft = (1.0 - self._now.support) / (self._now.support * self._stiffness)
         # The place of a pair is the vector between its members: its plane goes through the origin.
         planes, none = np.column_stack([self._now.normal, np.zeros(self.count)]), np.zeros(self.count)
-        given = shears, soft, self._anchors + self._turned, planes, none > 0.0, none
+        given = shears, soft, self._anchors + self._turned, planes, none > 0.0, none, none + np.inf
         return Stencils.unwritten(presses, *given, carriers, shares, shares)
 
     def finish(self, saved: Saved, positions: NDArray[np.float64]) -> Saved:

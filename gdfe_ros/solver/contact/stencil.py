@@ -22,6 +22,7 @@ from gdfe_ros.compiled import internal, kernel
 from gdfe_ros.constraints.distances import ORIGIN, distance_at, in_frame, in_world
 from gdfe_ros.materials.tensor import perpendicular
 from gdfe_ros.mesh.triples import corner, cross, dot, minus, unit
+from gdfe_ros.solver.contact.gap import nearness
 from gdfe_ros.solver.terms.term import as_arrays, term_kernel
 
 LOADS = 6
@@ -43,6 +44,7 @@ class Stencils(NamedTuple):
         planes: (k, 4) planes n . q = d in this frame that replace the surface; n = 0 stands for none, but for `PLANES`.
         fixed: (k,) whether a plane holds wherever the point leaves.
         offsets: (k,) [m] subtracted from the distances.
+        areas: (k,) [m^2] undeformed area of the faces around each point that correct its offset; infinite for none.
         ends: (k, c) vertices that move the point relative to what it touches.
         pressing, rubbing: (k, c) weights of these vertices in the displacements that change the gap, and the slip.
     """
@@ -56,6 +58,7 @@ class Stencils(NamedTuple):
     planes: NDArray[np.float64]
     fixed: NDArray[np.bool_]
     offsets: NDArray[np.float64]
+    areas: NDArray[np.float64]
     ends: NDArray[np.int32]
     pressing: NDArray[np.float64]
     rubbing: NDArray[np.float64]
@@ -95,7 +98,7 @@ class Stencils(NamedTuple):
 
 NOTHING_NEAR = Stencils.unwritten(
     *(np.zeros(0), np.zeros((0, 3)), np.zeros(0), np.zeros((0, 3)), np.zeros((0, 4)), np.zeros(0, np.bool_)),
-    *(np.zeros(0), np.zeros((0, 1), np.int32), *np.zeros((2, 0, 1))),
+    *(*np.zeros((2, 0)), np.zeros((0, 1), np.int32), *np.zeros((2, 0, 1))),
 )
 """The stencils of no points."""
 
@@ -163,6 +166,30 @@ class Surfaces(NamedTuple):
         starts = np.cumsum([0, *(len(part.forms) for part in parts)])
         whole = [np.concatenate([part[k] for part in parts]) for k in range(6)]
         return cls(*whole, starts, np.concatenate([part.forms for part in parts]))
+
+
+class Faces(NamedTuple):
+    """Faces between the points of t contacts, whose distances from what they touch correct the points' offsets.
+
+    Attributes:
+        start: (t + 1,) offsets of each contact's faces.
+        quads: (q, 4) int32 vertices.
+        gauss: (q, 4) [m^2] undeformed area that belongs to each Gauss point.
+    """
+
+    start: NDArray[np.int64]
+    quads: NDArray[np.int32]
+    gauss: NDArray[np.float64]
+
+    @classmethod
+    def join(cls, parts: Sequence[tuple[NDArray[np.int32], NDArray[np.float64]]]) -> Faces:
+        """Return the faces of all contacts; each of ``parts`` has the vertices and areas of those of a contact."""
+        starts = np.cumsum([0, *(len(quads) for quads, _ in parts)])
+        return cls(starts, *(np.concatenate(each) for each in zip(*parts, strict=True)))
+
+
+NO_FACES = np.zeros((0, 4), np.int32), np.zeros((0, 4))
+"""No faces, and no areas."""
 
 
 @internal
@@ -272,10 +299,31 @@ def find_point(x, surfaces, t, i, stencils):
     set_axes(i, g - stencils.offsets[i], (nx, ny, nz), slip, stencils)
 
 
+@internal
+def correct_offsets(x, surfaces, faces, owner, stencils):
+    """Write the offsets [m] of points with faces around them.
+
+    Between its corners, a flat face comes nearer to a round obstacle than at its corners. The error of a face is the
+    distance interpolated between its corners, minus the true distance. The offset of a vertex is the mean of this error
+    over the faces around it, at least 0. On a ball the offsets halve the error of the gaps.
+    """
+    for t in range(len(surfaces.kind)):
+        first, last = faces.start[t], faces.start[t + 1]
+        if first == last:
+            continue
+        nearer, form = np.zeros(len(x)), surfaces.forms[surfaces.form_start[t] : surfaces.form_start[t + 1]]
+        quads, gauss = faces.quads[first:last], faces.gauss[first:last]
+        nearness(x, quads, gauss, surfaces.frames[t], form, surfaces.kind[t], nearer)
+        for i in range(len(owner)):
+            if owner[i] == t and stencils.areas[i] < np.inf:
+                stencils.offsets[i] = max(0.0, nearer[stencils.ends[i, 0]] / stencils.areas[i])
+
+
 @kernel
-def find_stencils(x, surfaces, owner, stencils):
+def find_stencils(x, surfaces, faces, owner, stencils):
     """Write the stencils of all points; ``owner`` (k,) are the numbers of their surfaces."""
     take_frames(x, surfaces, surfaces.frames)
+    correct_offsets(x, surfaces, faces, owner, stencils)
     for i in range(len(owner)):
         find_point(x, surfaces, owner[i], i, stencils)
 

@@ -63,7 +63,7 @@ class Pressing(NamedTuple):
     @classmethod
     def of(cls, held: HeldLoads, positions: Array, before: State) -> Pressing:
         """Return the points that press at ``positions`` (n, 3) [m] after the state ``before``."""
-        field = held.gather(positions)
+        field = held.gather()
         on = np.flatnonzero(field.stencils.held[:, 0] > 0.0)
         axes, first, led = np.empty((len(on), 3, 3)), *np.zeros((2, len(on), 3))
         blocks = np.empty((len(on), field.stencils.ends.shape[1], 3, 3))
@@ -112,7 +112,7 @@ class ContactImpulses:
         if not (acting and any(contact.near for contact in held.contacts)):
             return now
         rule, slopes = Rule.of(dynamics, h, Kinematics.of(before.terms[NAME])), np.zeros_like(x)
-        add_loads(held.gather(x).stencils, slopes)
+        add_loads(held.gather().stencils, slopes)
         moved = self._mass.accelerated(-slopes, x) / rule.kappa
         velocity = saved["velocity"] - rule.theta * moved
         gained, now = self._strike(held, velocity, 2.0 / (rule.kappa * h), before, now, h)
