@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -11,12 +10,12 @@ from numpy.typing import NDArray
 
 from gdfe_ros.constraints import Pose
 from gdfe_ros.constraints.distances import ORIGIN, form_numbers, measure
-from gdfe_ros.constraints.obstacle import ArmLink, ContactPoints, Obstacle
+from gdfe_ros.constraints.obstacle import ContactPoints, Obstacle
 from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact.contact_term import FAINT, ContactTerm
 from gdfe_ros.solver.contact.gap import find_close
-from gdfe_ros.solver.contact.stencil import NO_FACES, NOTHING_NEAR, Stencils, Surfaces, sum_wrench, take_frames
+from gdfe_ros.solver.contact.stencil import NO_FACES, Stencils, Surfaces, sum_wrench, take_frames
 from gdfe_ros.solver.contact.surface import TURNED, CarriedPoints, ContactSurface
 from gdfe_ros.solver.contact.touch import NOTHING, Touch
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
@@ -73,10 +72,8 @@ class Contact(ContactTerm):
         self._distances, self._normals = np.zeros(count), np.zeros((count, 3))
         self._entered = np.zeros((count, 4))
         self._take_none()
-        self._clear, self._lag, self._began = -np.inf, 0.0, np.zeros((0, 3))
-        self._pose = self._seen_at = Pose()
-        self._last: State | None = None
-        self._seen: NDArray[np.float64] | None = None
+        self._clear, self._began, self._seen = -np.inf, np.zeros((0, 3)), body.rest
+        self._pose, self._last = Pose(), None
         self._free["anchor"] = np.full((count, 3), np.nan)
 
     @property
@@ -129,17 +126,12 @@ class Contact(ContactTerm):
 
     def begin(self, commands: Mapping[str, float], saved: Saved, positions: NDArray[np.float64], ratio: float) -> None:
         """Choose the points near the obstacle. Start from the last step's multipliers, rotated with the obstacle."""
-        free = saved["press"] is self._free["press"] or not saved["press"].any()
         self._saved, self._entered[...] = saved, 0.0
-        self._lag = self._shifted(positions)
-        if free and self._lag + self._moved(positions) < self._clear:
-            self._take_none()
-        else:
-            self._choose(saved, positions)
+        self._choose(saved, positions)
 
     def room(self, positions: NDArray[np.float64]) -> float:
         """Return how far [m] vertices may move from ``positions`` (n, 3) [m] before other points may be near."""
-        room = max(self._clear - self._lag, 0.5 * REACH * self._body.size) - self._moved(positions)
+        room = max(self._clear, 0.5 * REACH * self._body.size) - self._moved(positions)
         return room / (self._points.reach + TURNED * isinstance(self._touched, RigidBody))
 
     def follow(self, positions: NDArray[np.float64], ahead: float) -> None:
@@ -160,18 +152,17 @@ class Contact(ContactTerm):
         self, positions: NDArray[np.float64], presses: NDArray[np.float64], shears: NDArray[np.float64]
     ) -> Stencils:
         """Return the stencils of the chosen points; see `ContactTerm.lay_out`."""
-        ends = self._points.carriers[self._chosen]
-        pressing, rubbing = self._points.weights[self._chosen], self._anchors[:, 3:].copy()
+        own, chosen, self.shape.frames[0] = self._points.carriers.shape[1], self._chosen, self._others
+        found = Stencils.blank(len(chosen), own + 4 * isinstance(self._touched, RigidBody))
+        found.held[:, 0], found.shears[...], found.anchors[...] = presses, shears, self._anchors[:, :3]
+        found.planes[...], found.fixed[...], found.offsets[...] = self._planes, self._fixed, self._radius
+        found.ends[:, :own], found.pressing[:, :own] = self._points.carriers[chosen], self._points.weights[chosen]
+        found.rubbing[:, :own] = self._anchors[:, 3:]
         if isinstance(self._touched, RigidBody):
-            four = np.zeros((len(ends), 4))
-            ends = np.column_stack([ends, np.tile(self._touched.vertices, (len(ends), 1))])
-            pressing, rubbing = np.column_stack([pressing, four]), np.column_stack([rubbing, four])
-        self.shape.frames[0] = self._others
-        faces = len(self.faces[0]) > 0
-        areas = self._points.areas[self._chosen] if faces else np.full(len(ends), np.inf)
-        more = self._planes, self._fixed, np.full(len(ends), self._radius), areas
-        given = shears, np.zeros(len(ends)), self._anchors[:, :3].copy(), *more
-        return Stencils.unwritten(presses, *given, ends, pressing, rubbing)
+            found.ends[:, own:] = self._touched.vertices
+        if len(self.faces[0]):
+            found.areas[...] = self._points.areas[chosen]
+        return found
 
     def stored(self, vectors: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return vectors (k, 3) in the obstacle's axes."""
@@ -278,8 +269,6 @@ class Contact(ContactTerm):
 
     def _moved(self, positions: NDArray[np.float64]) -> float:
         """Return an upper bound of the displacement [m] of any point since the distances were computed."""
-        if self._seen is None:
-            return np.inf
         if not isinstance(self._touched, RigidBody):
             return self._points.reach * largest_distance(positions, self._seen)
         if not self.on_body:
@@ -288,27 +277,9 @@ class Contact(ContactTerm):
         own = self._points.reach * largest_distance(positions[:count], self._seen[:count])
         return own + TURNED * largest_distance(positions[four], self._seen[four])
 
-    def _shifted(self, positions: NDArray[np.float64]) -> float:
-        """Return an upper bound of any point's relative displacement [m] that the obstacle's motion causes.
-
-        The motion counts from the last computation of the distances. A finite bound is computed only for links of arms,
-        because an arm has many links and most are far from any contact. For any other obstacle that moved, the bound is
-        infinite, so that its distances are computed again.
-        """
-        if self._pose == self._seen_at:
-            return 0.0
-        if not isinstance(self._touched, ArmLink):
-            return np.inf
-        seen, now = self._seen_at, self._pose
-        # The angle between two rotations is at most the distance of their rotation vectors.
-        angle, shift = math.dist(seen.rotation, now.rotation), math.dist(seen.translation, now.translation)
-        middle = np.add(self._touched.origin, seen.translation)
-        farthest = math.sqrt(3.0) * float(np.abs(positions - middle).max(initial=0.0)) * max(1.0, self._points.reach)
-        return shift + angle * farthest
-
     def _take_none(self) -> None:
         self._chosen, self.faces = np.zeros(0, dtype=np.int64), NO_FACES
-        self.stencils = NOTHING_NEAR
+        self.stencils = Stencils.blank(0, 1)
 
     def _in_frame(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
         return (places - self._origin) @ self._axes
@@ -332,8 +303,10 @@ class Contact(ContactTerm):
         """Choose the points that are near at ``positions`` (n, 3) [m], touched in the last step, or enter now."""
         self._take_frame(positions)
         places, planes, near = self._see(saved, positions)
-        self._seen, self._seen_at, self._lag = positions.copy(), self._pose, 0.0
-        self._clear = self._distances.min(initial=np.inf) - REACH * self._body.size
+        self._seen, self._clear = positions.copy(), self._distances.min(initial=np.inf) - REACH * self._body.size
+        if not len(near):
+            self._take_none()
+            return
         self._chosen = chosen = self._first_to_touch(near, places)
         self._planes, self._fixed = planes[chosen], self._bounces & planes[chosen].any(axis=1)
         self._fix_planes(places[chosen], positions)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.contact.stencil import NO_FACES, NOTHING_NEAR, Faces, Stencils, Surfaces, add_loads, find_stencils
+from gdfe_ros.solver.contact.stencil import NO_FACES, GapFaces, Stencils, Surfaces, add_loads, find_stencils
 from gdfe_ros.solver.state import Saved, State
 from gdfe_ros.solver.terms.term import Term
 
@@ -79,7 +79,7 @@ class ContactTerm(Term):
             "push": np.zeros(count),
             "rub": none,
         }
-        self.stencils = NOTHING_NEAR
+        self.stencils = Stencils.blank(0, 1)
         self.shape: Surfaces
 
     @property
@@ -134,7 +134,7 @@ class ContactTerm(Term):
         if self.near:
             self.stencils = self.lay_out(positions, self.stencils.held[:, 0], self.stencils.shears)
             owner = np.zeros(self.count, dtype=np.int64)
-            find_stencils(positions, self.shape, Faces.join([self.faces]), owner, self.stencils)
+            find_stencils(positions, self.shape, GapFaces.join([self.faces]), owner, self.stencils)
 
     def room(self, positions: NDArray[np.float64]) -> float:
         """Return how far [m] vertices may move from ``positions`` (n, 3) [m] before `follow` has to choose points."""

@@ -15,7 +15,7 @@ from gdfe_ros.solver.contact.contact_term import ContactTerm
 from gdfe_ros.solver.contact.stencil import (
     LOADS,
     NO_FACES,
-    Faces,
+    GapFaces,
     Stencils,
     Surfaces,
     add_loads,
@@ -45,7 +45,7 @@ class PointField(NamedTuple):
 
     stencils: Stencils
     surfaces: Surfaces
-    faces: Faces
+    faces: GapFaces
     owner: NDArray[np.int64]
     friction: NDArray[np.float64]
     restitution: NDArray[np.float64]
@@ -105,7 +105,7 @@ class HeldLoads(Term):
             self.field = PointField(
                 Stencils.join([contact.stencils for contact in some], width),
                 self._surfaces,
-                Faces.join([contact.faces if contact else NO_FACES for contact in near]),
+                GapFaces.join([contact.faces if contact else NO_FACES for contact in near]),
                 owner,
                 *coefficients,
                 np.concatenate([np.zeros(0), *scale]),

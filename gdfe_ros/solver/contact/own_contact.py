@@ -155,10 +155,12 @@ class OwnContact(ContactTerm):
         carriers = self.points.carriers[ends].reshape(size)
         shares = (weights[:, :, None] * self.points.weights[ends]).reshape(size)
         soft = (1.0 - self._now.support) / (self._now.support * self._stiffness)
+        found = Stencils.blank(*size)
+        found.held[:, 0], found.shears[...], found.soft[...] = presses, shears, soft
         # The place of a pair is the vector between its members: its plane goes through the origin.
-        planes, none = np.column_stack([self._now.normal, np.zeros(self.count)]), np.zeros(self.count)
-        given = shears, soft, self._anchors + self._turned, planes, none > 0.0, none, none + np.inf
-        return Stencils.unwritten(presses, *given, carriers, shares, shares)
+        found.anchors[...], found.planes[:, :3] = self._anchors + self._turned, self._now.normal
+        found.ends[...], found.pressing[...], found.rubbing[...] = carriers, shares, shares
+        return found
 
     def finish(self, saved: Saved, positions: NDArray[np.float64]) -> Saved:
         """Do `ContactTerm.finish`; vectors are stored in the frames of the faces at ``positions``."""

@@ -44,7 +44,7 @@ class Stencils(NamedTuple):
         planes: (k, 4) planes n . q = d in this frame that replace the surface; n = 0 stands for none, but for `PLANES`.
         fixed: (k,) whether a plane holds wherever the point leaves.
         offsets: (k,) [m] subtracted from the distances.
-        areas: (k,) [m^2] undeformed area of the faces around each point that correct its offset; infinite for none.
+        areas: (k,) [m^2] undeformed area of the faces around each point that correct its offset; 0 for none.
         ends: (k, c) vertices that move the point relative to what it touches.
         pressing, rubbing: (k, c) weights of these vertices in the displacements that change the gap, and the slip.
     """
@@ -64,15 +64,13 @@ class Stencils(NamedTuple):
     rubbing: NDArray[np.float64]
 
     @classmethod
-    def unwritten(cls, presses: NDArray[np.float64], *others: NDArray) -> Self:
-        """Return stencils of points with normal forces (k,) [N] and ``others``, the arrays from `shears` on.
-
-        Places, axes and the friction forces along them are not written yet.
-        """
-        count = len(presses)
-        held = np.zeros((count, 3))
-        held[:, 0] = presses
-        return cls(np.empty((count, 3)), np.empty((count, 3, 3)), held, *others)
+    def blank(cls, count: int, width: int) -> Self:
+        """Return stencils of ``count`` points with ``width`` ends each; all numbers are 0."""
+        vectors, scalars, weights = np.zeros((4, count, 3)), np.zeros((3, count)), np.zeros((2, count, width))
+        places, held, shears, anchors = vectors
+        planes, fixed, ends = np.zeros((count, 4)), np.zeros(count, np.bool_), np.zeros((count, width), np.int32)
+        frames = places, np.zeros((count, 3, 3)), held, shears, scalars[0], anchors
+        return cls(*frames, planes, fixed, *scalars[1:], ends, *weights)
 
     def part(self, first: int, last: int) -> Self:
         """Return views of the points from ``first`` to before ``last``."""
@@ -81,8 +79,13 @@ class Stencils(NamedTuple):
     @classmethod
     def join(cls, parts: Sequence[Stencils], width: int) -> Self:
         """Return the stencils of all ``parts``, with ``width`` ends; those that are added have no weight."""
-        every = list(zip(NOTHING_NEAR, *parts, strict=True))
-        return cls(*map(np.concatenate, every[:-3]), *(pad_columns(columns, width) for columns in every[-3:]))
+        found, first = cls.blank(sum(len(part.fixed) for part in parts), width), 0
+        for part in parts:
+            own, first = found.part(first, first + len(part.fixed)), first + len(part.fixed)
+            own.ends[...] = part.ends[:, :1]
+            for whole, each in zip(own, part, strict=True):
+                whole[tuple(map(slice, each.shape))] = each
+        return found
 
     @property
     def slips(self) -> NDArray[np.float64]:
@@ -94,26 +97,6 @@ class Stencils(NamedTuple):
         """Unit normals (k, 3); zero where the gap has no gradient."""
         length = np.linalg.norm(self.axes[:, 0], axis=1, keepdims=True)
         return self.axes[:, 0] / np.where(length > 0.0, length, 1.0)
-
-
-NOTHING_NEAR = Stencils.unwritten(
-    *(np.zeros(0), np.zeros((0, 3)), np.zeros(0), np.zeros((0, 3)), np.zeros((0, 4)), np.zeros(0, np.bool_)),
-    *(*np.zeros((2, 0)), np.zeros((0, 1), np.int32), *np.zeros((2, 0, 1))),
-)
-"""The stencils of no points."""
-
-
-def pad_columns(parts: Sequence[NDArray], width: int) -> NDArray:
-    """Return the rows of all ``parts`` (k, c, ...), filled up to ``width`` columns with the first index, or 0."""
-    kind = parts[0].dtype.kind
-    found, first = np.zeros((sum(map(len, parts)), width, *parts[0].shape[2:]), parts[0].dtype), 0
-    for part in parts:
-        own = found[first : first + len(part)]
-        own[:, : part.shape[1]] = part
-        if kind == "i":
-            own[:, part.shape[1] :] = part[:, :1]
-        first += len(part)
-    return found
 
 
 PLANES = -1
@@ -168,7 +151,7 @@ class Surfaces(NamedTuple):
         return cls(*whole, starts, np.concatenate([part.forms for part in parts]))
 
 
-class Faces(NamedTuple):
+class GapFaces(NamedTuple):
     """Faces between the points of t contacts, whose distances from what they touch correct the points' offsets.
 
     Attributes:
@@ -182,7 +165,7 @@ class Faces(NamedTuple):
     gauss: NDArray[np.float64]
 
     @classmethod
-    def join(cls, parts: Sequence[tuple[NDArray[np.int32], NDArray[np.float64]]]) -> Faces:
+    def join(cls, parts: Sequence[tuple[NDArray[np.int32], NDArray[np.float64]]]) -> GapFaces:
         """Return the faces of all contacts; each of ``parts`` has the vertices and areas of those of a contact."""
         starts = np.cumsum([0, *(len(quads) for quads, _ in parts)])
         return cls(starts, *(np.concatenate(each) for each in zip(*parts, strict=True)))
@@ -315,7 +298,7 @@ def correct_offsets(x, surfaces, faces, owner, stencils):
         quads, gauss = faces.quads[first:last], faces.gauss[first:last]
         nearness(x, quads, gauss, surfaces.frames[t], form, surfaces.kind[t], nearer)
         for i in range(len(owner)):
-            if owner[i] == t and stencils.areas[i] < np.inf:
+            if owner[i] == t and stencils.areas[i] > 0.0:
                 stencils.offsets[i] = max(0.0, nearer[stencils.ends[i, 0]] / stencils.areas[i])
 
 
