@@ -220,14 +220,18 @@ class Contact(ContactTerm):
         places, frame = self._points.at(positions)[self._chosen], self._frame(before.positions, pose)
         return places - frame[ORIGIN:] - self._in_frame(places) @ frame[:ORIGIN].reshape(3, 3).T
 
-    def touch(self, state: State, origin: NDArray[np.float64]) -> Touch:
-        """Return the contacts and forces stored in ``state``; its positions are relative to ``origin`` (3,) [m]."""
-        saved = state.terms[self.name]
+    def touch(
+        self, saved: Saved, positions: NDArray[np.float64], poses: Mapping[str, Pose], origin: NDArray[np.float64]
+    ) -> Touch:
+        """Return the contacts and forces in the stored state ``saved``.
+
+        ``positions`` (n, 3) [m] and ``poses`` are those of the same state, relative to ``origin`` (3,) [m].
+        """
         on = np.flatnonzero(saved["push"])
         if not len(on):
             return NOTHING
-        frame = self._frame(state.positions, state.poses[self._touched.name])
-        places, axes = self._points.at(state.positions)[on], frame[:ORIGIN].reshape(3, 3)
+        frame = self._frame(positions, poses[self._touched.name])
+        places, axes = self._points.at(positions)[on], frame[:ORIGIN].reshape(3, 3)
         gaps, normals = measure(places, frame, self._form, self._touched.form.kind)
         length = np.linalg.norm(normals, axis=1, keepdims=True)  # below 1 at a mesh's edges
         return Touch(
@@ -278,7 +282,8 @@ class Contact(ContactTerm):
         return own + TURNED * largest_distance(positions[four], self._seen[four])
 
     def _take_none(self) -> None:
-        self._chosen, self.faces = np.zeros(0, dtype=np.int64), NO_FACES
+        self._chosen = self._around = np.zeros(0, dtype=np.int64)
+        self.faces = NO_FACES
         self.stencils = Stencils.blank(0, 1)
 
     def _in_frame(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -312,7 +317,10 @@ class Contact(ContactTerm):
         self._fix_planes(places[chosen], positions)
         self._set_anchors(saved, positions)
         faces = self.on_body and self._touched.points is ContactPoints.FACES
-        self.faces = self._points.about(chosen) if faces else NO_FACES
+        if not faces:
+            self.faces = NO_FACES
+        elif not np.array_equal(chosen, self._around):
+            self.faces, self._around = self._points.about(chosen), chosen
         self.stencils = self.lay_out(positions, saved["press"][chosen], saved["shear"][chosen] @ self._axes.T)
 
     def _fix_planes(self, places: NDArray[np.float64], positions: NDArray[np.float64]) -> None:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -22,6 +23,8 @@ from gdfe_ros.solver.contact.stencil import (
     find_stencils,
     held_entry,
 )
+from gdfe_ros.solver.contact.touch import Touches
+from gdfe_ros.solver.state import State
 from gdfe_ros.solver.terms.term import Term
 
 
@@ -142,3 +145,9 @@ class HeldLoads(Term):
         field.loads[:, :3], field.loads[:, 3:] = 0.0, positions
         if self.integers[0]:
             add_loads(field.stencils, field.loads)
+
+
+def find_touches(contacts: Sequence[ContactTerm], state: State, origin: NDArray[np.float64]) -> Touches:
+    """Return all contacts and forces stored in ``state``; its positions are relative to ``origin`` (3,) [m]."""
+    given = state.positions, state.poses, origin
+    return Touches({contact.name: partial(contact.touch, state.terms[contact.name], *given) for contact in contacts})

@@ -15,9 +15,9 @@ from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact.closest import Nearest
 from gdfe_ros.solver.contact.contact_term import MARGIN, ContactTerm
 from gdfe_ros.solver.contact.crossing import LEAST
-from gdfe_ros.solver.contact.inside import Inside
 from gdfe_ros.solver.contact.own_pairs import NONE, OwnPairs
 from gdfe_ros.solver.contact.pair_touch import frames, touching_points
+from gdfe_ros.solver.contact.penetration import Inside
 from gdfe_ros.solver.contact.stencil import PLANES, Stencils, Surfaces
 from gdfe_ros.solver.contact.surface import BodyPoints
 from gdfe_ros.solver.contact.touch import NOTHING, Touch
@@ -177,13 +177,14 @@ class OwnContact(ContactTerm):
         for name in ("normal", "face", "weights"):
             kept[name][self._chosen] = getattr(self._now, name)
 
-    def touch(self, state: State, origin: NDArray[np.float64]) -> Touch:
-        """Return the forces on both sides of all pairs; positions of ``state`` are relative to ``origin`` (3,) [m]."""
-        saved = state.terms[self.name]
+    def touch(
+        self, saved: Saved, positions: NDArray[np.float64], poses: Mapping[str, Pose], origin: NDArray[np.float64]
+    ) -> Touch:
+        """Return the forces on both sides of all pairs; see `Contact.touch`."""
         on = np.flatnonzero(saved["push"])
         if not len(on):
             return NOTHING
-        x, quads = self.points.at(state.positions), self.pairs.carriers(on, saved["face"][on].astype(np.int64))
+        x, quads = self.points.at(positions), self.pairs.carriers(on, saved["face"][on].astype(np.int64))
         pairs = self.pairs.first[on], quads, saved["weights"][on], saved["normal"][on]
         shears = np.einsum("kij,kj->ki", frames(x, quads), saved["rub"][on])
         found = touching_points(x, pairs, saved["push"][on], shears, saved["slips"][on] > 0.0)

@@ -54,8 +54,11 @@ class RigidContact(Contact):
         if self._radius > 0.0 or not len(near):
             return
         shift = BESIDE * self._body.size
-        beside = [measure(places[near] + shift * way, *self._obstacle)[1] for way in (*np.eye(3), *-np.eye(3))]
+        around = places[near] + shift * np.concatenate([np.eye(3), -np.eye(3)])[:, None]
+        beside = measure(around.reshape(-1, 3), *self._obstacle)[1].reshape(around.shape)
         edge = near[np.linalg.norm(np.ptp(beside, axis=0), axis=1) > SMOOTH]
+        if not len(edge):
+            return
         facing = measure(positions[self._rigid.vertices].mean(axis=0)[None], *self._obstacle)[1][0]
         if not facing.any():
             return
