@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.compiled import internal, kernel
+from gdfe_ros.mesh.triples import along
 from gdfe_ros.solver.contact.field import PointField
 from gdfe_ros.solver.contact.kept_columns import ConstantColumns, HalvedColumns, KeptColumns
 from gdfe_ros.solver.descent.loop import Metric, apply_initial
@@ -154,28 +155,30 @@ def join(chosen, rows, blocks, counts, place, between, frames, out):
 
     ``place`` (r,) is the place of each row in C, which is ``between`` (3 m, 3 m).
     """
-    turned, half = turn_blocks(chosen, rows, blocks, counts, frames), np.empty(len(between))
+    turned, half = turn_blocks(chosen, rows, blocks, counts, frames), np.empty((3, len(between)))
     places = list_places(chosen, rows, counts, place, len(between) // 3)
     for c in range(len(chosen)):
         for k in range(3):
             for b in places:
-                half[3 * b], half[3 * b + 1], half[3 * b + 2] = 0.0, 0.0, 0.0
+                half[k, 3 * b], half[k, 3 * b + 1], half[k, 3 * b + 2] = 0.0, 0.0, 0.0
             for e in range(counts[chosen[c]]):
-                at = 3 * place[rows[chosen[c], e]]
-                t0, t1, t2 = turned[c, e, k, 0], turned[c, e, k, 1], turned[c, e, k, 2]
+                at, t = 3 * place[rows[chosen[c], e]], turned[c, e, k]
+                x, y, z = between[at], between[at + 1], between[at + 2]
                 for b in places:
                     for n in range(3 * b, 3 * b + 3):
-                        half[n] += t0 * between[at, n] + t1 * between[at + 1, n] + t2 * between[at + 2, n]
-            for d in range(c, len(chosen)):
-                for j in range(3):
-                    total = 0.0
-                    for f in range(counts[chosen[d]]):
-                        at = 3 * place[rows[chosen[d], f]]
-                        for n in range(3):
-                            total += half[at + n] * turned[d, f, j, n]
-                    if d > c or j >= k:
-                        out[3 * c + k, 3 * d + j] = total
-                        out[3 * d + j, 3 * c + k] = total
+                        half[k, n] += t[0] * x[n] + t[1] * y[n] + t[2] * z[n]
+        for d in range(c, len(chosen)):
+            for j in range(3):
+                total = 0.0, 0.0, 0.0
+                for f in range(counts[chosen[d]]):
+                    at, t = 3 * place[rows[chosen[d], f]], turned[d, f, j]
+                    for n in range(3):
+                        total = along(1.0, total, t[n], (half[0, at + n], half[1, at + n], half[2, at + n]))
+                for k in range(3):
+                    out[3 * c + k, 3 * d + j] = total[k]
+    for a in range(len(out)):
+        for b in range(a):
+            out[a, b] = out[b, a]
 
 
 @internal

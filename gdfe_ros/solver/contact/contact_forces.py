@@ -128,19 +128,7 @@ class ContactForces:
         self._number_rows(problem)
         field = known = None
         while made < limit and not tally["over"]:
-            if tally["stage"] == BEGIN:
-                self._choose_points(work)
-                field = self._held.gather()
-            elif tally["stage"] == ANSWER and pauses and tally["found"]:
-                self._approach(work)
-                if field is not self._held.field:
-                    field = self._held.gather()
-                    tally["count"] = look_again(problem, work, field, self._rows, size)
-            elif tally["stage"] == MOVE:
-                if tally["found"] and len(field.owner):
-                    self._shorten(work, field)
-                if show is not None:
-                    show()
+            field = self._attend(problem, work, field, size, show)
             if known is None or tally["stage"] == ANSWER:
                 count = int(tally["count"]) if tally["stage"] == ANSWER else -1
                 known, self._unsolved = self._compliance.prepare(problem, work, metric, key, field, count), field
@@ -150,6 +138,26 @@ class ContactForces:
             if steps and not tally["over"] and pauses and not self._settles(work):
                 numbers(work)["ended"], tally["over"] = Outcome.GIVEN_UP, 1
         return made
+
+    def _attend(
+        self, problem: Problem, work: Workspace, field: PointField | None, size: float, show: Callable[[], None] | None
+    ) -> PointField:
+        """Do what the compiled loop cannot do before the next stage; return the near points."""
+        tally = self._tally
+        if tally["stage"] == BEGIN:
+            self._choose_points(work)
+            return self._held.gather()
+        if tally["stage"] == ANSWER and tally["found"] and self._waiting and not tally["rounds"]:
+            self._approach(work)
+            if field is not self._held.field:
+                field = self._held.gather()
+                tally["count"] = look_again(problem, work, field, self._rows, size)
+        elif tally["stage"] == MOVE:
+            if tally["found"] and len(field.owner):
+                self._shorten(work, field)
+            if show is not None:
+                show()
+        return field
 
     def _choose_points(self, work: Workspace) -> None:
         """Let contacts choose their points again whose points have moved far; note when this is due again."""

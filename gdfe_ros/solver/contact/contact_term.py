@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.contact.stencil import NO_FACES, GapFaces, Stencils, Surfaces, add_loads, find_stencils
+from gdfe_ros.solver.contact.stencil import NO_FACES, GapFaces, Stencils, Surfaces, find_stencils
 from gdfe_ros.solver.state import Saved, State
 from gdfe_ros.solver.terms.term import Term
 
@@ -143,12 +143,6 @@ class ContactTerm(Term):
     def led(self, positions: NDArray[np.float64], before: State) -> NDArray[np.float64]:
         """Return the displacement (k, 3) [m] of what commanded poses move, at the near points, since ``before``."""
         return np.zeros((self.count, 3))
-
-    def add_forces(self, forces: NDArray[np.float64]) -> None:
-        """Add the contact forces at the positions of the last call of `look` to ``forces`` (n, 3) [N]."""
-        slopes = np.zeros_like(forces)
-        add_loads(self.stencils, slopes)
-        forces -= slopes
 
     def finish(self, saved: Saved, positions: NDArray[np.float64]) -> Saved:
         """Return the state to store after a solve that ended at ``positions`` (n, 3) [m] and began with ``saved``.

@@ -127,21 +127,12 @@ class Surfaces(NamedTuple):
     forms: NDArray[np.float64]
 
     @classmethod
-    def of(
-        cls,
-        kind: int,
-        own: int,
-        form: NDArray[np.float64],
-        vertices: NDArray[np.int32] | None = None,
-        signs: NDArray[np.float64] | None = None,
-    ) -> Surfaces:
-        """Return one surface; ``vertices`` and ``signs`` are those of a rigid body."""
-        turning = vertices is not None
-        four = np.asarray(vertices, dtype=np.int64) if turning else np.zeros(4, dtype=np.int64)
-        turns = signs if turning else np.zeros((4, 3))
-        numbers, ends = [np.array([each]) for each in (kind, own, turning)], np.array([0, len(form)])
+    def of(cls, kind: int, own: int, form: NDArray[np.float64], *rigid: NDArray) -> Surfaces:
+        """Return one surface; ``rigid`` are the vertices (4,) and signs (4, 3) of a rigid body, if it is one."""
+        numbers, ends = [np.array([each]) for each in (kind, own, bool(rigid))], np.array([0, len(form)])
+        vertices, signs = rigid or (np.zeros(4), np.zeros((4, 3)))
         frames = np.append(np.eye(3), np.zeros(3))[None]
-        return cls(*numbers, frames, four[None], turns[None].copy(), ends, form)
+        return cls(*numbers, frames, vertices.astype(np.int64)[None], signs[None].copy(), ends, form)
 
     @classmethod
     def join(cls, parts: list[Surfaces]) -> Surfaces:
