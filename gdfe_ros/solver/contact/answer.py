@@ -44,6 +44,7 @@ TALLY = np.dtype(
         ("in_vain", np.int64),  # iterations in which no forces kept the laws
         ("left", np.float64),  # largest violation of the laws in the last step [m]
         ("least", np.float64),  # least one so far [m]
+        ("allowed", np.float64),  # violation that is aimed at [m]
         ("faint", np.float64),  # violation that counts as nothing [m]
         ("inertia", np.float64),  # of forces, see `ContactForces`
         ("gone", np.float64),  # bound of the motion of any vertex since points were chosen [m]
@@ -216,7 +217,7 @@ def find_forces(problem, work, metric, field, known, tally, size, target):
     Return False if `Compliance.prepare` must be called first.
     """
     t, status, before, ready = tally[0], work.status[0], np.inf, -1
-    allowed = EXACT * max(target, min(status.before, status.step))
+    t.allowed = EXACT * max(target, min(status.before, status.step))
     while t.rounds < ROUNDS:
         if t.count and ready != t.count + (len(field.owner) + 1) * status.wild:
             if not find_compliance(work, metric, field, known, t.count):
@@ -225,7 +226,7 @@ def find_forces(problem, work, metric, field, known, tally, size, target):
             for c in range(t.count if t.inertia > 0.0 else 0):
                 for k in range(3 * c, 3 * c + 3):
                     known.w[k, k] += t.inertia / field.scale[field.chosen[c]]
-        given = known, t.count, size, target, allowed, t.faint
+        given = known, t.count, size, target, t.allowed, t.faint
         t.rounds += 1
         t.left, chose, changed, entered = settle(problem, work, metric, field, *given)
         if not changed:
@@ -233,7 +234,7 @@ def find_forces(problem, work, metric, field, known, tally, size, target):
         t.found, rough = chose, t.left > max(t.faint, ROUGH * max(target, status.step))
         if not ((rough and t.left < HALF * before) or entered):
             break
-        before, allowed = t.left, EXACT * max(target, status.step)
+        before, t.allowed = t.left, EXACT * max(target, status.step)
         if entered:
             t.count = 0
             for i in range(len(field.owner)):

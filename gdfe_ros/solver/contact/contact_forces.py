@@ -73,7 +73,8 @@ class ContactForces:
         """Prepare a solve."""
         self._nearest, self._changes = np.inf, 0
         self._tally["least"], self._tally["in_vain"] = np.inf, 0
-        self._tally["left"], self._tally["faint"], self._tally["inertia"] = 0.0, 0.0, 0.0
+        for name in ("left", "allowed", "faint", "inertia"):
+            self._tally[name] = 0.0
         self._last, self._held.head[0] = np.zeros(self._count), 0
 
     @property
@@ -82,9 +83,9 @@ class ContactForces:
         return float(self._tally["left"])
 
     @property
-    def faint(self) -> float:
-        """Violation [m] of the laws that counts as nothing."""
-        return float(self._tally["faint"])
+    def accepted(self) -> float:
+        """Violation [m] of the laws with which they count as solved in the last step."""
+        return max(float(self._tally["allowed"]), float(self._tally["faint"]))
 
     @property
     def near(self) -> bool:
