@@ -20,7 +20,7 @@ from gdfe_ros.solver.contact.contact_term import FAINT, ROUNDING, ContactTerm, H
 from gdfe_ros.solver.contact.field import PointField
 from gdfe_ros.solver.contact.kept_compliance import Compliance
 from gdfe_ros.solver.contact.points import PLANES, Surfaces
-from gdfe_ros.solver.descent.loop import Metric
+from gdfe_ros.solver.descent.loop import MOST_FLAT, Metric
 from gdfe_ros.solver.descent.workspace import Problem, Workspace, numbers
 from gdfe_ros.solver.matrix.unknowns import Unknowns
 
@@ -82,7 +82,7 @@ class ContactForces:
 
     def begin(self) -> None:
         """Prepare a solve."""
-        self.left, self._nearest, self._changes = 0.0, np.inf, 0
+        self.left, self._nearest, self._changes, self._idle = 0.0, np.inf, 0, 0.0
         self._least, self._in_vain, self._faint = np.inf, 0, 0.0
         self._last, self._inertia, self._head[0] = np.zeros(self._rows), 0.0, 0
         self._field: PointField | None = None
@@ -150,21 +150,23 @@ class ContactForces:
 
     @property
     def settled(self) -> bool:
-        """Whether the faces that touch, and the forces on them, have settled or may still do so."""
-        return max(self._changes, self._in_vain) <= MOST_CHANGES
+        """Whether the places that touch, and the forces on them, have settled or may still do so."""
+        return max(self._changes, self._in_vain) <= MOST_CHANGES and self._idle <= MOST_FLAT
 
-    def settles(self, work: Workspace) -> bool:
+    def settles(self, work: Workspace, trust: float) -> bool:
         """Update the counts of `settled` after an iteration, and return `settled`.
 
-        One count is of iterations in which points touched other faces than before, the other of iterations in which no
-        forces kept the laws of contact.
+        The first count is of iterations in which points touched other faces than before, the second of iterations in
+        which no forces kept the laws of contact. The third is of iterations in which no step was half as long as the
+        shortest one before; it counts ``trust``, the part of the distance to the equilibrium that a step covers.
         """
         nearest, step = float(numbers(work)["nearest"]), float(numbers(work)["step"])
         if self.left <= max(HALF * self._least, ROUGH * step, self._faint):
             self._least, self._in_vain = self.left, 0
         self._in_vain += self.left > max(ROUGH * step, self._faint)
         if nearest != self._nearest:
-            self._nearest, self._changes = nearest, 0
+            self._nearest, self._changes, self._idle = nearest, 0, 0.0
+        self._idle += trust
         self._changes += any(contact.changed for contact in self.contacts)
         return self.settled
 

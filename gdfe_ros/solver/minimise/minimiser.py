@@ -192,7 +192,7 @@ class Minimiser:
             self._show(work, begins=True)  # other forces have another energy
             if found == 0 or not move_once(problem, work, metric, size, target, proven, found == 2):
                 return iteration
-            if not forces.settles(work):
+            if not forces.settles(work, metric.trust):
                 numbers(work)["ended"] = Outcome.GIVEN_UP
                 return iteration + 1
         return limit
