@@ -141,6 +141,12 @@ def names_in(module: llvm.ModuleRef) -> bytes:
     return llvm.parse_assembly("\n".join(values + functions)).as_bitcode()
 
 
+def plain(kind: types.Type) -> types.Type:
+    """Return the type as which an argument counts: constants are variables, and integers of 32 bits have 64."""
+    kind = types.unliteral(kind)
+    return types.int64 if kind == types.int32 else kind
+
+
 def resolve(link: CalledKernel) -> bool:
     """Load or compile a kernel; return whether it still has the symbol."""
     found = getattr(import_module(link.module), link.name, None)
@@ -330,11 +336,8 @@ class LinkedDispatcher(CPUDispatcher):
         self._cache = LinkedCache(self.py_func)
 
     def get_call_template(self, args: Any, kws: Any) -> Any:
-        """Return the function for types of arguments; constants count as variables, so that they add no versions."""
-        if isinstance(self._cache, NullCache):
-            return super().get_call_template(args, kws)
-        named = {name: types.unliteral(each) for name, each in kws.items()}
-        return super().get_call_template(tuple(types.unliteral(each) for each in args), named)
+        """Return the function for types of arguments, each `plain`, so that they add no versions."""
+        return super().get_call_template(tuple(map(plain, args)), {name: plain(each) for name, each in kws.items()})
 
     def compile(self, signature: Any) -> Any:
         """Compile for a signature, or load from the cache; return the entry point."""
