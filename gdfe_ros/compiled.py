@@ -23,7 +23,9 @@ _EXACT: dict[str, Any] = {
     "forceinline": False,
 }
 _VECTOR: dict[str, Any] = {**_EXACT, "fastmath": {"reassoc", "contract"}}
-_INLINED: dict[str, Any] = {"forceinline": True, "no_cpython_wrapper": True}
+_PART: dict[str, Any] = {"forceinline": True, "no_cpython_wrapper": True}
+INLINED: dict[str, Any] = {**_EXACT, **_PART}
+"""Options of functions that are always inlined."""
 
 kernel = linked(cache=True, **_EXACT)
 """Decorator of compiled functions without reassociation of sums."""
@@ -31,7 +33,7 @@ kernel = linked(cache=True, **_EXACT)
 internal = linked(cache=True, **_EXACT, no_cpython_wrapper=True)
 """Decorator of functions that only other kernels call. Without an entry for Python they compile and load faster."""
 
-inlined = linked(cache=False, **{**_EXACT, **_INLINED})
+inlined = linked(cache=False, **INLINED)
 """Decorator of the parts of an element kernel. They are always inlined; this keeps structs and tuples in registers."""
 
 merged = njit(nogil=True, error_model="numpy", inline="always")
@@ -44,7 +46,7 @@ vector_kernel = linked(cache=True, **_VECTOR)
 vector_internal = linked(cache=True, **_VECTOR, no_cpython_wrapper=True)
 """Decorator of `vector_kernel` for functions that only other kernels call."""
 
-vector_inlined = linked(cache=False, **{**_VECTOR, **_INLINED})
+vector_inlined = linked(cache=False, **{**_VECTOR, **_PART})
 """Decorator of the parts of a `vector_kernel` that are always inlined."""
 
 parallel_kernel = linked(cache=True, **_EXACT, parallel=True)

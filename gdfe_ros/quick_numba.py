@@ -107,9 +107,12 @@ def pass_lightly(self: codegen.CPUCodegen, **options: Any) -> tuple[Any, Any]:
 
 
 def is_inlined() -> bool:
-    """Return whether the function that numba compiles now is always inlined."""
+    """Return whether the function that numba compiles now is always inlined, and has no entry for Python.
+
+    A function of a user inherits the first from a caller, and has such an entry.
+    """
     flags = ConfigStack.top_or_none()
-    return flags is not None and flags.forceinline
+    return flags is not None and flags.forceinline and flags.no_cpython_wrapper
 
 
 def optimise(self: codegen.CPUCodeLibrary) -> None:
