@@ -32,6 +32,7 @@ from numba.core.funcdesc import FunctionDescriptor
 from numba.core.imputils import fix_returning_optional, impl_ret_new_ref
 from numba.core.registry import CPUDispatcher
 from numba.core.runtime.nrt import rtsys
+from numba.core.targetconfig import ConfigStack
 from numba.core.typed_passes import AnnotateTypes
 
 from gdfe_ros.compilations import compilations
@@ -172,7 +173,8 @@ class LinkedCacheImpl(CompileResultCacheImpl):
         links, large, contents = stored
         if not all(resolve(CalledKernel(*link)) for link in links):
             return None
-        result = super().rebuild(context, contents)
+        with ConfigStack().enter(compiler.Flags()):  # not those of a caller that is being compiled
+            result = super().rebuild(context, contents)
         result.library.large = large
         return result
 

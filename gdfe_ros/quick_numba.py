@@ -134,7 +134,7 @@ def finish(self: codegen.CPUCodeLibrary) -> None:
 
 def set_environment(self: codegen.JITCPUCodegen, name: str, environment: Any) -> None:
     """Set the environment of a function with machine code."""
-    if self._engine.is_symbol_defined(name):
+    if not is_inlined():
         _set_environment(self, name, environment)
 
 
