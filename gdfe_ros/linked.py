@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 
 import llvmlite.binding as llvm
 import numba
-from numba.core import cgutils, compiler, config, ir, sigutils, types
+from numba.core import cgutils, compiler, config, ir, sigutils
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile, NullCache
 from numba.core.ccallback import CFunc
 from numba.core.compiler import CompileResult
@@ -37,7 +37,7 @@ from numba.core.typed_passes import AnnotateTypes
 
 from gdfe_ros.compilations import compilations
 from gdfe_ros.file_lock import lock_file, unlock_file
-from gdfe_ros.quick_numba import quick
+from gdfe_ros.quick_numba import plain, quick
 
 LARGE = 200
 """Number of LLVM's instructions above which a kernel is called by its address. LLVM inlines below about 50."""
@@ -140,12 +140,6 @@ def names_in(module: llvm.ModuleRef) -> bytes:
     ]
     values = [f'@"{each.name}" = global i8 0' for each in module.global_variables if not each.is_declaration]
     return llvm.parse_assembly("\n".join(values + functions)).as_bitcode()
-
-
-def plain(kind: types.Type) -> types.Type:
-    """Return the type as which an argument counts: constants are variables, and integers of 32 bits have 64."""
-    kind = types.unliteral(kind)
-    return types.int64 if kind == types.int32 else kind
 
 
 def resolve(link: CalledKernel) -> bool:

@@ -106,6 +106,12 @@ def pass_lightly(self: codegen.CPUCodegen, **options: Any) -> tuple[Any, Any]:
     return manager, builder
 
 
+def plain(kind: types.Type) -> types.Type:
+    """Return the type as which an argument counts: constants are variables, and integers of 32 bits have 64."""
+    kind = types.unliteral(kind)
+    return types.int64 if kind == types.int32 else kind
+
+
 def is_inlined() -> bool:
     """Return whether the function that numba compiles now is always inlined, and has no entry for Python.
 
