@@ -24,7 +24,7 @@ from gdfe_ros.solver.matrix.elimination import (
 )
 from gdfe_ros.solver.matrix.panels import PANEL, TILE, dot_six, six
 from gdfe_ros.solver.matrix.rotation import unrotated
-from gdfe_ros.solver.matrix.substitution import Kept, Plan, solve_columns, solve_unturned
+from gdfe_ros.solver.matrix.substitution import Kept, Plan, solve_columns
 from gdfe_ros.solver.vectors import clear_part, copy_part
 
 
@@ -234,20 +234,12 @@ class Fronts:
         """Let the next factorisation not overwrite the last factor."""
         self.kept = self.kept._replace(values=np.empty(0, self._kind), frames=self.kept.frames.copy())
 
-    def solve(self, right: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the solution for a right-hand side (3 f,) or for k of them (3 f, k)."""
-        return unturned_solutions(self.kept, right)
-
 
 def unturned_solutions(kept: Kept, right: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the solution for a right-hand side (3 f + q,), or for k of them (3 f + q, k), as in `solve_unturned`."""
-    if right.ndim > 1:
-        solution = np.empty(right.shape[::-1])
-        solve_columns(kept, np.ascontiguousarray(right.T), solution)
-        return solution.T
-    solution = np.empty_like(right)
-    solve_unturned(kept, right, solution)
-    return solution
+    """Return the solutions (3 f + q, k) for right-hand sides (3 f + q, k), as in `solve_unturned`."""
+    solutions = np.empty(right.shape[::-1])
+    solve_columns(kept, np.ascontiguousarray(right.T), solutions)
+    return solutions.T
 
 
 def _starts(counts: NDArray[np.int64]) -> NDArray[np.int64]:
