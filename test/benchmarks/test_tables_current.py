@@ -16,10 +16,7 @@ from gdfe_ros.scene import load_scene
 from gdfe_ros.simulation import Simulation
 from gdfe_ros.solver.minimise.minimiser import Minimiser
 
-ONE_LOOP = "measured before one loop replaced the two minimisers; iterations and times have changed since"
-OLDER: dict[str, str] = {
-    "torture": ONE_LOOP,
-}
+OLDER: dict[str, str] = {}
 """Dict from a table made with an older solver, as its page says, to the reason; delete the entry when remeasured."""
 
 
