@@ -223,8 +223,9 @@ class Fronts:
     def factor(self, blocks: NDArray[np.float64]) -> bool:
         """Factor a matrix of blocks (k, s, s); return whether it is positive definite. Otherwise it has no factor."""
         if not len(self.kept.values):
-            self._fronts, self._panel = np.empty((2, self._room**2)), np.empty((PANEL + 1) * TILE)
-            self._stack = np.empty(self._height)
+            # Zeros, because parts that are never written are copied and cast, too.
+            self._fronts, self._panel = np.zeros((2, self._room**2)), np.zeros((PANEL + 1) * TILE)
+            self._stack = np.zeros(self._height)
             self.kept = self.kept._replace(values=np.zeros(self._plan.value_start[-1], self._kind))
         return factor_fronts(
             blocks, self._parts, self._plan, self._fronts, self._panel, self._ends, self._stack, self.kept.values
