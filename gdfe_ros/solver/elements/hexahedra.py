@@ -110,7 +110,7 @@ def load_parameters(b, elements, material, pressure, scale, table):
         b[POISSON_ROW * LANES + lane] = table.parameters[k, POISSON]
 
 
-@internal
+@inlined
 def hourglass_rows(b):
     """Write a block's hourglass forces [N]. Turn its rows of stress P and energy density into V P [N m] and energy [J].
 

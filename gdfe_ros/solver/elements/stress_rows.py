@@ -65,20 +65,15 @@ TENSOR, LEFT, RIGHT = COORDINATES, COORDINATES + 6, FORCES
 STRETCHES, DERIVATIVES = TENSOR, TENSOR + 3
 
 
-@internal
+@inlined
 def stress_rows(b, law, elements, material, table):
-    """Write the rows of the energy density [J/m^3] and of P [Pa] of a block from its rows of F.
-
-    It is not inlined: each element kernel would compile all laws again.
-    """
+    """Write the rows of the energy density [J/m^3] and of P [Pa] of a block from its rows of F."""
     if law == Law.NEO_HOOKEAN:
         for lane in range(LANES):
             pressure, mu, lame, kappa = load4(b, PRESSURE, lane)
             store_law(b, lane, neo_hookean(load9(b, GRADIENT, lane), pressure, mu, lame, kappa))
     elif law == Law.STABLE_NEO_HOOKEAN:
-        for lane in range(LANES):
-            pressure, mu, _, kappa = load4(b, PRESSURE, lane)
-            store_law(b, lane, stable_neo_hookean(load9(b, GRADIENT, lane), pressure, mu, kappa))
+        stable_neo_hookean_rows(b)
     elif law == Law.OGDEN:
         principal_rows(b)
         for lane in range(LANES):
@@ -99,6 +94,17 @@ def stress_rows(b, law, elements, material, table):
                 stored = 0.5 * factor * size
             b[FACTOR * LANES + lane], b[STORED * LANES + lane] = factor, stored
         corotated_stress_rows(b)
+
+
+@internal
+def stable_neo_hookean_rows(b):
+    """Write the rows of the energy density and of P for the stable neo-Hookean law.
+
+    It is not inlined: bodies of other laws would compile it once in each of their element kernels.
+    """
+    for lane in range(LANES):
+        pressure, mu, _, kappa = load4(b, PRESSURE, lane)
+        store_law(b, lane, stable_neo_hookean(load9(b, GRADIENT, lane), pressure, mu, kappa))
 
 
 @inlined

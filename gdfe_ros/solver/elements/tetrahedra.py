@@ -155,7 +155,7 @@ def add_mean_stress(b, weight):
         add(b, STORED_ENERGY, lane, w * b[ENERGY * LANES + lane])
 
 
-@internal
+@inlined
 def respond(b, law, elements, material, pressure, table):
     """Write node forces [N] and energy [J] of a block from its rows of node coordinates, geometry and moduli."""
     for g in range(4):
