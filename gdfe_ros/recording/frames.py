@@ -184,14 +184,18 @@ def _contents(data: mmap, place: int, end: int, damage: Damage) -> list[McapReco
 
 
 def _split(chunk: Chunk) -> list[McapRecord]:
-    """Return the records of a chunk. An opcode of 0 ends the search: mcap would take zeros for millions of records."""
+    """Return the records of a chunk up to the first opcode of 0: mcap would take zeros for millions of records.
+
+    Raises:
+        McapError: the chunk begins with zeros, or a record is damaged.
+    """
     stream, size = get_chunk_data_stream(chunk, validate_crc=True)
     content, at = stream.read(size), 0
-    while at < size:
-        if content[at] == 0:
-            raise McapError(f"no record has the opcode 0, as at {at} B of a chunk")
+    while at < size and content[at]:
         at += _HEAD.size + int.from_bytes(content[at + 1 : at + _HEAD.size], "little")
-    return breakup_chunk(replace(chunk, compression="", data=content))
+    if size and not at:
+        raise McapError("the chunk begins with zeros, and no record has the opcode 0")
+    return breakup_chunk(replace(chunk, compression="", data=content[:at]))
 
 
 def _record(data: mmap, place: int, end: int) -> McapRecord:
