@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 
 import llvmlite.binding as llvm
 import numba
-from numba.core import cgutils, compiler, config, ir, sigutils, types
+from numba.core import cgutils, compiler, config, ir, sigutils
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile, NullCache
 from numba.core.ccallback import CFunc
 from numba.core.compiler import CompileResult
@@ -32,11 +32,12 @@ from numba.core.funcdesc import FunctionDescriptor
 from numba.core.imputils import fix_returning_optional, impl_ret_new_ref
 from numba.core.registry import CPUDispatcher
 from numba.core.runtime.nrt import rtsys
+from numba.core.targetconfig import ConfigStack
 from numba.core.typed_passes import AnnotateTypes
 
 from gdfe_ros.compilations import compilations
 from gdfe_ros.file_lock import lock_file, unlock_file
-from gdfe_ros.quick_numba import quick
+from gdfe_ros.quick_numba import plain, quick
 
 LARGE = 200
 """Number of LLVM's instructions above which a kernel is called by its address. LLVM inlines below about 50."""
@@ -166,7 +167,8 @@ class LinkedCacheImpl(CompileResultCacheImpl):
         links, large, contents = stored
         if not all(resolve(CalledKernel(*link)) for link in links):
             return None
-        result = super().rebuild(context, contents)
+        with ConfigStack().enter(compiler.Flags()):  # not those of a caller that is being compiled
+            result = super().rebuild(context, contents)
         result.library.large = large
         return result
 
@@ -330,11 +332,8 @@ class LinkedDispatcher(CPUDispatcher):
         self._cache = LinkedCache(self.py_func)
 
     def get_call_template(self, args: Any, kws: Any) -> Any:
-        """Return the function for types of arguments; constants count as variables, so that they add no versions."""
-        if isinstance(self._cache, NullCache):
-            return super().get_call_template(args, kws)
-        named = {name: types.unliteral(each) for name, each in kws.items()}
-        return super().get_call_template(tuple(types.unliteral(each) for each in args), named)
+        """Return the function for types of arguments, each `plain`, so that they add no versions."""
+        return super().get_call_template(tuple(map(plain, args)), {name: plain(each) for name, each in kws.items()})
 
     def compile(self, signature: Any) -> Any:
         """Compile for a signature, or load from the cache; return the entry point."""

@@ -4,7 +4,8 @@
 They return what numba's own versions return. Together they save a fifth of a compilation's time, most of which numba
 spends in Python: with comparisons of flags, with the types of sums and products of two numbers, which it finds anew
 among fifty templates each time, and with two messages for each call of LLVM. LLVM's passes over single functions are
-light ones, because its passes over the whole module repeat them; without any, steps take 3 % longer.
+light ones, because its passes over the whole module repeat them; without any, steps take 3 % longer. A function that is
+always inlined gets no machine code of its own, and its code is optimised as part of its callers alone.
 
 This uses private parts of numba, as `gdfe_ros.linked` does, which uses it only with a version of numba that was tested.
 """
@@ -17,10 +18,12 @@ from typing import Any
 
 from llvmlite.binding import ffi
 from numba.core import codegen, config, event, ir, types
-from numba.core.targetconfig import TargetConfig
+from numba.core.targetconfig import ConfigStack, TargetConfig
 from numba.core.types.functions import BaseFunction
 
 _resolve = BaseFunction.get_call_type
+_optimise, _finish = codegen.CPUCodeLibrary._optimize_final_module, codegen.CPUCodeLibrary._finalize_final_module
+_set_environment = codegen.JITCPUCodegen.set_env
 _found: dict[tuple[Any, ...], tuple[BaseFunction, Any]] = {}
 """Functions and signatures by the function's id and the types of the arguments."""
 _hashes: dict[type, int] = {}
@@ -103,6 +106,44 @@ def pass_lightly(self: codegen.CPUCodegen, **options: Any) -> tuple[Any, Any]:
     return manager, builder
 
 
+def plain(kind: types.Type) -> types.Type:
+    """Return the type as which an argument counts: constants are variables, and integers of 32 bits have 64."""
+    kind = types.unliteral(kind)
+    return types.int64 if kind == types.int32 else kind
+
+
+def is_inlined() -> bool:
+    """Return whether the function that numba compiles now is always inlined, and has no entry for Python.
+
+    A function of a user inherits the first from a caller, and has such an entry.
+    """
+    flags = ConfigStack.top_or_none()
+    return flags is not None and flags.forceinline and flags.no_cpython_wrapper
+
+
+def optimise(self: codegen.CPUCodeLibrary) -> None:
+    """Run LLVM's passes over a module; of one that is always inlined, the cheap ones."""
+    if not is_inlined():
+        _optimise(self)
+        return
+    passes, builder = self._codegen._module_pass_manager(loop_vectorize=False, slp_vectorize=False, opt=0, cost="cheap")
+    passes.run(self._final_module, builder)
+
+
+def finish(self: codegen.CPUCodeLibrary) -> None:
+    """Make the machine code of a module, unless it is always inlined."""
+    if is_inlined():
+        self._finalized = True
+    else:
+        _finish(self)
+
+
+def set_environment(self: codegen.JITCPUCodegen, name: str, environment: Any) -> None:
+    """Set the environment of a function with machine code."""
+    if not is_inlined():
+        _set_environment(self, name, environment)
+
+
 def measure_nothing(kind: str, callback: Callable[[float], None]) -> AbstractContextManager[None]:
     """Return a context in which numba measures no time."""
     return nullcontext()
@@ -115,6 +156,9 @@ REPLACED: tuple[tuple[Any, str, Callable[..., Any]], ...] = (
     (BaseFunction, "get_call_type", resolve_call),
     (ir.Inst, "_rec_list_vars", list_variables),
     (codegen.CPUCodegen, "_function_pass_manager", pass_lightly),
+    (codegen.CPUCodeLibrary, "_optimize_final_module", optimise),
+    (codegen.CPUCodeLibrary, "_finalize_final_module", finish),
+    (codegen.JITCPUCodegen, "set_env", set_environment),
     (event, "install_timer", measure_nothing),
 )
 """Owner, name and replacement of each function."""

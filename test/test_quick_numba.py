@@ -14,7 +14,7 @@ from numba.core.compiler import Flags
 from numba.core.registry import cpu_target
 from numba.core.types import boolean, float32, float64, int8, int32, int64, intp, uint64
 
-from gdfe_ros.compiled import kernel
+from gdfe_ros.compiled import inlined, kernel
 from gdfe_ros.quick_numba import REPLACED, flags_equal, flags_hash, quick
 
 NUMBERS = (boolean, int8, int32, int64, uint64, float32, float64)
@@ -82,6 +82,28 @@ def test_numba_is_as_before_after_a_compilation_that_fails() -> None:
     assert [getattr(owner, name) for owner, name, _ in REPLACED] == before
     assert list(ffi.lib._lock._cblist) == listeners
     assert not {replacement for *_, replacement in REPLACED} & set(before)
+
+
+def test_a_part_of_kernels_has_one_version_and_no_machine_code() -> None:
+    """A function that is always inlined is compiled once for constants and integers of 32 and 64 bits, without code."""
+
+    @inlined
+    def entry(values, i):
+        return values[i] + helped(values[0])
+
+    @numba.njit
+    def helped(value):
+        return 2.0 * value
+
+    @kernel
+    def total(values, indices):
+        return entry(values, 1) + entry(values, indices[0]) + entry(values, len(indices))
+
+    values = np.array([1.0, 10.0, 100.0])
+    assert total(values, np.array([2, 2], np.int32)) == 10.0 + 100.0 + 100.0 + 3 * 2.0
+    (result,) = entry.overloads.values()
+    assert result.library.get_pointer_to_function(result.fndesc.llvm_func_name) == 0
+    assert helped(3.0) == 6.0, "a function that a kernel inlines has no entry for Python"
 
 
 def test_a_function_of_a_user_is_compiled_by_numba_alone() -> None:

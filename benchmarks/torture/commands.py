@@ -37,10 +37,10 @@ class Blow:
             Their energies are compared instead of positions. (A bar twisted by a revolution bows to one of its sides. A
             bar stretched to several lengths, with few cells across, winds to the left or to the right.) If the energies
             differ, the found equilibrium must be a minimum: after a disturbance the body must return to it.
-        spread: for the policy ``relative``, largest distance from the slow load path, divided by the body's size. Its
-            captured shapes (Eq. 9) depend on the path. It is infinite if only soundness or a report is required: far
-            beyond the paper's deformations, the iteration of this policy need not converge, because it minimises no
-            energy.
+        spread: for the policy ``relative``, largest distance from the equilibrium of the policy ``energy``, divided by
+            the body's size. Its captured shapes (Eq. 9) depend on the path, and on a slow one elements may fold. It is
+            infinite if only soundness or a report is required: far beyond the paper's deformations, the iteration of
+            this policy need not converge, because it minimises no energy.
         report: for the policy ``relative``, a law and words of the report that is expected with it.
     """
 
@@ -70,9 +70,7 @@ BLOWS: dict[str, Blow] = {
     "twist by 180 degrees": Blow(BAR, _twist(180.0)),
     "twist by 360 degrees": Blow(BAR, _twist(360.0), unique=COMPRESSIBLE, mirrored=("ogden",)),
     "twist by 720 degrees": Blow(BAR, _twist(720.0), unique=(), spread=np.inf),
-    "bend by 180 degrees": Blow(
-        BAR, (Pose((-0.27, 0.0, 0.25), (0.0, -np.pi, 0.0)),), spread=0.1, report=("curve", "would fold")
-    ),
+    "bend by 180 degrees": Blow(BAR, (Pose((-0.27, 0.0, 0.25), (0.0, -np.pi, 0.0)),), spread=0.1),
     "stretch to 400 %": Blow(
         BAR, (Pose((1.2, 0.0, 0.0)),), unique=("neo-hookean", "ogden"), mirrored=("neo-hookean", "ogden"), spread=0.2
     ),
@@ -84,13 +82,14 @@ BLOWS: dict[str, Blow] = {
 
 
 def _run(blow: Blow, law: str, policy: Policy, bound: float) -> Finding:
-    scene = make_scene(blow.mesh, LAWS[law], policy=policy, tolerance=TOLERANCE, max_iterations=MOST_ITERATIONS)
-    driver = Driver(scene)
+    options = {"tolerance": TOLERANCE, "max_iterations": MOST_ITERATIONS}
+    driver = Driver(make_scene(blow.mesh, LAWS[law], policy=policy, **options))
     for pose in blow.poses:
         driver.step(pose)
     error = np.nan
     if np.isfinite(bound):
-        expected, found = Driver(scene).follow(blow.poses[-1], STEPS), driver.results[-1]
+        exact = Driver(make_scene(blow.mesh, LAWS[law], policy=Policy.ENERGY, **options))
+        expected, found = exact.follow(blow.poses[-1], STEPS), driver.results[-1]
         error = distance(found.positions, expected.positions, blow.mesh.size)
         if policy is Policy.ENERGY and law in blow.mirrored:
             error = abs(found.energy / expected.energy - 1.0)

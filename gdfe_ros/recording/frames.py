@@ -7,7 +7,7 @@ import re
 import struct
 import zlib
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from io import BytesIO
 from mmap import mmap
 
@@ -15,7 +15,7 @@ from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Chunk, Header, McapRecord, Message, MessageIndex, Metadata, Schema
-from mcap.stream_reader import breakup_chunk
+from mcap.stream_reader import breakup_chunk, get_chunk_data_stream
 from zstandard import ZstdError
 
 from gdfe_ros.recording.decoding import allowed, bound_libraries, require_bounded
@@ -178,9 +178,24 @@ def _contents(data: mmap, place: int, end: int, damage: Damage) -> list[McapReco
             return None  # the number is damaged: no chunk may expand so far
         damage.expanded += record.uncompressed_size
         require_bounded(damage.expanded, len(data))
-        return breakup_chunk(record, validate_crc=True)
+        return _split(record)
     except DAMAGE:
         return None
+
+
+def _split(chunk: Chunk) -> list[McapRecord]:
+    """Return the records of a chunk up to the first opcode of 0: mcap would take zeros for millions of records.
+
+    Raises:
+        McapError: the chunk begins with zeros, or a record is damaged.
+    """
+    stream, size = get_chunk_data_stream(chunk, validate_crc=True)
+    content, at = stream.read(size), 0
+    while at < size and content[at]:
+        at += _HEAD.size + int.from_bytes(content[at + 1 : at + _HEAD.size], "little")
+    if size and not at:
+        raise McapError("the chunk begins with zeros, and no record has the opcode 0")
+    return breakup_chunk(replace(chunk, compression="", data=content[:at]))
 
 
 def _record(data: mmap, place: int, end: int) -> McapRecord:

@@ -24,7 +24,7 @@ class Outcome(IntEnum):
     RUNAWAY = 5
     """The energy has no lower bound: an unstable law or load."""
     GIVEN_UP = 6
-    """The body leaves its branch of equilibria, or faces that touch do not settle: a shorter increment may succeed."""
+    """The body leaves its branch of equilibria, or what touches does not settle: a shorter increment may succeed."""
     CUT = 7
     """The limit of iterations or the deadline ended it."""
     UNSETTLED = 8
@@ -32,7 +32,7 @@ class Outcome(IntEnum):
     PUSHED = 9
     """Contact forces have not settled."""
     TOUCHING = 10
-    """Faces that touch each other do not settle."""
+    """What touches does not settle."""
     AT_EDGE = 11
     """The tangent gives no distance to the equilibrium."""
     TOO_STRONG = 12
@@ -66,7 +66,7 @@ _TEXTS = {
     Outcome.UNSETTLED: "pressures, grips, commanded lengths or volumes, or hourglass scales have not settled in up to "
     "{updates} updates, although the positions hardly move any more",
     Outcome.PUSHED: "contact forces have not settled at {where}",
-    Outcome.TOUCHING: "the faces that touch each other do not settle: the last step was {far:.3g} of the size",
+    Outcome.TOUCHING: "what touches does not settle: the last step was {far:.3g} of the size",
     Outcome.AT_EDGE: "the distance to equilibrium is not known: the body is at the edge of its stability; smaller "
     "steps, or other commands, lead past it",
     Outcome.TOO_STRONG: "a load or an actuator is so strong that the rounding of its energy hides the energy of the "

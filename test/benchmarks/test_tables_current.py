@@ -16,19 +16,8 @@ from gdfe_ros.scene import load_scene
 from gdfe_ros.simulation import Simulation
 from gdfe_ros.solver.minimise.minimiser import Minimiser
 
-ONE_LOOP = "measured before one loop replaced the two minimisers; iterations and times have changed since"
-OLDER: dict[str, str] = {
-    "torture": ONE_LOOP,
-}
-"""Dict from a table made with an older solver, as its page says, to the reason; delete the entry when remeasured."""
 
-
-def _current(table: Table) -> object:
-    reason = OLDER.get(table.name)
-    return pytest.param(table, id=table.name, marks=[pytest.mark.xfail(reason=reason, strict=True)] if reason else [])
-
-
-@pytest.mark.parametrize("table", [_current(table) for table in TABLES])
+@pytest.mark.parametrize("table", TABLES, ids=NAMES)
 def test_a_table_is_of_a_solver_like_this_one(table: Table) -> None:
     """A replay of a small part of a table differs from it by at most a tenth (remedy: make measure, make docs)."""
     if absent := table.missing():

@@ -19,6 +19,7 @@ from gdfe_ros.errors import RecordingError
 from gdfe_ros.recording.decoding import LEAST, expand_bz2, expand_lz4, expand_message, expand_zstd
 from gdfe_ros.recording.foreign_bag import open_bag
 from gdfe_ros.recording.frames import MAGIC
+from gdfe_ros.recording.recovery import recover
 
 PATIENCE = 30.0
 """Longest processor time of a refusal [s]; without limits, it was minutes."""
@@ -63,6 +64,15 @@ def test_chunks_that_expand_too_far_are_not_recovered(
     assert time.process_time() - started < PATIENCE
     told = capsys.readouterr().err
     assert "expand to" in told if count > 1 else "nothing to recover" in told
+
+
+def test_records_before_zeros_in_a_chunk_are_recovered(tmp_path: Path) -> None:
+    """A message whose chunk ends in zeros, not even a whole number of empty records, is kept."""
+    schema = struct.pack("<H", 1) + _text("std_msgs/msg/Empty") + _text("ros2msg") + _text("")
+    channel = struct.pack("<HH", 1, 1) + _text("/topic") + _text("cdr") + struct.pack("<I", 0)
+    message = struct.pack("<HIQQ", 1, 0, 5, 5) + bytes([0, 1, 0, 0])
+    data = _record(3, schema) + _record(4, channel) + _record(5, message) + bytes(1000)
+    assert recover(_bag(tmp_path / "bag.mcap", ("", len(data), data))).total == 1
 
 
 @pytest.mark.parametrize(

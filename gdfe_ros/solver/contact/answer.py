@@ -14,7 +14,7 @@ from gdfe_ros.solver.contact.complementarity import HALF, row_product, solve_law
 from gdfe_ros.solver.contact.compliance import differentiate, find_compliance, project
 from gdfe_ros.solver.contact.contact_term import MARGIN
 from gdfe_ros.solver.contact.stencil import add_load, find_stencils, turn_shear
-from gdfe_ros.solver.descent.loop import ENDLESS, choose, move
+from gdfe_ros.solver.descent.loop import ENDLESS, MOST_FLAT, choose, move
 from gdfe_ros.solver.matrix.unknowns import add_rows, gather_rigid_rows
 from gdfe_ros.solver.outcome import Outcome
 
@@ -41,7 +41,11 @@ TALLY = np.dtype(
         ("found", np.int64),  # result of `choose` for the present step
         ("count", np.int64),  # number of points that take part in it
         ("rounds", np.int64),  # number of times that its forces were found
+        ("changed", np.int64),  # whether points that press touch other faces than in the last step
+        ("changes", np.int64),  # iterations in which they did
         ("in_vain", np.int64),  # iterations in which no forces kept the laws
+        ("idle", np.float64),  # iterations in which no step was half as long as the shortest one before
+        ("nearest", np.float64),  # that shortest one [m]
         ("left", np.float64),  # largest violation of the laws in the last step [m]
         ("least", np.float64),  # least one so far [m]
         ("allowed", np.float64),  # violation that is aimed at [m]
@@ -244,15 +248,30 @@ def find_forces(problem, work, metric, field, known, tally, size, target):
     return True
 
 
+@kernel
+def is_settling(tally):
+    """Return whether the places that touch, and the forces on them, have settled or may still do so."""
+    t = tally[0]
+    return max(t.changes, t.in_vain) <= MOST_CHANGES and t.idle <= MOST_FLAT
+
+
 @internal
-def go_on(work, tally):
-    """Count the iterations in which no forces kept the laws of contact; return whether they may still settle."""
-    t, step = tally[0], work.status[0].step
-    if t.left <= max(HALF * t.least, ROUGH * step, t.faint):
+def go_on(work, tally, trust):
+    """Count the iterations in which contact does not settle; return whether it still may.
+
+    An idle iteration counts as ``trust``, the part of the distance to the equilibrium that a step covers.
+    """
+    t, status = tally[0], work.status[0]
+    rough = max(ROUGH * status.step, t.faint)
+    if t.left <= max(HALF * t.least, rough):
         t.least, t.in_vain = t.left, 0
-    if t.left > max(ROUGH * step, t.faint):
+    if t.left > rough:
         t.in_vain += 1
-    return t.in_vain <= MOST_CHANGES
+    if status.nearest != t.nearest:
+        t.nearest, t.changes, t.idle = status.nearest, 0, 0.0
+    t.idle += trust
+    t.changes += t.changed
+    return is_settling(tally)
 
 
 @kernel
@@ -286,7 +305,7 @@ def descend_touching(problem, work, metric, field, known, tally, rows, size, tar
             return made
         t.gone += 2.0 * work.status[0].step  # translation and rotation of a handle add up at its vertices
         made += 1
-        if not go_on(work, tally):
+        if not go_on(work, tally, metric.trust):
             work.status[0].ended, t.over = Outcome.GIVEN_UP, 1
             return made
         if pauses:

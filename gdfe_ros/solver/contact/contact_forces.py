@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from gdfe_ros.solver.contact.answer import (
     ANSWER,
     BEGIN,
-    MOST_CHANGES,
     MOVE,
     TALLY,
     descend_touching,
+    is_settling,
     look_again,
 )
 from gdfe_ros.solver.contact.complementarity import find_violations
@@ -25,7 +25,6 @@ from gdfe_ros.solver.contact.stencil import PLANES
 from gdfe_ros.solver.descent.loop import Metric
 from gdfe_ros.solver.descent.workspace import Problem, Workspace, numbers
 from gdfe_ros.solver.matrix.unknowns import Unknowns
-from gdfe_ros.solver.outcome import Outcome
 
 Product = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 
@@ -71,10 +70,9 @@ class ContactForces:
 
     def begin(self) -> None:
         """Prepare a solve."""
-        self._nearest, self._changes = np.inf, 0
-        self._tally["least"], self._tally["in_vain"] = np.inf, 0
-        for name in ("left", "allowed", "faint", "inertia"):
-            self._tally[name] = 0.0
+        self._tally["least"] = self._tally["nearest"] = np.inf
+        for name in ("in_vain", "changes", "idle", "left", "allowed", "faint", "inertia"):
+            self._tally[name] = 0
         self._last, self._held.head[0] = np.zeros(self._count), 0
 
     @property
@@ -134,10 +132,7 @@ class ContactForces:
                 count = int(tally["count"]) if tally["stage"] == ANSWER else -1
                 known, self._unsolved = self._compliance.prepare(problem, work, metric, key, field, count), field
             given = problem, work, metric, field, known, self._record, self._rows, *minimum
-            steps = descend_touching(*given, limit - made, pauses)
-            made += steps
-            if steps and not tally["over"] and pauses and not self._settles(work):
-                numbers(work)["ended"], tally["over"] = Outcome.GIVEN_UP, 1
+            made += descend_touching(*given, limit - made, pauses)
         return made
 
     def _attend(
@@ -156,6 +151,7 @@ class ContactForces:
         elif tally["stage"] == MOVE:
             if tally["found"] and len(field.owner):
                 self._shorten(work, field)
+            tally["changed"] = any(contact.changed for contact in self.contacts)
             if show is not None:
                 show()
         return field
@@ -190,16 +186,8 @@ class ContactForces:
 
     @property
     def settled(self) -> bool:
-        """Whether the faces that touch, and the forces on them, have settled or may still do so."""
-        return max(self._changes, int(self._tally["in_vain"])) <= MOST_CHANGES
-
-    def _settles(self, work: Workspace) -> bool:
-        """Count the iterations in which points touch other faces than before; return `settled`."""
-        nearest = float(numbers(work)["nearest"])
-        if nearest != self._nearest:
-            self._nearest, self._changes = nearest, 0
-        self._changes += any(contact.changed for contact in self.contacts)
-        return self.settled
+        """Whether the places that touch, and the forces on them, have settled or may still do so."""
+        return is_settling(self._record)
 
     def _shorten(self, work: Workspace, field: PointField) -> None:
         """Shorten the step if it swings, or if points move farther past what they touch than their stencils hold.

@@ -15,6 +15,7 @@ import numpy as np
 from numba.extending import overload
 from numpy.typing import NDArray
 
+from gdfe_ros.compiled import INLINED
 from gdfe_ros.materials.table import MaterialTable, with_local_share
 from gdfe_ros.mesh.faces import Faces, boundary_faces
 from gdfe_ros.mesh.operators import ShapeOperators, grown_operators, shape_operators
@@ -23,8 +24,6 @@ from gdfe_ros.mesh.tet_operators import TetOperators, gradients, grown_tet_opera
 from gdfe_ros.mesh.tetrahedra import EDGES, PARTS
 from gdfe_ros.solver.elements import hexahedra, tetrahedra
 from gdfe_ros.solver.elements.blocks import Blocks, hex_geometry, make_blocks, tet_geometry
-
-_INLINED = {"nogil": True, "error_model": "numpy", "forceinline": True, "no_cpython_wrapper": True}
 
 
 class CellKernels(NamedTuple):
@@ -59,7 +58,7 @@ def _of_cell_type(name: str) -> Callable:
     def call(*arguments):
         return getattr(_kernels([type(each) for each in arguments]), name)(*arguments)
 
-    @overload(call, jit_options=_INLINED)
+    @overload(call, jit_options=INLINED)
     def _chosen(*arguments):
         own = getattr(_kernels([getattr(kind, "instance_class", None) for kind in arguments]), name)
         return lambda *arguments: own(*arguments)

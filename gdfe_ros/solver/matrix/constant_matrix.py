@@ -69,15 +69,15 @@ class Factor:
         while not fronts.factor(graph.data[:, None, None]):
             graph.data[own] += added * graph.data[own].max()
             added *= 10.0
-        kept, none = fronts.kept, np.zeros(0)
-        coarse = len(kept.values) >= self.COARSE_FROM
-        values = (none, kept.values.astype(np.float32)) if coarse else (kept.values, none.astype(np.float32))
-        self.inverse = Inverse(kept.plan, kept.order, *values)
+        kept = fronts.kept
+        self._refined = self.REFINED if len(kept.values) >= self.COARSE_FROM else 0
+        values = kept.values.astype(np.float32) if self._refined else kept.values
+        self.inverse = Inverse(kept.plan, kept.order, values)
 
     def solve(self, right: NDArray[np.float64], out: NDArray[np.float64]) -> None:
         """Write the solution (f, 3) of three right-hand sides (f, 3) to ``out``, to double precision."""
         apply_free(self.inverse, right.reshape(-1), out.reshape(-1))
-        for _ in range(self.REFINED if len(self.inverse.coarse) else 0):
+        for _ in range(self._refined):
             change = np.empty_like(out)
             apply_free(self.inverse, (right - self._matrix @ out).reshape(-1), change.reshape(-1))
             out += change

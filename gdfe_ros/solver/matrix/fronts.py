@@ -24,7 +24,7 @@ from gdfe_ros.solver.matrix.elimination import (
 )
 from gdfe_ros.solver.matrix.panels import PANEL, TILE, dot_six, six
 from gdfe_ros.solver.matrix.rotation import unrotated
-from gdfe_ros.solver.matrix.substitution import Kept, Plan, solve_columns, solve_unturned
+from gdfe_ros.solver.matrix.substitution import Kept, Plan, solve_columns
 from gdfe_ros.solver.vectors import clear_part, copy_part
 
 
@@ -223,8 +223,9 @@ class Fronts:
     def factor(self, blocks: NDArray[np.float64]) -> bool:
         """Factor a matrix of blocks (k, s, s); return whether it is positive definite. Otherwise it has no factor."""
         if not len(self.kept.values):
-            self._fronts, self._panel = np.empty((2, self._room**2)), np.empty((PANEL + 1) * TILE)
-            self._stack = np.empty(self._height)
+            # Zeros, because parts that are never written are copied and cast, too.
+            self._fronts, self._panel = np.zeros((2, self._room**2)), np.zeros((PANEL + 1) * TILE)
+            self._stack = np.zeros(self._height)
             self.kept = self.kept._replace(values=np.zeros(self._plan.value_start[-1], self._kind))
         return factor_fronts(
             blocks, self._parts, self._plan, self._fronts, self._panel, self._ends, self._stack, self.kept.values
@@ -234,20 +235,12 @@ class Fronts:
         """Let the next factorisation not overwrite the last factor."""
         self.kept = self.kept._replace(values=np.empty(0, self._kind), frames=self.kept.frames.copy())
 
-    def solve(self, right: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the solution for a right-hand side (3 f,) or for k of them (3 f, k)."""
-        return unturned_solutions(self.kept, right)
-
 
 def unturned_solutions(kept: Kept, right: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the solution for a right-hand side (3 f + q,), or for k of them (3 f + q, k), as in `solve_unturned`."""
-    if right.ndim > 1:
-        solution = np.empty(right.shape[::-1])
-        solve_columns(kept, np.ascontiguousarray(right.T), solution)
-        return solution.T
-    solution = np.empty_like(right)
-    solve_unturned(kept, right, solution)
-    return solution
+    """Return the solutions (3 f + q, k) for right-hand sides (3 f + q, k), as in `solve_unturned`."""
+    solutions = np.empty(right.shape[::-1])
+    solve_columns(kept, np.ascontiguousarray(right.T), solutions)
+    return solutions.T
 
 
 def _starts(counts: NDArray[np.int64]) -> NDArray[np.int64]:

@@ -57,14 +57,12 @@ class Inverse(NamedTuple):
     Attributes:
         plan: the index arrays.
         order: (f,) vertices in the order of their elimination.
-        values: entries of the factor; empty if ``coarse`` is used.
-        coarse: these entries in single precision; empty if they are in double precision.
+        values: entries of the factor, in single precision if they are many; kernels are compiled once for each.
     """
 
     plan: Plan
     order: NDArray[np.int64]
-    values: NDArray[np.float64]
-    coarse: NDArray[np.float32]
+    values: NDArray[np.floating]
 
 
 class Kept(NamedTuple):
@@ -104,10 +102,7 @@ class Kept(NamedTuple):
 @vector_kernel
 def apply_free(inverse, right, out):
     """Write A_ff^-1 right to the first rows of ``out``, for three right-hand sides (f, 3), flat."""
-    if len(inverse.coarse) > 0:
-        solve_free(inverse.coarse, inverse, (0,), right, out)
-    else:
-        solve_free(inverse.values, inverse, (0,), right, out)
+    solve_free(inverse, (0,), right, out)
 
 
 @vector_kernel
@@ -130,7 +125,7 @@ def solve_kept(kept, right, out):
 @vector_kernel
 def solve_unturned(kept, right, out):
     """Solve as `solve_kept` does, but without the rotations since the factor was taken."""
-    solve_free(kept.values, kept, (0, 1, 2), right, out)
+    solve_free(kept, (0, 1, 2), right, out)
     if len(kept.schur):
         solve_rigid(kept.harmonic, kept.schur, right, out)
     if len(kept.springs):
@@ -182,8 +177,8 @@ def connect(springs, reach, inner, out):
 
 
 @vector_internal
-def solve_free(values, factor, axes, right, out):
-    """Write the solution for ``right`` (3 f,) of the free vertices to ``out`` (3 f,), by a factor's ``values``.
+def solve_free(factor, axes, right, out):
+    """Write the solution for ``right`` (3 f,) of the free vertices to ``out`` (3 f,).
 
     A vertex has as many rows of the factor as ``axes`` has numbers: three, or one for x, y and z alike.
     """
@@ -192,7 +187,7 @@ def solve_free(values, factor, axes, right, out):
     for i in range(len(order)):
         for axis in range(3):
             x[axis // size, size * i + axis % size] = right[3 * order[i] + axis]
-    solve_ordered(values, factor.plan, axes, x, np.empty_like(x))
+    solve_ordered(factor.values, factor.plan, axes, x, np.empty_like(x))
     for i in range(len(order)):
         for axis in range(3):
             out[3 * order[i] + axis] = x[axis // size, size * i + axis % size]

@@ -10,6 +10,7 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import scipy.sparse as sparse
@@ -233,7 +234,7 @@ class TangentLevel:
         self.kept.frames[...] = unrotated(len(self.kept.frames))
         if motion.size:
             pulled = self._assembly.by_members(tangent.blocks) @ motion
-            harmonic, inverse, definite = eliminate_free(pulled, motion, self._factor.solve)
+            harmonic, inverse, definite = eliminate_free(pulled, motion, partial(unturned_solutions, self.kept))
             if not definite:
                 return False
             self.kept = self.kept._replace(harmonic=harmonic, schur=inverse)

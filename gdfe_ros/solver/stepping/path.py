@@ -266,7 +266,8 @@ class Attempt:
             return Verdict.HALVE
         if self.unstable or (self.spent and path.unstable and failed) or self.solution.diverged or self.folds:
             return Verdict.WITHDRAW
-        return Verdict.STOP if self.snapped or self.spent or path.next == 1.0 else Verdict.ACCEPT
+        ends = self.snapped or self.spent or failed or path.next == 1.0
+        return Verdict.STOP if ends else Verdict.ACCEPT
 
     @property
     def reason_to_withdraw(self) -> str:

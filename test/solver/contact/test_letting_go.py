@@ -66,3 +66,14 @@ def test_nothing_passes_through_a_body_that_cannot_follow(poked: Simulation) -> 
         assert result.restarts == 0
         assert result.min_det > 0.0
         assert len(result.contacts["thing"].vertices) or not result.converged
+
+
+def test_a_box_that_cannot_be_pulled_out_is_given_up_early() -> None:
+    """Increments in which the steps of contact shrink no more end soon: none of them uses all of its iterations."""
+    box = {"box": {"size": [0.03] * 3}, "at": [0.0, 0.0, 0.2], "friction": 0.5}
+    coarse = {"mesh.bar.cells": [4, 2, 2], "obstacles": {"thing": box}}
+    simulation = Simulation(scene_from_text(POKED, overrides=coarse))
+    inside = Pose((0.038, 0.032, -0.212), (1.14, 0.03, 1.04))
+    results = [simulation.step(Command(handles={"thing": pose})) for pose in (inside, AWAY)]
+    assert max(result.iterations for result in results) < simulation.scene.solver.max_iterations
+    assert min(result.min_det for result in results) > 0.0
