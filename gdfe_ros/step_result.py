@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -32,8 +33,8 @@ class StepResult:
             an element is folded or inverted.
         reactions: dict from handle or obstacle name to the wrench (6,) float64 on the body: force [N], then moment
             [N m] about the handle's deformed centre or the obstacle's origin.
-        contacts: dict from obstacle name to the vertices that touch the obstacle and their contact forces. The key
-            ``(self)`` has the contacts of the body with itself.
+        contacts: mapping from obstacle name to the vertices that touch the obstacle and their contact forces, which are
+            found when they are first read. The key ``(self)`` has the contacts of the body with itself.
         skipped: dict from kind of work (`Skip`) to the number of solves, updates or elements that were left out.
         substeps: number of increments or internal steps that were attempted.
         wall_time: elapsed time [s].
@@ -69,7 +70,7 @@ class StepResult:
     stable: bool | None = None
     estimated: bool = False
     cut_after: int | None = None
-    contacts: dict[str, Touch] = field(default_factory=dict)
+    contacts: Mapping[str, Touch] = field(default_factory=dict)
     actuators: dict[str, ActuatorState] = field(default_factory=dict)
     terms: dict[str, dict[str, float]] = field(default_factory=dict)
     restarts: int = 0

@@ -17,6 +17,7 @@ from gdfe_ros.mesh import HexMesh
 from gdfe_ros.paper.relative import RelativeEquilibrium
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.contact.field import find_touches
 from gdfe_ros.solver.forces.actuation import Actuation
 from gdfe_ros.solver.motion.inertia import mass_matrix
 from gdfe_ros.solver.motion.stepper import MotionStepper
@@ -100,7 +101,7 @@ def step_result(
         energy=summary.energy,
         min_det=summary.min_det,
         reactions={name: wrench.copy() for name, wrench in summary.reactions.items()},
-        contacts={contact.name: contact.touch(state, origin) for contact in stepper.actuation.contacts},
+        contacts=find_touches(stepper.actuation.contacts, state, origin),
         actuators=dict(summary.actuators),
         terms={name: dict(report) for name, report in summary.terms.items()},
         skipped=march.skipped if march else {Skip.SOLVE.value: 1},

@@ -16,6 +16,7 @@ from gdfe_ros.arms.carriers import Carriers, Motions
 from gdfe_ros.constraints.pose import Pose
 from gdfe_ros.coupling.balance import BalanceSearch, JointBalance, Links, distance, on_links
 from gdfe_ros.coupling.link_motion import LinkMotion
+from gdfe_ros.solver.contact.field import find_touches
 from gdfe_ros.solver.contact.touch import Touch
 from gdfe_ros.solver.motion.flight import reduction
 from gdfe_ros.solver.motion.stepper import MotionStepper
@@ -237,8 +238,7 @@ class JointCoupling:
 
     def _wrenches(self, state: State) -> tuple[Mapping[str, Vector], Mapping[str, Touch]]:
         """Return dicts from handle or obstacle to its reaction, and from contact to its points, in a state."""
-        contacts = {contact.name: contact.touch(state, self._origin) for contact in self._stepper.actuation.contacts}
-        return state.summary.reactions, contacts
+        return state.summary.reactions, find_touches(self._stepper.actuation.contacts, state, self._origin)
 
     def _allowed(self, balance: JointBalance, start: State) -> float:
         """Return the largest correction [m] that may be left out.

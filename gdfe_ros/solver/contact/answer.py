@@ -1,21 +1,61 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compiled parts of a quasi-Newton step with contact; `contact_forces` calls them in turn."""
+"""The compiled minimisation with contact: each quasi-Newton step gets the forces with which it keeps the laws.
+
+A step without change of the forces is d = -H g. With the change df of the forces it is d = -H (g - J^T df), and the
+gaps and slips at its end are p = p0 + J d. The forces f + df keep the laws between p and f, see `complementarity`.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
 from gdfe_ros.compiled import internal, kernel
-from gdfe_ros.solver.contact.complementarity import row_product, solve_laws
-from gdfe_ros.solver.contact.compliance import differentiate, project
+from gdfe_ros.solver.contact.complementarity import HALF, row_product, solve_laws
+from gdfe_ros.solver.contact.compliance import differentiate, find_compliance, project
 from gdfe_ros.solver.contact.contact_term import MARGIN
-from gdfe_ros.solver.contact.points import find_stencils
-from gdfe_ros.solver.contact.stencil import add_load, turn_shear
-from gdfe_ros.solver.descent.loop import ENDLESS, choose
+from gdfe_ros.solver.contact.stencil import add_load, find_stencils, turn_shear
+from gdfe_ros.solver.descent.loop import ENDLESS, MOST_FLAT, choose, move
 from gdfe_ros.solver.matrix.unknowns import add_rows, gather_rigid_rows
+from gdfe_ros.solver.outcome import Outcome
 
+BEGIN, ANSWER, MOVE = range(3)
+"""Stages of an iteration: find the step without new forces, find the forces, and make the step."""
+ROUNDS = 8
+"""Largest number of rounds in one step in which further points join; what is left enters the next step."""
+EXACT = 1e-6
+"""Allowed violation of the laws, divided by the length of the last step, or by the target of the minimisation."""
+ROUGH = 1e-5
+"""The laws are solved again if their violation, divided by the length of the step that they give, exceeds this."""
+MOST_CHANGES = 30
+"""Number of iterations in which surfaces touch other faces, while no step is half as long as the shortest one before,
+or in which the laws are violated, and by no less than half of the least violation before: with more, contact does not
+settle.
+"""
 LEAST_SLOPE = 0.1
 """A point takes no part where the gradient of its distance is shorter than this: in the middle of an obstacle."""
+
+TALLY = np.dtype(
+    [
+        ("stage", np.int64),  # the next one
+        ("over", np.int64),  # whether the minimisation has ended
+        ("found", np.int64),  # result of `choose` for the present step
+        ("count", np.int64),  # number of points that take part in it
+        ("rounds", np.int64),  # number of times that its forces were found
+        ("changed", np.int64),  # whether points that press touch other faces than in the last step
+        ("changes", np.int64),  # iterations in which they did
+        ("in_vain", np.int64),  # iterations in which no forces kept the laws
+        ("idle", np.float64),  # iterations in which no step was half as long as the shortest one before
+        ("nearest", np.float64),  # that shortest one [m]
+        ("left", np.float64),  # largest violation of the laws in the last step [m]
+        ("least", np.float64),  # least one so far [m]
+        ("allowed", np.float64),  # violation that is aimed at [m]
+        ("faint", np.float64),  # violation that counts as nothing [m]
+        ("inertia", np.float64),  # of forces, see `ContactForces`
+        ("gone", np.float64),  # bound of the motion of any vertex since points were chosen [m]
+        ("room", np.float64),  # motion after which points are chosen again [m]
+    ]
+)
+"""Fields of the progress of a minimisation with contact."""
 
 
 @internal
@@ -75,33 +115,33 @@ def curve(work, field):
             y[n] += work.gradient[n] - before[n]
 
 
-@kernel
-def begin_step(problem, work, metric, field, row_of, handle_of, size, most):
-    """Turn the forces of all points with the surfaces, find the step with them, and the points that take part.
-
-    Return the result of `choose`, and the number of points.
-    """
+@internal
+def begin_step(problem, work, metric, field, rows, tally, size, most):
+    """Turn the forces of all points with the surfaces, find the step with them, and the points that take part."""
     for n in range(len(field.before)):
         field.before[n] = work.gradient[n]
-    find_stencils(work.x, field.surfaces, field.owner, field.stencils)
+    find_stencils(work.x, field.surfaces, field.faces, field.owner, field.stencils)
     exchange_loads(problem, work, field)
     curve(work, field)
-    found = choose(problem, work, metric, size, most)
-    return found, find_joins(problem, work, field, row_of, handle_of, size)
+    tally[0].found = choose(problem, work, metric, size, most)
+    tally[0].count = find_joins(problem, work, field, rows, size)
 
 
 @kernel
-def look_again(problem, work, field, row_of, handle_of, size):
+def look_again(problem, work, field, rows, size):
     """Find the stencils of points that were gathered anew, and those that take part; return their number."""
-    find_stencils(work.x, field.surfaces, field.owner, field.stencils)
-    return find_joins(problem, work, field, row_of, handle_of, size)
+    find_stencils(work.x, field.surfaces, field.faces, field.owner, field.stencils)
+    return find_joins(problem, work, field, rows, size)
 
 
 @internal
-def find_joins(problem, work, field, row_of, handle_of, size):
-    """Find the points that take part in the step; return their number."""
+def find_joins(problem, work, field, rows, size):
+    """Find the points that take part in the step; return their number.
+
+    ``rows`` are the row of each free vertex, and the number of each vertex' handle, see `differentiate`.
+    """
     s, count = field.stencils, 0
-    given = row_of, handle_of, s.axes, s.ends, s.pressing, s.rubbing, field.rows, field.blocks, field.used
+    given = *rows, s.axes, s.ends, s.pressing, s.rubbing, field.rows, field.blocks, field.used
     differentiate(work.x, work.u, problem.frame, problem.unknowns, *given)
     project(work.direction, field.rows, field.blocks, field.used, field.ahead)
     for i in range(len(field.owner)):
@@ -147,22 +187,22 @@ def hold(field, chosen, now):
     return changed
 
 
-@kernel
-def settle(problem, work, metric, field, count, w, size, target, allowed, faint):
+@internal
+def settle(problem, work, metric, field, known, count, size, target, allowed, faint):
     """Find the forces of the points that take part, and the step with them.
 
-    The first c = ``count`` of ``field.chosen`` take part; ``w`` (3 c, 3 c) [m/N] is their compliance. Others that enter
-    by more than ``target`` [m] join. ``allowed`` and ``faint`` [m] are those of `solve_laws`.
+    The first c = ``count`` of ``field.chosen`` take part; their compliance, and the problem's displacements and forces,
+    are in ``known``. Others that enter by more than ``target`` [m] join. ``allowed`` and ``faint`` [m] are those of
+    `solve_laws`.
 
-    Return the largest violation of the laws [m], the result of `choose`, whether forces changed, the number of points
-    that join, and the problem's displacements without forces (3 c,) [m] and forces (3 c,) [N].
+    Return the largest violation of the laws [m], the result of `choose`, whether forces changed, and the number of
+    points that join.
     """
-    chosen, q, now = field.chosen[:count], np.empty(3 * count), np.empty(3 * count)
-    left, found, entered = 0.0, 2, 0
+    chosen, left, found, entered = field.chosen[:count], 0.0, 2, 0
     if count:
-        linearise(field, chosen, w, q, now)
-        left = solve_laws(w, q, field.friction[chosen], now, allowed, faint)
-    changed = hold(field, chosen, now)
+        linearise(field, chosen, known.w, known.q, known.forces)
+        left = solve_laws(known.w, known.q, field.friction[chosen], known.forces, allowed, faint)
+    changed = hold(field, chosen, known.forces)
     if changed:
         exchange_loads(problem, work, field)
         found = choose(problem, work, metric, size, ENDLESS)
@@ -171,4 +211,103 @@ def settle(problem, work, metric, field, count, w, size, target, allowed, faint)
             if field.usable[i] and not field.joins[i] and gap_ahead(field, i) < -target:
                 field.joins[i] = True
                 entered += 1
-    return left, found, changed, entered, q, now
+    return left, found, changed, entered
+
+
+@internal
+def find_forces(problem, work, metric, field, known, tally, size, target):
+    """Find the forces with which the step keeps the laws, and write that step.
+
+    Return False if `Compliance.prepare` must be called first.
+    """
+    t, status, before, ready = tally[0], work.status[0], np.inf, -1
+    t.allowed = EXACT * max(target, min(status.before, status.step))
+    while t.rounds < ROUNDS:
+        if t.count and ready != t.count + (len(field.owner) + 1) * status.wild:
+            if not find_compliance(work, metric, field, known, t.count):
+                return False
+            ready = t.count + (len(field.owner) + 1) * status.wild
+            for c in range(t.count if t.inertia > 0.0 else 0):
+                for k in range(3 * c, 3 * c + 3):
+                    known.w[k, k] += t.inertia / field.scale[field.chosen[c]]
+        given = known, t.count, size, target, t.allowed, t.faint
+        t.rounds += 1
+        t.left, chose, changed, entered = settle(problem, work, metric, field, *given)
+        if not changed:
+            break
+        t.found, rough = chose, t.left > max(t.faint, ROUGH * max(target, status.step))
+        if not ((rough and t.left < HALF * before) or entered):
+            break
+        before, t.allowed = t.left, EXACT * max(target, status.step)
+        if entered:
+            t.count = 0
+            for i in range(len(field.owner)):
+                if field.joins[i]:
+                    field.chosen[t.count] = i
+                    t.count += 1
+    return True
+
+
+@kernel
+def is_settling(tally):
+    """Return whether the places that touch, and the forces on them, have settled or may still do so."""
+    t = tally[0]
+    return max(t.changes, t.in_vain) <= MOST_CHANGES and t.idle <= MOST_FLAT
+
+
+@internal
+def go_on(work, tally, trust):
+    """Count the iterations in which contact does not settle; return whether it still may.
+
+    An idle iteration counts as ``trust``, the part of the distance to the equilibrium that a step covers.
+    """
+    t, status = tally[0], work.status[0]
+    rough = max(ROUGH * status.step, t.faint)
+    if t.left <= max(HALF * t.least, rough):
+        t.least, t.in_vain = t.left, 0
+    if t.left > rough:
+        t.in_vain += 1
+    if status.nearest != t.nearest:
+        t.nearest, t.changes, t.idle = status.nearest, 0, 0.0
+    t.idle += trust
+    t.changes += t.changed
+    return is_settling(tally)
+
+
+@kernel
+def descend_touching(problem, work, metric, field, known, tally, rows, size, target, proven, most, limit, pauses):
+    """Do `descend` with contact, from the stage in ``tally`` on; return the number of iterations.
+
+    It returns early where the caller has to act: before points may have to be chosen again, before forces are found
+    for which `Compliance.prepare` must be called, and with ``pauses`` after every stage. The arguments are those of
+    `descend`, and the near points ``field``, what is ``known`` of their compliance, the progress ``tally`` (1,) with
+    the fields of `TALLY`, and the ``rows`` of `find_joins`.
+    """
+    t, made = tally[0], 0
+    while made < limit:
+        if t.stage == BEGIN:
+            if t.gone > 0.0 and not t.gone < t.room:
+                return made
+            begin_step(problem, work, metric, field, rows, tally, size, most)
+            t.stage, t.left, t.rounds = ANSWER, 0.0, 0
+            if pauses:
+                return made
+        if t.stage == ANSWER:
+            touching = t.found != 0 and len(field.owner) > 0
+            if touching and not find_forces(problem, work, metric, field, known, tally, size, target):
+                return made
+            t.stage = MOVE
+            if pauses:
+                return made
+        t.stage = BEGIN
+        if t.found == 0 or not move(problem, work, metric, size, target, proven, t.found == 2):
+            t.over = 1
+            return made
+        t.gone += 2.0 * work.status[0].step  # translation and rotation of a handle add up at its vertices
+        made += 1
+        if not go_on(work, tally, metric.trust):
+            work.status[0].ended, t.over = Outcome.GIVEN_UP, 1
+            return made
+        if pauses:
+            return made
+    return made

@@ -9,11 +9,17 @@ M turns with the vertices: M^-1 = R C R^T, and C is constant as long as M is kep
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
+from numpy.typing import NDArray
 
 from gdfe_ros.compiled import internal, kernel
-from gdfe_ros.solver.descent.loop import apply_initial
-from gdfe_ros.solver.descent.workspace import inner
+from gdfe_ros.mesh.triples import along
+from gdfe_ros.solver.contact.field import PointField
+from gdfe_ros.solver.contact.kept_columns import ConstantColumns, HalvedColumns, KeptColumns
+from gdfe_ros.solver.descent.loop import Metric, apply_initial
+from gdfe_ros.solver.descent.workspace import MEMORY, Problem, Workspace, inner, numbers
 from gdfe_ros.solver.matrix.rotation import left_jacobian_transposed
 from gdfe_ros.solver.matrix.unknowns import rigid_part
 
@@ -119,31 +125,60 @@ def turn_blocks(chosen, rows, blocks, counts, frames):
 
 
 @kernel
-def join(chosen, rows, blocks, counts, number, between, frames, out):
+def find_unknown(chosen, rows, counts, place):
+    """Return the rows on which the ``chosen`` points depend and that have no ``place`` (r,); some more than once."""
+    found, count = np.empty(len(chosen) * rows.shape[1], np.int64), 0
+    for i in chosen:
+        for e in range(counts[i]):
+            if place[rows[i, e]] < 0:
+                found[count] = rows[i, e]
+                count += 1
+    return found[:count].copy()
+
+
+@internal
+def list_places(chosen, rows, counts, place, most):
+    """Return the places of all rows on which the ``chosen`` points depend; all are below ``most``."""
+    found, listed, count = np.empty(most, np.int64), np.zeros(most, np.bool_), 0
+    for i in chosen:
+        for e in range(counts[i]):
+            at = place[rows[i, e]]
+            if not listed[at]:
+                found[count], listed[at] = at, True
+                count += 1
+    return found[:count]
+
+
+@kernel
+def join(chosen, rows, blocks, counts, place, between, frames, out):
     """Write J M^-1 J^T (3 c, 3 c) [m/N] of the ``chosen`` points; ``frames`` (f, 9) rotate the vertices.
 
-    ``number`` (r,) is the place of each row in C, which is ``between`` (3 m, 3 m).
+    ``place`` (r,) is the place of each row in C, which is ``between`` (3 m, 3 m).
     """
-    turned = turn_blocks(chosen, rows, blocks, counts, frames)
-    half = np.empty(len(between))
+    turned, half = turn_blocks(chosen, rows, blocks, counts, frames), np.empty((3, len(between)))
+    places = list_places(chosen, rows, counts, place, len(between) // 3)
     for c in range(len(chosen)):
         for k in range(3):
-            half[:] = 0.0
+            for b in places:
+                half[k, 3 * b], half[k, 3 * b + 1], half[k, 3 * b + 2] = 0.0, 0.0, 0.0
             for e in range(counts[chosen[c]]):
-                at = 3 * number[rows[chosen[c], e]]
-                t0, t1, t2 = turned[c, e, k, 0], turned[c, e, k, 1], turned[c, e, k, 2]
-                for n in range(len(half)):
-                    half[n] += t0 * between[at, n] + t1 * between[at + 1, n] + t2 * between[at + 2, n]
-            for d in range(c, len(chosen)):
-                for j in range(3):
-                    total = 0.0
-                    for f in range(counts[chosen[d]]):
-                        at = 3 * number[rows[chosen[d], f]]
-                        for n in range(3):
-                            total += half[at + n] * turned[d, f, j, n]
-                    if d > c or j >= k:
-                        out[3 * c + k, 3 * d + j] = total
-                        out[3 * d + j, 3 * c + k] = total
+                at, t = 3 * place[rows[chosen[c], e]], turned[c, e, k]
+                x, y, z = between[at], between[at + 1], between[at + 2]
+                for b in places:
+                    for n in range(3 * b, 3 * b + 3):
+                        half[k, n] += t[0] * x[n] + t[1] * y[n] + t[2] * z[n]
+        for d in range(c, len(chosen)):
+            for j in range(3):
+                total = 0.0, 0.0, 0.0
+                for f in range(counts[chosen[d]]):
+                    at, t = 3 * place[rows[chosen[d], f]], turned[d, f, j]
+                    for n in range(3):
+                        total = along(1.0, total, t[n], (half[0, at + n], half[1, at + n], half[2, at + n]))
+                for k in range(3):
+                    out[3 * c + k, 3 * d + j] = total[k]
+    for a in range(len(out)):
+        for b in range(a):
+            out[a, b] = out[b, a]
 
 
 @internal
@@ -156,23 +191,108 @@ def project_one(vector, i, rows, blocks, counts, k):
     return total
 
 
-@kernel
-def add_history(work, metric, images, known, chosen, rows, blocks, counts, soft, w):
-    """Add to W = J M^-1 J^T of the ``chosen`` points the change by the pairs of L-BFGS, and the points' springs.
+class Known(NamedTuple):
+    """What is known of the compliance of the points that take part in a step.
 
-    ``images`` (memory, 3 r) are products M^-1 y; those of pairs without a ``known`` (memory,) curvature are found.
+    Attributes:
+        place, between: see `KeptColumns`.
+        frames: (f, 9) the rotations of the vertices for which `joined` holds; none for the constant matrix.
+        images, curvature: products M^-1 y of pairs of L-BFGS (memory, 3 r), and those pairs' s . y; NaN if not known.
+        wild: (1,) whether the constant matrix replaces the tangent for this minimisation only.
+        scale: (1,) its factor then.
+        valid: (1,) whether `joined` is J M^-1 J^T of points with the derivatives `rows`, `blocks` and `used`.
+        joined, w: (3 c, 3 c) [m/N].
+        rows, blocks, used: those of the points in `joined`.
+        q, forces: (3 c,) displacements without forces [m], and forces [N].
     """
-    status, memory = work.status[0], len(known)
+
+    place: NDArray[np.int64]
+    between: NDArray[np.float64]
+    frames: NDArray[np.float64]
+    images: NDArray[np.float64]
+    curvature: NDArray[np.float64]
+    wild: NDArray[np.int64]
+    scale: NDArray[np.float64]
+    valid: NDArray[np.bool_]
+    joined: NDArray[np.float64]
+    w: NDArray[np.float64]
+    rows: NDArray[np.int64]
+    blocks: NDArray[np.float64]
+    used: NDArray[np.int64]
+    q: NDArray[np.float64]
+    forces: NDArray[np.float64]
+
+
+@internal
+def follow_frames(frames, known):
+    """Take the present rotations of the vertices; what was found with others is not valid any more."""
+    same = True
+    for n in range(len(known.frames)):
+        for k in range(9):
+            same &= frames[n, k] == known.frames[n, k]
+            known.frames[n, k] = frames[n, k]
+    if not same:
+        known.valid[0] = False
+        known.curvature[:] = np.nan
+
+
+@internal
+def is_joined(field, chosen, known):
+    """Return whether `Known.joined` is that of the ``chosen`` points; take their derivatives."""
+    same = known.valid[0]
+    for c in range(len(chosen)):
+        i = chosen[c]
+        same &= known.used[c] == field.used[i]
+        known.used[c] = field.used[i]
+        for e in range(field.used[i]):
+            same &= known.rows[c, e] == field.rows[i, e]
+            known.rows[c, e] = field.rows[i, e]
+            for k in range(3):
+                for j in range(3):
+                    same &= known.blocks[c, e, k, j] == field.blocks[i, e, k, j]
+                    known.blocks[c, e, k, j] = field.blocks[i, e, k, j]
+    known.valid[0] = True
+    return same
+
+
+@internal
+def find_compliance(work, metric, field, known, count):
+    """Write W [m/N] of the first ``count`` chosen points to ``known.w``.
+
+    Return False if `Compliance.prepare` must be called first.
+    """
+    status, chosen = work.status[0], field.chosen[:count]
+    given = chosen, field.rows, field.blocks, field.used
+    if known.wild[0] != status.wild or len(known.w) != 3 * count or known.rows.shape[1] != field.rows.shape[1]:
+        return False
+    if len(find_unknown(chosen, field.rows, field.used, known.place)) > 0:
+        return False
+    scale = status.scale if status.wild == 1 else 1.0
+    follow_frames(metric.kept.frames, known)
+    if known.scale[0] != scale:
+        known.curvature[:] = np.nan
+        known.scale[0] = scale
+    if not is_joined(field, chosen, known):
+        join(*given, known.place, known.between, known.frames, known.joined)
+    known.w[:] = scale * known.joined
+    add_history(work, metric, known, *given, field.stencils.soft)
+    return True
+
+
+@internal
+def add_history(work, metric, known, chosen, rows, blocks, counts, soft):
+    """Add to W the change by the pairs of L-BFGS, and the points' springs."""
+    status, memory = work.status[0], len(known.curvature)
     for k in range(status.count):
         at = (status.head - 1 - k) % memory
-        if known[at] == work.curvature[at]:
+        if known.curvature[at] == work.curvature[at]:
             continue
-        known[at] = work.curvature[at]
-        apply_initial(status, metric, work.changes[at], images[at])
+        known.curvature[at] = work.curvature[at]
+        apply_initial(status, metric, work.changes[at], known.images[at])
     if status.count > 0:
-        add_pairs(work, images, chosen, rows, blocks, counts, w)
+        add_pairs(work, known.images, chosen, rows, blocks, counts, known.w)
     for c in range(len(chosen)):
-        w[3 * c, 3 * c] += soft[chosen[c]]
+        known.w[3 * c, 3 * c] += soft[chosen[c]]
 
 
 @internal
@@ -200,3 +320,48 @@ def add_pairs(work, images, chosen, rows, blocks, counts, out):
         for a in range(size):
             for b in range(size):
                 out[a, b] += own * js[a] * js[b] - rho * (js[a] * jz[b] + jz[a] * js[b])
+
+
+class Compliance:
+    """Prepares what `find_compliance` needs, and keeps what does not change from step to step.
+
+    Args:
+        vertices: vertices on which contact forces can act, ascending.
+        count: number 3 r of unknowns.
+    """
+
+    def __init__(self, vertices: NDArray[np.int32], count: int) -> None:
+        self._vertices, self._source = vertices, ()
+        self._images, self._curvature = np.zeros((MEMORY, count)), np.full(MEMORY, np.nan)
+        self._columns: KeptColumns
+        self.known: Known | None = None
+
+    def prepare(
+        self, problem: Problem, work: Workspace, metric: Metric, key: tuple[object, ...], field: PointField, count: int
+    ) -> Known:
+        """Return what is known of the first ``count`` chosen points of a ``field``; of those at hand if it is negative.
+
+        What belongs to another initial matrix than the present one is dropped. ``key`` has the arrays of the tangent;
+        the constant matrix is known by its own.
+        """
+        free, wild, known = problem.unknowns.free, int(numbers(work)["wild"]), self.known
+        constant = bool(wild) or not len(metric.kept.order)
+        source = (metric.coupling.inverse_schur, free) if constant else key
+        if len(source) != len(self._source) or any(a is not b for a, b in zip(source, self._source, strict=True)):
+            needed = np.flatnonzero(np.isin(free, self._vertices))
+            columns = ConstantColumns(metric.coupling, needed, len(free)) if constant else HalvedColumns(metric.kept)
+            self._source, self._columns, known = source, columns, None
+        chosen, columns, width = field.chosen[: max(count, 0)], self._columns, field.rows.shape[1]
+        if count < 0:
+            count, width = (0, 0) if known is None else (len(known.used), known.rows.shape[1])
+        else:
+            columns.include(find_unknown(chosen, field.rows, field.used, columns.place))
+        frames = np.zeros((0, 9)) if constant else metric.kept.frames
+        if known is None or known.wild[0] != wild or len(known.w) != 3 * count or known.rows.shape[1] != width:
+            numbers_of = np.array([wild]), np.full(1, np.nan), np.zeros(1, np.bool_)
+            seen = np.zeros((count, width), np.int64), np.zeros((count, width, 3, 3)), np.zeros(count, np.int64)
+            self._curvature[...] = np.nan
+            given = frames.copy(), self._images, self._curvature, *numbers_of, *np.empty((2, 3 * count, 3 * count))
+            known = Known(columns.place, columns.between, *given, *seen, *np.zeros((2, 3 * count)))
+        self.known = known._replace(place=columns.place, between=columns.between)
+        return self.known

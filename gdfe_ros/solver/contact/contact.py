@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -11,14 +10,13 @@ from numpy.typing import NDArray
 
 from gdfe_ros.constraints import Pose
 from gdfe_ros.constraints.distances import ORIGIN, form_numbers, measure
-from gdfe_ros.constraints.obstacle import ArmLink, ContactPoints, Obstacle
+from gdfe_ros.constraints.obstacle import ContactPoints, Obstacle
 from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact.contact_term import FAINT, ContactTerm
-from gdfe_ros.solver.contact.gap import find_entries, nearness
-from gdfe_ros.solver.contact.points import Surfaces
-from gdfe_ros.solver.contact.stencil import Stencils
-from gdfe_ros.solver.contact.surface import SHAPE, TURNED, CarriedPoints, ContactSurface
+from gdfe_ros.solver.contact.gap import find_close
+from gdfe_ros.solver.contact.stencil import NO_FACES, Stencils, Surfaces, sum_wrench, take_frames
+from gdfe_ros.solver.contact.surface import TURNED, CarriedPoints, ContactSurface
 from gdfe_ros.solver.contact.touch import NOTHING, Touch
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.state import Saved, State
@@ -74,10 +72,8 @@ class Contact(ContactTerm):
         self._distances, self._normals = np.zeros(count), np.zeros((count, 3))
         self._entered = np.zeros((count, 4))
         self._take_none()
-        self._clear, self._lag, self._began = -np.inf, 0.0, np.zeros((0, 3))
-        self._pose = self._seen_at = Pose()
-        self._last: State | None = None
-        self._seen: NDArray[np.float64] | None = None
+        self._clear, self._began, self._seen = -np.inf, np.zeros((0, 3)), body.rest
+        self._pose, self._last = Pose(), None
         self._free["anchor"] = np.full((count, 3), np.nan)
 
     @property
@@ -130,58 +126,43 @@ class Contact(ContactTerm):
 
     def begin(self, commands: Mapping[str, float], saved: Saved, positions: NDArray[np.float64], ratio: float) -> None:
         """Choose the points near the obstacle. Start from the last step's multipliers, rotated with the obstacle."""
-        free = saved["press"] is self._free["press"] or not saved["press"].any()
         self._saved, self._entered[...] = saved, 0.0
-        self._lag = self._shifted(positions)
-        if free and self._lag + self._moved(positions) < self._clear:
-            self._take_none()
-        else:
-            self._choose(saved, positions)
-            self.look(positions)
+        self._choose(saved, positions)
 
-    def strays(self, positions: NDArray[np.float64]) -> bool:
-        """Return whether the body has moved far enough at ``positions`` (n, 3) [m] for other points to be near."""
-        return self._moved(positions) >= max(self._clear - self._lag, 0.5 * REACH * self._body.size)
+    def room(self, positions: NDArray[np.float64]) -> float:
+        """Return how far [m] vertices may move from ``positions`` (n, 3) [m] before other points may be near."""
+        room = max(self._clear, 0.5 * REACH * self._body.size) - self._moved(positions)
+        return room / (self._points.reach + TURNED * isinstance(self._touched, RigidBody))
 
     def follow(self, positions: NDArray[np.float64], ahead: float) -> None:
         """Choose the points again at ``positions`` (n, 3) [m]; those that stay keep their forces."""
-        shears, press, shear = self.stored(self._shear), self._free["press"].copy(), self._free["shear"].copy()
-        press[self._chosen], shear[self._chosen] = self._press, shears
+        press, shear = self._free["press"].copy(), self._free["shear"].copy()
+        press[self._chosen], shear[self._chosen] = self.stencils.held[:, 0], self.stored(self.stencils.shears)
         if self._bounces:  # this force is what keeps a ball from entering
-            self._entered[self._chosen] = np.where(self._press[:, None] > 0.0, self._planes, 0.0)
+            self._entered[self._chosen] = np.where(self.stencils.held[:, :1] > 0.0, self.stencils.planes, 0.0)
         self._choose({**self._saved, "press": press, "shear": shear}, positions)
-        if self.near:
-            self.stencils = self.lay_out(positions)
 
-    def lay_out(self, positions: NDArray[np.float64]) -> Stencils:
-        """Return the stencils of the chosen points at ``positions`` (n, 3) [m], whose places and axes are not written.
-
-        The obstacle's frame, and offsets that depend on the positions, are taken there.
-        """
-        ends = self._points.carriers[self._chosen]
-        pressing, rubbing = self._points.weights[self._chosen], self._anchors[:, 3:].copy()
+    def look(self, positions: NDArray[np.float64]) -> None:
+        """Do `ContactTerm.look` with the present frame of a rigid body."""
         if isinstance(self._touched, RigidBody):
             self._take_frame(positions)
-            four = np.zeros((len(ends), 4))
-            ends = np.column_stack([ends, np.tile(self._touched.vertices, (len(ends), 1))])
-            pressing, rubbing = np.column_stack([pressing, four]), np.column_stack([rubbing, four])
-        self.shape.frames[0] = self._others
-        if self.corrects:
-            self._offsets = self.correct(positions)
-        given = self._shear, np.zeros(len(ends)), self._anchors[:, :3].copy(), self._planes, self._fixed, self._offsets
-        return Stencils.unwritten(self._press, *given, ends, pressing, rubbing)
+        super().look(positions)
 
-    def present_stencils(self, positions: NDArray[np.float64]) -> Stencils:
-        """Return the stencils, whose friction acts on a touched rigid body at the points' present places."""
-        if not isinstance(self._touched, RigidBody):
-            return self.stencils
-        rubbing = self.stencils.rubbing.copy()
-        rubbing[:, -4:] = self._touched_weights(self._in_frame(self._rubbing(positions)))
-        return self.stencils._replace(rubbing=rubbing)
-
-    def _touched_weights(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the weights (k, 4) with which a touched rigid body's vertices move ``places`` (k, 3) [m] back."""
-        return -0.25 - places @ self._touched.signs.T
+    def lay_out(
+        self, positions: NDArray[np.float64], presses: NDArray[np.float64], shears: NDArray[np.float64]
+    ) -> Stencils:
+        """Return the stencils of the chosen points; see `ContactTerm.lay_out`."""
+        own, chosen, self.shape.frames[0] = self._points.carriers.shape[1], self._chosen, self._others
+        found = Stencils.blank(len(chosen), own + 4 * isinstance(self._touched, RigidBody))
+        found.held[:, 0], found.shears[...], found.anchors[...] = presses, shears, self._anchors[:, :3]
+        found.planes[...], found.fixed[...], found.offsets[...] = self._planes, self._fixed, self._radius
+        found.ends[:, :own], found.pressing[:, :own] = self._points.carriers[chosen], self._points.weights[chosen]
+        found.rubbing[:, :own] = self._anchors[:, 3:]
+        if isinstance(self._touched, RigidBody):
+            found.ends[:, own:] = self._touched.vertices
+        if len(self.faces[0]):
+            found.areas[...] = self._points.areas[chosen]
+        return found
 
     def stored(self, vectors: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return vectors (k, 3) in the obstacle's axes."""
@@ -208,7 +189,7 @@ class Contact(ContactTerm):
         """Update the obstacle's frame and the anchors of the chosen points; keep the choice of points."""
         if self.near:
             self._take_frame(positions)
-            self._began = self._starts(self._points.at(positions))
+            self._see(saved, positions)
             self._set_anchors(saved, positions)
             self._anchors[:, :3] -= self._led
 
@@ -220,12 +201,11 @@ class Contact(ContactTerm):
         if not self.acts:
             return np.zeros(6)
         if saved is None:
-            forces = self._press[:, None] * self.stencils.axes[:, 0] - self._shear
+            forces = self.stencils.held[:, :1] * self.stencils.axes[:, 0] - self.stencils.shears
         else:
             pushes = saved["push"][self._chosen, None] * self.stencils.normals
             forces = pushes + saved["rub"][self._chosen] @ self._axes.T
-        arms = self._rubbing(positions) - self._origin
-        return np.concatenate([forces.sum(axis=0), np.cross(arms, forces).sum(axis=0)])
+        return sum_wrench(positions, self.stencils, self._points.carriers.shape[1], self._origin, forces)
 
     def led(self, positions: NDArray[np.float64], before: State) -> NDArray[np.float64]:
         """Return the obstacle's displacement (k, 3) [m] at the chosen points since the state ``before``.
@@ -234,20 +214,25 @@ class Contact(ContactTerm):
         """
         if isinstance(self._touched, RigidBody):
             return np.zeros((self.count, 3))
-        places = self._points.at(positions)[self._chosen]
-        origin, axes = self._frame(before.positions, before.poses[self._touched.name])
-        return places - origin - self._in_frame(places) @ axes.T
+        pose = before.poses[self._touched.name]
+        if pose == self._pose:
+            return np.zeros((self.count, 3))
+        places, frame = self._points.at(positions)[self._chosen], self._frame(before.positions, pose)
+        return places - frame[ORIGIN:] - self._in_frame(places) @ frame[:ORIGIN].reshape(3, 3).T
 
-    def touch(self, state: State, origin: NDArray[np.float64]) -> Touch:
-        """Return the contacts and forces stored in ``state``; its positions are relative to ``origin`` (3,) [m]."""
-        saved = state.terms[self.name]
+    def touch(
+        self, saved: Saved, positions: NDArray[np.float64], poses: Mapping[str, Pose], origin: NDArray[np.float64]
+    ) -> Touch:
+        """Return the contacts and forces in the stored state ``saved``.
+
+        ``positions`` (n, 3) [m] and ``poses`` are those of the same state, relative to ``origin`` (3,) [m].
+        """
         on = np.flatnonzero(saved["push"])
         if not len(on):
             return NOTHING
-        middle, axes = self._frame(state.positions, state.poses[self._touched.name])
-        places = self._points.at(state.positions)[on]
-        frame, kind = np.append(axes, middle), self._touched.form.kind
-        gaps, normals = measure(places, frame, self._form, kind)
+        frame = self._frame(positions, poses[self._touched.name])
+        places, axes = self._points.at(positions)[on], frame[:ORIGIN].reshape(3, 3)
+        gaps, normals = measure(places, frame, self._form, self._touched.form.kind)
         length = np.linalg.norm(normals, axis=1, keepdims=True)  # below 1 at a mesh's edges
         return Touch(
             vertices=self._points.vertices[on] if self.on_body else np.zeros(0, dtype=np.int32),
@@ -263,40 +248,31 @@ class Contact(ContactTerm):
     @property
     def _obstacle(self) -> tuple[NDArray[np.float64], NDArray[np.float64], int]:
         """Frame (12,), form and kind of the obstacle, for the kernels of `gap`."""
-        return self._others, self._form, self._touched.form.kind
+        return self.shape.frames[0], self._form, self._touched.form.kind
 
     @property
     def _origin(self) -> NDArray[np.float64]:
-        return self._others[ORIGIN:]
+        return self.shape.frames[0, ORIGIN:]
 
     @property
     def _axes(self) -> NDArray[np.float64]:
-        return self._others[:ORIGIN].reshape(3, 3)
+        return self.shape.frames[0, :ORIGIN].reshape(3, 3)
 
-    def _frame(self, positions: NDArray[np.float64], pose: Pose) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return origin (3,) [m] and rotation (3, 3) of the touched obstacle or rigid body."""
+    def _frame(self, positions: NDArray[np.float64], pose: Pose) -> NDArray[np.float64]:
+        """Return rotation and origin (12,) [m] of the touched obstacle or rigid body."""
         if isinstance(self._touched, RigidBody):
-            return self._touched.found(positions)
-        return self._touched.frame(pose)
+            found = np.empty((1, 12))
+            take_frames(positions, self.shape, found)
+            return found[0]
+        origin, axes = self._touched.frame(pose)
+        return np.concatenate([axes.ravel(), origin])
 
     def _take_frame(self, positions: NDArray[np.float64]) -> None:
         """Write the obstacle's present frame to the numbers of the term."""
-        self._origin[...], self._axes[...] = self._frame(positions, self._pose)
-
-    def _starts(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the positions (p, 3) [m] of the points at the end of the last step, in the obstacle's frame.
-
-        If there is no last step, these are the positions ``places`` (p, 3) [m] in the obstacle's frame.
-        """
-        if self._last is None:
-            return self._in_frame(places)
-        origin, axes = self._frame(self._last.positions, self._last.poses[self._touched.name])
-        return (self._points.at(self._last.positions) - origin) @ axes
+        self.shape.frames[0] = self._others[...] = self._frame(positions, self._pose)
 
     def _moved(self, positions: NDArray[np.float64]) -> float:
         """Return an upper bound of the displacement [m] of any point since the distances were computed."""
-        if self._seen is None:
-            return np.inf
         if not isinstance(self._touched, RigidBody):
             return self._points.reach * largest_distance(positions, self._seen)
         if not self.on_body:
@@ -305,52 +281,50 @@ class Contact(ContactTerm):
         own = self._points.reach * largest_distance(positions[:count], self._seen[:count])
         return own + TURNED * largest_distance(positions[four], self._seen[four])
 
-    def _shifted(self, positions: NDArray[np.float64]) -> float:
-        """Return an upper bound of any point's relative displacement [m] that the obstacle's motion causes.
-
-        The motion counts from the last computation of the distances. A finite bound is computed only for links of arms,
-        because an arm has many links and most are far from any contact. For any other obstacle that moved, the bound is
-        infinite, so that its distances are computed again.
-        """
-        if self._pose == self._seen_at:
-            return 0.0
-        if not isinstance(self._touched, ArmLink):
-            return np.inf
-        seen, now = self._seen_at, self._pose
-        # The angle between two rotations is at most the distance of their rotation vectors.
-        angle, shift = math.dist(seen.rotation, now.rotation), math.dist(seen.translation, now.translation)
-        middle = np.add(self._touched.origin, seen.translation)
-        farthest = math.sqrt(3.0) * float(np.abs(positions - middle).max(initial=0.0)) * max(1.0, self._points.reach)
-        return shift + angle * farthest
-
     def _take_none(self) -> None:
-        self._chosen, self._around = np.zeros(0, dtype=np.int64), np.zeros((2, 0, 4))
-        self._press, self._shear = np.zeros(0), np.zeros((0, 3))
+        self._chosen = self._around = np.zeros(0, dtype=np.int64)
+        self.faces = NO_FACES
+        self.stencils = Stencils.blank(0, 1)
 
     def _in_frame(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
         return (places - self._origin) @ self._axes
 
+    def _see(self, saved: Saved, positions: NDArray[np.float64]) -> tuple[NDArray, NDArray, NDArray]:
+        """Measure all points at ``positions`` (n, 3) [m]; return their places, entry planes and the near ones.
+
+        Without a last step, the step begins at ``positions``.
+        """
+        before = self._others
+        if self._last is not None:
+            before = self._frame(self._last.positions, self._last.poses[self._touched.name])
+        last, size = positions if self._last is None else self._last.positions, self._body.size
+        given = self._points.carriers, self._points.weights, self._others, before, self._form, self._touched.form.kind
+        limits = self._radius, ENTRY * size, REACH * size
+        found = find_close(positions, last, *given, *limits, self._entered, saved["press"], self._held_fast)
+        places, self._distances, self._normals, self._began, planes, near = found
+        return places, planes, near
+
     def _choose(self, saved: Saved, positions: NDArray[np.float64]) -> None:
         """Choose the points that are near at ``positions`` (n, 3) [m], touched in the last step, or enter now."""
-        places = self._points.at(positions)
         self._take_frame(positions)
-        self._distances, self._normals = measure(places, *self._obstacle)
-        self._distances -= self._radius
-        self._seen, self._seen_at, self._lag = positions.copy(), self._pose, 0.0
-        self._clear = self._distances.min(initial=np.inf) - REACH * self._body.size
-        self._began = self._starts(places)
-        given = ENTRY * self._body.size, self._radius, *self._obstacle[1:]
-        planes = find_entries(self._began, self._in_frame(places), *given)
-        if self._bounces:
-            planes = np.where(self._entered.any(axis=1, keepdims=True), self._entered, planes)
-        near = (self._distances < REACH * self._body.size) | (saved["press"] > 0.0) | planes[:, :3].any(axis=1)
-        self._chosen = chosen = self._first_to_touch(np.flatnonzero(near & ~self._held_fast), places)
-        self._press, self._shear = saved["press"][chosen], saved["shear"][chosen] @ self._axes.T
+        places, planes, near = self._see(saved, positions)
+        self._seen, self._clear = positions.copy(), self._distances.min(initial=np.inf) - REACH * self._body.size
+        if not len(near):
+            self._take_none()
+            return
+        self._chosen = chosen = self._first_to_touch(near, places)
         self._planes, self._fixed = planes[chosen], self._bounces & planes[chosen].any(axis=1)
-        self._offsets = np.full(len(chosen), self._radius)
+        self._fix_planes(places[chosen], positions)
         self._set_anchors(saved, positions)
         faces = self.on_body and self._touched.points is ContactPoints.FACES
-        self._around = self._points.about(chosen) if faces else np.zeros((2, 0, 4))
+        if not faces:
+            self.faces = NO_FACES
+        elif not np.array_equal(chosen, self._around):
+            self.faces, self._around = self._points.about(chosen), chosen
+        self.stencils = self.lay_out(positions, saved["press"][chosen], saved["shear"][chosen] @ self._axes.T)
+
+    def _fix_planes(self, places: NDArray[np.float64], positions: NDArray[np.float64]) -> None:
+        """Give some chosen points at ``places`` (k, 3) [m] a plane that holds wherever they leave."""
 
     def _first_to_touch(self, near: NDArray[np.int64], places: NDArray[np.float64]) -> NDArray[np.int64]:
         """Return those of the points ``near`` (k,) that may touch before others do; ``places`` are of all points."""
@@ -365,23 +339,3 @@ class Contact(ContactTerm):
     def _kept(self) -> NDArray[np.float64]:
         """Return the anchors (k, 3) [m] that the state stores for the chosen points."""
         return self._anchors[:, :3]
-
-    def _rubbing(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the positions (k, 3) [m] at which friction acts on the chosen points."""
-        return np.einsum("ka,kai->ki", self._anchors[:, 3:], positions[self._points.carriers[self._chosen]])
-
-    @property
-    def corrects(self) -> bool:
-        """Whether the gaps have offsets that depend on the positions."""
-        return len(self._around[0]) > 0
-
-    def correct(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the offsets (k,) [m] of the chosen points at ``positions`` (n, 3) [m].
-
-        Between its corners, a flat face comes nearer to a round obstacle than at its corners. The error of a face is
-        the distance interpolated between its corners, minus the true distance. The offset of a vertex is the mean of
-        this error over the faces around it, at least 0. On a ball the offsets halve the error of the gaps.
-        """
-        nearer = np.zeros(len(positions))
-        nearness(positions, *self._around, SHAPE, *self._obstacle, nearer)
-        return np.maximum(0.0, nearer[self._points.carriers[self._chosen, 0]] / self._points.areas[self._chosen])

@@ -4,15 +4,13 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Sequence
 from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.contact.points import Surfaces, find_stencils
-from gdfe_ros.solver.contact.stencil import LOADS, Stencils, add_loads, held_entry
+from gdfe_ros.solver.contact.stencil import NO_FACES, GapFaces, Stencils, Surfaces, find_stencils
 from gdfe_ros.solver.state import Saved, State
 from gdfe_ros.solver.terms.term import Term
 
@@ -46,16 +44,18 @@ class ContactTerm(Term):
 
     Attributes:
         vertices, friction, restitution: the arguments.
-        stencils: the near points, with places and axes at the positions of the last call of `look`.
+        stencils: the near points with the forces that they hold. Places and axes are those of the last call of `look`,
+            or of the field of all contacts, of which they are then a view.
         shape: what the points touch, for the kernels.
         on_body: whether the points of the term belong to the elastic body; False for self-contact.
-        corrects: whether the gaps have offsets that depend on the positions, which `correct` returns.
+        faces: the faces (q, 4), with the areas (q, 4) [m^2] of their Gauss points, that correct gaps.
         held_mass: mass [kg] of a rigid body that the elastic body touches, else 0.
         valid: relative displacement [m] for which the stencils of the points hold.
         changed: whether points that press touch other faces since `follow` was last called.
     """
 
-    on_body, corrects, held_mass = False, False, 0.0
+    on_body, held_mass = False, 0.0
+    faces: tuple[NDArray[np.int32], NDArray[np.float64]] = NO_FACES
     ANCHOR: int = 3
     """Numbers of each point that derivatives differentiate: its anchor, the place where its slip begins; for contact
     with an obstacle or rigid body, also the weights of the material point on which friction acts.
@@ -70,8 +70,7 @@ class ContactTerm(Term):
         self._body, self.friction, self.restitution = body, friction, restitution
         self.valid, self.changed = np.inf, False
         self.vertices = vertices
-        self._chosen = np.zeros(0, dtype=np.int64)
-        self._press, self._shear, self._led = np.zeros(0), *np.zeros((2, 0, 3))
+        self._chosen, self._led = np.zeros(0, dtype=np.int64), np.zeros((0, 3))
         none = np.zeros((count, 3))
         self._free = {
             "press": np.zeros(count),
@@ -80,7 +79,7 @@ class ContactTerm(Term):
             "push": np.zeros(count),
             "rub": none,
         }
-        self.stencils: Stencils
+        self.stencils = Stencils.blank(0, 1)
         self.shape: Surfaces
 
     @property
@@ -101,7 +100,7 @@ class ContactTerm(Term):
     @property
     def acts(self) -> bool:
         """Whether any point or pair holds a force."""
-        return bool(self._press.any())
+        return bool(self.stencils.held[:, 0].any())
 
     @property
     def delicate(self) -> bool:
@@ -122,51 +121,43 @@ class ContactTerm(Term):
         return {**self._free, "lost": np.zeros(1)}
 
     @abstractmethod
-    def lay_out(self, positions: NDArray[np.float64]) -> Stencils:
-        """Return the stencils of the near points at ``positions`` (n, 3) [m], whose places and axes are not written."""
+    def lay_out(
+        self, positions: NDArray[np.float64], presses: NDArray[np.float64], shears: NDArray[np.float64]
+    ) -> Stencils:
+        """Return the stencils of the near points at ``positions`` (n, 3) [m], whose places and axes are not written.
+
+        ``presses`` (k,) and ``shears`` (k, 3) [N] are the normal forces and the vectors t of the friction forces.
+        """
 
     def look(self, positions: NDArray[np.float64]) -> None:
-        """Take the stencils at ``positions`` (n, 3) [m]; the forces turn with the surfaces."""
+        """Take the stencils at ``positions`` (n, 3) [m], for derivatives; the forces turn with the surfaces."""
         if self.near:
-            self.stencils = self.lay_out(positions)
+            self.stencils = self.lay_out(positions, self.stencils.held[:, 0], self.stencils.shears)
             owner = np.zeros(self.count, dtype=np.int64)
-            find_stencils(positions, self.shape, owner, self.stencils)
+            find_stencils(positions, self.shape, GapFaces.join([self.faces]), owner, self.stencils)
 
-    def strays(self, positions: NDArray[np.float64]) -> bool:
-        """Return whether `follow` has to choose points again at ``positions`` (n, 3) [m]."""
-        return True
-
-    def take_forces(self, presses: NDArray[np.float64], shears: NDArray[np.float64]) -> None:
-        """Take the normal forces (k,) and vectors t (k, 3) [N] of the near points, which act already."""
-        self._press, self._shear = presses.copy(), shears.copy()
-
-    def present_stencils(self, positions: NDArray[np.float64]) -> Stencils:
-        """Return the stencils at ``positions`` (n, 3) [m] of `look`, with friction at the present places."""
-        return self.stencils
+    def room(self, positions: NDArray[np.float64]) -> float:
+        """Return how far [m] vertices may move from ``positions`` (n, 3) [m] before `follow` has to choose points."""
+        return 0.0
 
     def led(self, positions: NDArray[np.float64], before: State) -> NDArray[np.float64]:
         """Return the displacement (k, 3) [m] of what commanded poses move, at the near points, since ``before``."""
         return np.zeros((self.count, 3))
 
-    def add_forces(self, forces: NDArray[np.float64]) -> None:
-        """Add the contact forces at the positions of the last call of `look` to ``forces`` (n, 3) [N]."""
-        slopes = np.zeros_like(forces)
-        add_loads(self.stencils, slopes)
-        forces -= slopes
-
     def finish(self, saved: Saved, positions: NDArray[np.float64]) -> Saved:
-        """Return the state to store after a solve that ended at ``positions`` (n, 3) [m] and began with ``saved``."""
+        """Return the state to store after a solve that ended at ``positions`` (n, 3) [m] and began with ``saved``.
+
+        The stencils must be those at these positions.
+        """
         if not self.acts:
             return {**self._free, "lost": saved["lost"]}
-        self.look(positions)
-        slips = ~(self._press > 0.0)
-        slips |= np.linalg.norm(self._shear, axis=1) >= (1.0 - ROUNDING) * self.friction * self._press
-        kept, chosen = {name: array.copy() for name, array in self._free.items()}, self._chosen
-        kept["press"][chosen], kept["slips"][chosen] = self._press, slips
-        kept["shear"][chosen] = self.stored(self._shear)
+        chosen, press, shear = self._chosen, self.stencils.held[:, 0], self.stencils.shears
+        slips = ~(press > 0.0)
+        slips |= np.linalg.norm(shear, axis=1) >= (1.0 - ROUNDING) * self.friction * press
+        kept = {name: array.copy() for name, array in self._free.items()}
+        kept["press"][chosen], kept["slips"][chosen], kept["shear"][chosen] = press, slips, self.stored(shear)
         self.keep_places(kept)
-        pushes = self._press * np.linalg.norm(self.stencils.axes[:, 0], axis=1)
-        return self.exerted(saved, kept, pushes, -self._shear)
+        return self.exerted(saved, kept, press * np.linalg.norm(self.stencils.axes[:, 0], axis=1), -shear)
 
     @abstractmethod
     def stored(self, vectors: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -194,17 +185,18 @@ class ContactTerm(Term):
         along its friction force, and at least `SLIP` times the body's size.
         """
         self.look(positions)
-        slips, size, axes = self.stencils.slips, np.linalg.norm(self._shear, axis=1), self.shape.frames[0, :9]
+        slips, shear, axes = self.stencils.slips, self.stencils.shears, self.shape.frames[0, :9]
+        size = np.linalg.norm(shear, axis=1)
         on = (found["slips"][self._chosen] > 0.0) & (size > 0.0)
         far = np.maximum(np.linalg.norm(slips, axis=1), SLIP * self._body.size) / np.where(on, size, 1.0)
-        self._led = np.where(on[:, None], far[:, None] * self._shear - slips, 0.0) @ axes.reshape(3, 3)
+        self._led = np.where(on[:, None], far[:, None] * shear - slips, 0.0) @ axes.reshape(3, 3)
         self._anchors[:, :3] -= self._led
         self.look(positions)
 
     @property
     def multipliers(self) -> NDArray[np.float64]:
         """Normal force l and vector t [N] of each near point, flattened (4 k,)."""
-        return np.column_stack([self._press, self._shear]).ravel()
+        return np.column_stack([self.stencils.held[:, :1], self.stencils.shears]).ravel()
 
     @property
     def per_metre(self) -> NDArray[np.float64]:
@@ -214,7 +206,7 @@ class ContactTerm(Term):
     def hold(self, multipliers: NDArray[np.float64]) -> None:
         """Set the multipliers (4 k,)."""
         held = multipliers.reshape(-1, 4)
-        self._press, self._shear = held[:, 0].copy(), held[:, 1:].copy()
+        self.stencils.held[:, 0], self.stencils.shears[...] = held[:, 0], held[:, 1:]
 
     def updated(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the multipliers (4 k,) after the projections of `complementarity` at ``positions`` (n, 3) [m].
@@ -224,36 +216,10 @@ class ContactTerm(Term):
         if not len(self._chosen):
             return np.zeros(0)
         self.look(positions)
-        found, scale = self.stencils, self.scale
-        gaps = found.places[:, 0] + found.soft * self._press
-        press = np.maximum(0.0, self._press - scale / (1.0 + scale * found.soft) * gaps)
-        trial = self._shear + scale[:, None] * found.slips
+        found, scale, held = self.stencils, self.scale, self.stencils.held[:, 0]
+        gaps = found.places[:, 0] + found.soft * held
+        press = np.maximum(0.0, held - scale / (1.0 + scale * found.soft) * gaps)
+        trial = found.shears + scale[:, None] * found.slips
         size, limit = np.linalg.norm(trial, axis=1), self.friction * press
         share = np.where(size > limit, limit / np.where(size > 0.0, size, 1.0), 1.0)
         return np.column_stack([press, share[:, None] * trial]).ravel()
-
-
-class HeldLoads(Term):
-    """The dead loads that stand for the forces of all contacts while a step of the minimisation is made.
-
-    Args:
-        count: number n of vertices.
-    """
-
-    kernel = held_entry
-
-    def __init__(self, count: int) -> None:
-        super().__init__("(contacts)", np.zeros(LOADS * count), np.zeros(1, np.int32))
-
-    @property
-    def loads(self) -> NDArray[np.float64]:
-        """Gradient [N] of each vertex' load, and the position [m] where its energy is 0 (n, 6), a view."""
-        return self.reals.reshape(-1, LOADS)
-
-    def take(self, contacts: Sequence[ContactTerm], positions: NDArray[np.float64]) -> None:
-        """Let the forces of ``contacts`` act from ``positions`` (n, 3) [m], where they looked last."""
-        acting = [contact for contact in contacts if contact.acts]
-        self.integers[0] = len(acting) > 0
-        self.loads[:, :3], self.loads[:, 3:] = 0.0, positions
-        for contact in acting:
-            add_loads(contact.stencils, self.loads)

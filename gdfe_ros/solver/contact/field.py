@@ -1,17 +1,31 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The near points of all contacts of a body, in the layout of the kernels."""
+"""The near points of all contacts of a body in one set of arrays, and the dead loads that stand for their forces."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact.contact_term import ContactTerm
-from gdfe_ros.solver.contact.points import Surfaces
-from gdfe_ros.solver.contact.stencil import Stencils
+from gdfe_ros.solver.contact.stencil import (
+    LOADS,
+    NO_FACES,
+    GapFaces,
+    Stencils,
+    Surfaces,
+    add_loads,
+    find_stencils,
+    held_entry,
+)
+from gdfe_ros.solver.contact.touch import Touches
+from gdfe_ros.solver.state import State
+from gdfe_ros.solver.terms.term import Term
 
 
 class PointField(NamedTuple):
@@ -19,9 +33,9 @@ class PointField(NamedTuple):
 
     Attributes:
         stencils: their stencils; ends beyond a contact's own have no weight.
-        surfaces: what they touch.
+        surfaces, faces: what they touch, and the faces that correct their gaps.
         owner: (k,) number of the contact of each point.
-        friction, scale: (k,) friction coefficient, and stiffness [N/m] of the body at the point.
+        friction, restitution, scale: (k,) coefficients, and stiffness [N/m] of the body at the point.
         rows, blocks, used: derivatives with respect to the rows of unknowns, see `differentiate`.
         ahead: (k, 3) [m] changes of gaps and slips in the step.
         usable, joins: (k,) whether a point may take part in the step, and whether it does.
@@ -34,8 +48,10 @@ class PointField(NamedTuple):
 
     stencils: Stencils
     surfaces: Surfaces
+    faces: GapFaces
     owner: NDArray[np.int64]
     friction: NDArray[np.float64]
+    restitution: NDArray[np.float64]
     scale: NDArray[np.float64]
     rows: NDArray[np.int64]
     blocks: NDArray[np.float64]
@@ -50,32 +66,88 @@ class PointField(NamedTuple):
     before: NDArray[np.float64]
     head: NDArray[np.int64]
 
-    @classmethod
-    def of(cls, contacts: Sequence[ContactTerm], surfaces: Surfaces, kept: Sequence[NDArray]) -> PointField:
-        """Return the near points of ``contacts``, which touch ``surfaces``.
 
-        The arrays from `loads` on are ``kept`` from field to field.
-        """
-        near = [contact if contact.near else None for contact in contacts]
-        sizes = [contact.count if contact else 0 for contact in near]
-        count, width = sum(sizes), max((contact.stencils.ends.shape[1] for contact in near if contact), default=1)
-        stencils = Stencils.join([contact.stencils for contact in near if contact], width)
-        multipliers = [contact.multipliers.reshape(-1, 4) for contact in near if contact]
-        forces = np.concatenate([np.zeros((0, 4)), *multipliers])
-        stencils.held[:, 0], stencils.shears[...] = forces[:, 0], forces[:, 1:]
-        for number, contact in enumerate(contacts):
-            surfaces.frames[number] = contact.shape.frames[0]
-        return cls(
-            stencils,
-            surfaces,
-            np.repeat(np.arange(len(contacts)), sizes),
-            np.repeat([float(contact.friction) for contact in contacts], sizes),
-            np.concatenate([np.zeros(0), *(contact.scale for contact in near if contact)]),
-            np.zeros((count, 2 * width), np.int64),
-            np.zeros((count, 2 * width, 3, 3)),
-            np.zeros(count, np.int64),
-            np.zeros((count, 3)),
-            *np.zeros((2, count), np.bool_),
-            np.zeros(count, np.int64),
-            *kept,
-        )
+class HeldLoads(Term):
+    """The near points of all contacts, and the dead loads of their forces while a step of the minimisation is made.
+
+    Args:
+        body: the discretised body.
+        contacts: all contact terms of the body.
+
+    Attributes:
+        contacts: the argument.
+        field: the near points of all contacts; the stencils of each contact are views of it. None after any contact
+            has chosen other points.
+        parts: the first and the last number plus 1 of the points of each contact in the field.
+        head: (1,) see `PointField`.
+    """
+
+    kernel = held_entry
+
+    def __init__(self, body: Body, contacts: Sequence[ContactTerm]) -> None:
+        count = len(body.rest)
+        super().__init__("(contacts)", np.zeros(LOADS * count), np.zeros(1, np.int32))
+        self.contacts, self.head = tuple(contacts), np.zeros(1, dtype=np.int64)
+        self._scratch = np.zeros((count, 3)), np.empty(3 * body.unknowns.rows)
+        self._numbers = np.array([[each.friction, each.restitution] for each in contacts]).reshape(-1, 2)
+        self.field: PointField | None = None
+        self.parts: list[tuple[int, int]] = []
+        if contacts:
+            self._surfaces = Surfaces.join([contact.shape for contact in contacts])
+            for number, contact in enumerate(contacts):
+                contact.shape = contact.shape._replace(frames=self._surfaces.frames[number : number + 1])
+
+    def gather(self) -> PointField:
+        """Return the field; it is made anew if any contact has chosen other points."""
+        if self.field is None:
+            near = [contact if contact.near else None for contact in self.contacts]
+            sizes, some = [contact.count if contact else 0 for contact in near], list(filter(None, near))
+            count, width = sum(sizes), max((contact.stencils.ends.shape[1] for contact in some), default=1)
+            owner, scale = np.repeat(np.arange(len(near)), sizes), [contact.scale for contact in some]
+            coefficients = np.ascontiguousarray(self._numbers[owner].T)
+            self.field = PointField(
+                Stencils.join([contact.stencils for contact in some], width),
+                self._surfaces,
+                GapFaces.join([contact.faces if contact else NO_FACES for contact in near]),
+                owner,
+                *coefficients,
+                np.concatenate([np.zeros(0), *scale]),
+                np.zeros((count, 2 * width), np.int64),
+                np.zeros((count, 2 * width, 3, 3)),
+                np.zeros(count, np.int64),
+                np.zeros((count, 3)),
+                *np.zeros((2, count), np.bool_),
+                np.zeros(count, np.int64),
+                self.reals.reshape(-1, LOADS),
+                self.integers,
+                *self._scratch,
+                self.head,
+            )
+            ends = np.cumsum([0, *sizes]).tolist()
+            self.parts = list(pairwise(ends))
+            for contact, (first, last) in zip(self.contacts, self.parts, strict=True):
+                if last > first:
+                    contact.stencils = self.field.stencils.part(first, last)
+        return self.field
+
+    def look(self, positions: NDArray[np.float64]) -> PointField:
+        """Turn the forces of all contacts with their surfaces to ``positions`` (n, 3) [m]; return the field."""
+        field = self.gather()
+        if len(field.owner):
+            find_stencils(positions, field.surfaces, field.faces, field.owner, field.stencils)
+        return field
+
+    def take(self, positions: NDArray[np.float64]) -> None:
+        """Gather the points of all contacts, and let their forces act from ``positions`` (n, 3) [m]."""
+        self.field = None
+        field = self.look(positions)
+        self.integers[0] = field.stencils.held.any()
+        field.loads[:, :3], field.loads[:, 3:] = 0.0, positions
+        if self.integers[0]:
+            add_loads(field.stencils, field.loads)
+
+
+def find_touches(contacts: Sequence[ContactTerm], state: State, origin: NDArray[np.float64]) -> Touches:
+    """Return all contacts and forces stored in ``state``; its positions are relative to ``origin`` (3,) [m]."""
+    given = state.positions, state.poses, origin
+    return Touches({contact.name: partial(contact.touch, state.terms[contact.name], *given) for contact in contacts})

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compiled searches on an obstacle: where a point's path enters it, and how much nearer faces come than corners."""
+"""Compiled searches on an obstacle: near points, where paths enter it, how much nearer faces come than corners."""
 
 from __future__ import annotations
 
@@ -7,14 +7,62 @@ import math
 
 import numpy as np
 
-from gdfe_ros.compiled import kernel
-from gdfe_ros.constraints.distances import MESH, SURE, distance_at, distance_in_frame
+from gdfe_ros.actuators.load import GAUSS
+from gdfe_ros.compiled import internal, kernel
+from gdfe_ros.constraints.distances import MESH, ORIGIN, SURE, distance_at, distance_in_frame, in_frame, measure
 from gdfe_ros.mesh.triples import along, corner, dot, minus, unit
 
 MOST_STEPS = 60
 """Largest number of sphere-tracing moves along one path. If they do not reach the obstacle, the path only grazes it."""
 SMOOTH = 0.95
 """The obstacle is smooth at a face if the mean of its unit normals at the four corners has at least this length."""
+
+
+SIGNS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+SHAPE = np.stack([0.25 * (1.0 + GAUSS * SIGNS * point).prod(axis=1) for point in SIGNS])
+"""(4, 4) weights of a face's corners at each of its Gauss points."""
+
+
+@internal
+def find_places(x, carriers, weights, frame):
+    """Return the positions (k, 3) [m] of points that vertices carry, in the world and in ``frame`` (12,)."""
+    places, within = np.zeros((len(carriers), 3)), np.empty((len(carriers), 3))
+    for i in range(len(carriers)):
+        for a in range(carriers.shape[1]):
+            for axis in range(3):
+                places[i, axis] += weights[i, a] * x[carriers[i, a], axis]
+        p = minus(corner(places, i), (frame[ORIGIN], frame[ORIGIN + 1], frame[ORIGIN + 2]))
+        within[i, 0], within[i, 1], within[i, 2] = in_frame(frame, p[0], p[1], p[2])
+    return places, within
+
+
+@kernel
+def find_close(x, last, carriers, weights, frame, before, form, kind, radius, entry, reach, entered, pressed, left_out):
+    """Find the points that are near an obstacle, that pressed, or that enter it in a step.
+
+    The points are weighted sums of vertices at ``x`` (n, 3) [m], and at ``last`` (n, 3) [m] when the step began;
+    ``frame`` and ``before`` (12,) are those of the obstacle at both times. It has the shape ``form`` of a ``kind``, and
+    the points are centres of balls with a ``radius`` [m]. ``entry`` [m] is the ``reach`` of `find_entries`, and a point
+    is near if its distance is below ``reach`` [m]. Known entry planes are in ``entered`` (k, 4), where they are not 0.
+    Points with a force ``pressed`` (k,) [N] are near, and those ``left_out`` (k,) never.
+
+    Returns:
+        Positions (k, 3) [m], distances (k,) [m] and their gradients (k, 3), positions (k, 3) [m] in the frame at the
+        beginning, entry planes (k, 4), and the numbers of the near points.
+    """
+    began, (places, within) = find_places(last, carriers, weights, before)[1], find_places(x, carriers, weights, frame)
+    planes = find_entries(began, within, entry, radius, form, kind)
+    distances, normals = measure(places, frame, form, kind)
+    near, count = np.empty(len(places), np.int64), 0
+    for i in range(len(places)):
+        distances[i] -= radius
+        if entered[i].any():
+            planes[i] = entered[i]
+        enters = planes[i, 0] != 0.0 or planes[i, 1] != 0.0 or planes[i, 2] != 0.0
+        if (distances[i] < reach or pressed[i] > 0.0 or enters) and not left_out[i]:
+            near[count] = i
+            count += 1
+    return places, distances, normals, began, planes, near[:count].copy()
 
 
 @kernel
@@ -51,7 +99,7 @@ def find_entries(starts, ends, reach, radius, form, kind):
 
 
 @kernel
-def nearness(x, quads, gauss, shape, frame, form, kind, out):
+def nearness(x, quads, gauss, frame, form, kind, out):
     """Add the integral over faces of the error of interpolated obstacle distances to ``out`` (n,) [m^3].
 
     The error is the distance interpolated between a face's corners, minus the true distance. Each face's integral is
@@ -70,7 +118,7 @@ def nearness(x, quads, gauss, shape, frame, form, kind, out):
         for p in range(4):
             place, told = (0.0, 0.0, 0.0), 0.0
             for a in range(4):
-                place, told = along(1.0, place, shape[p, a], corner(x, quads[q, a])), told + shape[p, a] * away[a]
+                place, told = along(1.0, place, SHAPE[p, a], corner(x, quads[q, a])), told + SHAPE[p, a] * away[a]
             nearer = gauss[q, p] * (told - distance_at(kind, frame, form, place[0], place[1], place[2])[0])
             for a in range(4):
-                out[quads[q, a]] += shape[p, a] * nearer
+                out[quads[q, a]] += SHAPE[p, a] * nearer

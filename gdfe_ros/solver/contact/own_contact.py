@@ -15,11 +15,10 @@ from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact.closest import Nearest
 from gdfe_ros.solver.contact.contact_term import MARGIN, ContactTerm
 from gdfe_ros.solver.contact.crossing import LEAST
-from gdfe_ros.solver.contact.inside import Inside
 from gdfe_ros.solver.contact.own_pairs import NONE, OwnPairs
 from gdfe_ros.solver.contact.pair_touch import frames, touching_points
-from gdfe_ros.solver.contact.points import PLANES, Surfaces
-from gdfe_ros.solver.contact.stencil import Stencils
+from gdfe_ros.solver.contact.penetration import Inside
+from gdfe_ros.solver.contact.stencil import PLANES, Stencils, Surfaces
 from gdfe_ros.solver.contact.surface import BodyPoints
 from gdfe_ros.solver.contact.touch import NOTHING, Touch
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
@@ -95,8 +94,7 @@ class OwnContact(ContactTerm):
         self._take_forces(saved, x)
         before, after = (frames(at, self.pairs.carriers(np.flatnonzero(on), found.face[on])) for at in (last, x))
         found.normal[on] = np.einsum("kij,klj,kl->ki", after, before, found.normal[on])
-        self._choose(found)
-        self.look(positions)
+        self._choose(found, positions)
         self._deepest = 2.0 * far
         self._measure_clearance(last)
 
@@ -126,19 +124,19 @@ class OwnContact(ContactTerm):
         if self._begins:
             self._begins = False
             return
-        self._presses[self._chosen], self._shears[self._chosen] = self._press, self._shear
+        self._presses[self._chosen], self._shears[self._chosen] = self.stencils.held[:, 0], self.stencils.shears
         self._set_reach(x, self._deepest)
         found = self.pairs.look(x, self._from, self._reach, self._partners, sunk=self._sunk)
         before, pressed = self._partners, self._presses > 0.0
-        self._choose(found)
-        if self.near:
-            self.stencils = self.lay_out(positions)
+        self._choose(found, positions)
         self.changed = bool((pressed & ((found.face != before) | (self._presses == 0.0))).any())
         if not pressed.any():
             self._measure_clearance(x)
 
-    def lay_out(self, positions: NDArray[np.float64]) -> Stencils:
-        """Return the stencils of the pairs at ``positions`` (n, 3) [m], whose places and axes are not written.
+    def lay_out(
+        self, positions: NDArray[np.float64], presses: NDArray[np.float64], shears: NDArray[np.float64]
+    ) -> Stencils:
+        """Return the stencils of the pairs, whose places and axes are not written; see `ContactTerm.lay_out`.
 
         The vector from the second member of a pair to the first is x_v - sum w_a x_a, and the slip is its component in
         the plane, minus that of the same material points in the last state.
@@ -153,13 +151,21 @@ class OwnContact(ContactTerm):
             self._look_again(x)
         ends = np.column_stack([self.pairs.first[self._chosen], self._corners])
         weights = np.column_stack([np.ones(self.count), -self._now.weights])
-        carriers = self.points.carriers[ends].reshape(self.count, -1)
-        shares = (weights[:, :, None] * self.points.weights[ends]).reshape(self.count, -1)
+        size = self.count, 5 * self.points.carriers.shape[1]
+        carriers = self.points.carriers[ends].reshape(size)
+        shares = (weights[:, :, None] * self.points.weights[ends]).reshape(size)
         soft = (1.0 - self._now.support) / (self._now.support * self._stiffness)
+        found = Stencils.blank(*size)
+        found.held[:, 0], found.shears[...], found.soft[...] = presses, shears, soft
         # The place of a pair is the vector between its members: its plane goes through the origin.
-        planes, none = np.column_stack([self._now.normal, np.zeros(self.count)]), np.zeros(self.count)
-        given = self._shear, soft, self._anchors + self._turned, planes, none > 0.0, none
-        return Stencils.unwritten(self._press, *given, carriers, shares, shares)
+        found.anchors[...], found.planes[:, :3] = self._anchors + self._turned, self._now.normal
+        found.ends[...], found.pressing[...], found.rubbing[...] = carriers, shares, shares
+        return found
+
+    def finish(self, saved: Saved, positions: NDArray[np.float64]) -> Saved:
+        """Do `ContactTerm.finish`; vectors are stored in the frames of the faces at ``positions``."""
+        self._at = self.points.at(positions)
+        return super().finish(saved, positions)
 
     def stored(self, vectors: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return vectors (k, 3) in the frames of the faces."""
@@ -171,13 +177,14 @@ class OwnContact(ContactTerm):
         for name in ("normal", "face", "weights"):
             kept[name][self._chosen] = getattr(self._now, name)
 
-    def touch(self, state: State, origin: NDArray[np.float64]) -> Touch:
-        """Return the forces on both sides of all pairs; positions of ``state`` are relative to ``origin`` (3,) [m]."""
-        saved = state.terms[self.name]
+    def touch(
+        self, saved: Saved, positions: NDArray[np.float64], poses: Mapping[str, Pose], origin: NDArray[np.float64]
+    ) -> Touch:
+        """Return the forces on both sides of all pairs; see `Contact.touch`."""
         on = np.flatnonzero(saved["push"])
         if not len(on):
             return NOTHING
-        x, quads = self.points.at(state.positions), self.pairs.carriers(on, saved["face"][on].astype(np.int64))
+        x, quads = self.points.at(positions), self.pairs.carriers(on, saved["face"][on].astype(np.int64))
         pairs = self.pairs.first[on], quads, saved["weights"][on], saved["normal"][on]
         shears = np.einsum("kij,kj->ki", frames(x, quads), saved["rub"][on])
         found = touching_points(x, pairs, saved["push"][on], shears, saved["slips"][on] > 0.0)
@@ -219,8 +226,8 @@ class OwnContact(ContactTerm):
             depths, _ = self.penetration.depths(self._from, DEEPEST * self._body.size)
         self._sunk, self._least = depths > 0.0, float(depths.max())
 
-    def _choose(self, found: Nearest) -> None:
-        """Choose the pairs that were found. Persisting pairs keep their forces."""
+    def _choose(self, found: Nearest, positions: NDArray[np.float64]) -> None:
+        """Choose the pairs that were found at ``positions`` (n, 3) [m]. Persisting pairs keep their forces."""
         near = np.flatnonzero((found.face >= 0) & (found.support >= LEAST))
         corners = self.pairs.carriers(near, found.face[near])
         give = self.pairs.give(self._yielding, near, corners, found.weights[near])
@@ -231,9 +238,9 @@ class OwnContact(ContactTerm):
         self._normals, self._partners = found.normal, found.face
         self._deepest = -float(found.gap.min(initial=0.0))
         self._chosen, self._stiffness = chosen, 1.0 / give[give > 0.0]
-        self._press, self._shear = self._presses[chosen], self._shears[chosen]
         self._now = Nearest(*(values[chosen] for values in found))
         self._anchors[...], self._turned = self._slip_before(), np.zeros((len(chosen), 3))
+        self.stencils = self.lay_out(positions, self._presses[chosen], self._shears[chosen])
 
     def _slip_before(self) -> NDArray[np.float64]:
         """Return the vectors (k, 3) [m] from the second member of each pair to the first, in the last state.
@@ -252,7 +259,7 @@ class OwnContact(ContactTerm):
         near.face[~(found["press"] > 0.0)] = -1
         self._slid, self._clear, self._from = None, False, self.points.at(self._last.positions)
         self._take_forces(found, x)
-        self._choose(near)
+        self._choose(near, positions)
         if self.near:
             self._slid, self._solved = self._slip_before(), self._now
             self.lead(found, positions)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Term of the potential for the contact of a rigid body with an obstacle or another rigid body."""
+"""Terms of the potential for the contact of a rigid body with an obstacle or another rigid body."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
-from gdfe_ros.constraints.distances import measure
+from gdfe_ros.constraints.distances import ORIGIN, measure
 from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.solver.body import Body
@@ -44,19 +44,21 @@ class RigidContact(Contact):
         super().__init__(name, touched, body, points, friction=friction, restitution=restitution)
         self._rigid = rigid
 
-    def _choose(self, saved: Saved, positions: NDArray[np.float64]) -> None:
-        """Choose the points as `Contact` does, and give those at edges of the touched thing a fixed plane.
+    def _fix_planes(self, places: NDArray[np.float64], positions: NDArray[np.float64]) -> None:
+        """Give the points at edges of the touched thing a fixed plane.
 
         Rounding decides by which face a point at an edge leaves. Its plane is the one that faces the centre of the body
         to which the point belongs.
         """
-        super()._choose(saved, positions)
         near = np.flatnonzero(np.abs(self._distances[self._chosen]) < AT_EDGE * self._body.size)
         if self._radius > 0.0 or not len(near):
             return
-        places, shift = self._points.at(positions)[self._chosen], BESIDE * self._body.size
-        beside = [measure(places[near] + shift * way, *self._obstacle)[1] for way in (*np.eye(3), *-np.eye(3))]
+        shift = BESIDE * self._body.size
+        around = places[near] + shift * np.concatenate([np.eye(3), -np.eye(3)])[:, None]
+        beside = measure(around.reshape(-1, 3), *self._obstacle)[1].reshape(around.shape)
         edge = near[np.linalg.norm(np.ptp(beside, axis=0), axis=1) > SMOOTH]
+        if not len(edge):
+            return
         facing = measure(positions[self._rigid.vertices].mean(axis=0)[None], *self._obstacle)[1][0]
         if not facing.any():
             return
@@ -89,3 +91,38 @@ class RigidContact(Contact):
             return np.setdiff1d(ConvexHull(hull).vertices, len(own))
         except QhullError:
             return np.arange(len(own))
+
+
+class RoundContact(RigidContact):
+    """Contact of a rigid body that is a ball or a row of balls; its points are the centres of the balls.
+
+    For a sticking point, the state stores the slip of the material point in contact, instead of an anchor position. The
+    reason is that a rolling ball touches with another material point in each step. A ball at rest thus does not creep.
+
+    Args:
+        rigid: the round body.
+        touched: the obstacle or rigid body that it must stay outside of.
+        body: the discretised body.
+    """
+
+    def __init__(self, rigid: RigidBody, touched: Obstacle, body: Body) -> None:
+        super().__init__(rigid, touched, body)
+        self._radius = rigid.form.rounding
+
+    def _set_anchors(self, saved: Saved, positions: NDArray[np.float64]) -> None:
+        """Set the material points that touched when the step began, and their places then minus the stored slip."""
+        state, chosen = self._last, self._chosen
+        before = positions if state is None else state.positions
+        pose = self._pose if state is None else state.poses[self._touched.name]
+        frame, centres = self._frame(before, pose), np.ascontiguousarray(self._points.at(before)[chosen])
+        normals = measure(centres, frame, self._form, self._touched.form.kind)[1]
+        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), np.finfo(float).tiny)
+        arms, slid = -self._radius * normals, saved["anchor"][chosen]
+        own = arms @ self._rigid.found(before)[1] @ self._rigid.signs.T
+        self._anchors[:, 3:] = self._points.weights[chosen] + own
+        began = (centres + arms - frame[ORIGIN:]) @ frame[:ORIGIN].reshape(3, 3)
+        self._anchors[:, :3] = began - np.where(np.isnan(slid), 0.0, slid)
+
+    def _kept(self) -> NDArray[np.float64]:
+        """Return the slips (k, 3) [m] of the material points along the surface, in the obstacle's frame."""
+        return self.stored(self.stencils.slips)

@@ -11,6 +11,7 @@ the gap and w' of the slip. Before the next step, they turn with the surfaces.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple, Self
 
@@ -18,8 +19,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.compiled import internal, kernel
+from gdfe_ros.constraints.distances import ORIGIN, distance_at, in_frame, in_world
 from gdfe_ros.materials.tensor import perpendicular
-from gdfe_ros.mesh.triples import cross, dot, unit
+from gdfe_ros.mesh.triples import corner, cross, dot, minus, unit
+from gdfe_ros.solver.contact.gap import nearness
 from gdfe_ros.solver.terms.term import as_arrays, term_kernel
 
 LOADS = 6
@@ -41,6 +44,7 @@ class Stencils(NamedTuple):
         planes: (k, 4) planes n . q = d in this frame that replace the surface; n = 0 stands for none, but for `PLANES`.
         fixed: (k,) whether a plane holds wherever the point leaves.
         offsets: (k,) [m] subtracted from the distances.
+        areas: (k,) [m^2] undeformed area of the faces around each point that correct its offset; 0 for none.
         ends: (k, c) vertices that move the point relative to what it touches.
         pressing, rubbing: (k, c) weights of these vertices in the displacements that change the gap, and the slip.
     """
@@ -54,26 +58,34 @@ class Stencils(NamedTuple):
     planes: NDArray[np.float64]
     fixed: NDArray[np.bool_]
     offsets: NDArray[np.float64]
+    areas: NDArray[np.float64]
     ends: NDArray[np.int32]
     pressing: NDArray[np.float64]
     rubbing: NDArray[np.float64]
 
     @classmethod
-    def unwritten(cls, presses: NDArray[np.float64], *others: NDArray) -> Self:
-        """Return stencils of points with normal forces (k,) [N] and ``others``, the arrays from `shears` on.
+    def blank(cls, count: int, width: int) -> Self:
+        """Return stencils of ``count`` points with ``width`` ends each; all numbers are 0."""
+        vectors, scalars, weights = np.zeros((4, count, 3)), np.zeros((3, count)), np.zeros((2, count, width))
+        places, held, shears, anchors = vectors
+        planes, fixed, ends = np.zeros((count, 4)), np.zeros(count, np.bool_), np.zeros((count, width), np.int32)
+        frames = places, np.zeros((count, 3, 3)), held, shears, scalars[0], anchors
+        return cls(*frames, planes, fixed, *scalars[1:], ends, *weights)
 
-        Places, axes and the friction forces along them are not written yet.
-        """
-        count = len(presses)
-        held = np.zeros((count, 3))
-        held[:, 0] = presses
-        return cls(np.empty((count, 3)), np.empty((count, 3, 3)), held, *others)
+    def part(self, first: int, last: int) -> Self:
+        """Return views of the points from ``first`` to before ``last``."""
+        return type(self)(*(each[first:last] for each in self))
 
     @classmethod
     def join(cls, parts: Sequence[Stencils], width: int) -> Self:
         """Return the stencils of all ``parts``, with ``width`` ends; those that are added have no weight."""
-        every = list(zip(NOTHING_NEAR, *parts, strict=True))
-        return cls(*map(np.concatenate, every[:-3]), *(pad_columns(columns, width) for columns in every[-3:]))
+        found, first = cls.blank(sum(len(part.fixed) for part in parts), width), 0
+        for part in parts:
+            own, first = found.part(first, first + len(part.fixed)), first + len(part.fixed)
+            own.ends[...] = part.ends[:, :1]
+            for whole, each in zip(own, part, strict=True):
+                whole[tuple(map(slice, each.shape))] = each
+        return found
 
     @property
     def slips(self) -> NDArray[np.float64]:
@@ -87,24 +99,71 @@ class Stencils(NamedTuple):
         return self.axes[:, 0] / np.where(length > 0.0, length, 1.0)
 
 
-NOTHING_NEAR = Stencils.unwritten(
-    *(np.zeros(0), np.zeros((0, 3)), np.zeros(0), np.zeros((0, 3)), np.zeros((0, 4)), np.zeros(0, np.bool_)),
-    *(np.zeros(0), np.zeros((0, 1), np.int32), *np.zeros((2, 0, 1))),
-)
-"""The stencils of no points."""
+PLANES = -1
+"""Kind of a surface of which each point has a plane of its own: that of the body itself."""
 
 
-def pad_columns(parts: Sequence[NDArray], width: int) -> NDArray:
-    """Return the rows of all ``parts`` (k, c, ...), filled up to ``width`` columns with the first index, or 0."""
-    kind = parts[0].dtype.kind
-    found, first = np.zeros((sum(map(len, parts)), width, *parts[0].shape[2:]), parts[0].dtype), 0
-    for part in parts:
-        own = found[first : first + len(part)]
-        own[:, : part.shape[1]] = part
-        if kind == "i":
-            own[:, part.shape[1] :] = part[:, :1]
-        first += len(part)
-    return found
+class Surfaces(NamedTuple):
+    """What the points of t contacts touch.
+
+    Attributes:
+        kind: (t,) kinds of shapes, or `PLANES`.
+        own: (t,) number of the ends of a point that move the point itself.
+        turning: (t,) whether a rigid body is touched: its four vertices are the last ends of each point.
+        frames: (t, 12) rotation, and origin [m], of each surface.
+        vertices: (t, 4) vertices of each rigid body.
+        signs: (t, 4, 3) [1/m] factors that give its rotation (`RigidBody.signs`).
+        form_start: (t + 1,) offsets of the numbers of each shape in ``forms``.
+        forms: numbers of all shapes (`gap.form_numbers`).
+    """
+
+    kind: NDArray[np.int64]
+    own: NDArray[np.int64]
+    turning: NDArray[np.bool_]
+    frames: NDArray[np.float64]
+    vertices: NDArray[np.int64]
+    signs: NDArray[np.float64]
+    form_start: NDArray[np.int64]
+    forms: NDArray[np.float64]
+
+    @classmethod
+    def of(cls, kind: int, own: int, form: NDArray[np.float64], *rigid: NDArray) -> Surfaces:
+        """Return one surface; ``rigid`` are the vertices (4,) and signs (4, 3) of a rigid body, if it is one."""
+        numbers, ends = [np.array([each]) for each in (kind, own, bool(rigid))], np.array([0, len(form)])
+        vertices, signs = rigid or (np.zeros(4), np.zeros((4, 3)))
+        frames = np.append(np.eye(3), np.zeros(3))[None]
+        return cls(*numbers, frames, vertices.astype(np.int64)[None], signs[None].copy(), ends, form)
+
+    @classmethod
+    def join(cls, parts: list[Surfaces]) -> Surfaces:
+        """Return all surfaces of ``parts``."""
+        starts = np.cumsum([0, *(len(part.forms) for part in parts)])
+        whole = [np.concatenate([part[k] for part in parts]) for k in range(6)]
+        return cls(*whole, starts, np.concatenate([part.forms for part in parts]))
+
+
+class GapFaces(NamedTuple):
+    """Faces between the points of t contacts, whose distances from what they touch correct the points' offsets.
+
+    Attributes:
+        start: (t + 1,) offsets of each contact's faces.
+        quads: (q, 4) int32 vertices.
+        gauss: (q, 4) [m^2] undeformed area that belongs to each Gauss point.
+    """
+
+    start: NDArray[np.int64]
+    quads: NDArray[np.int32]
+    gauss: NDArray[np.float64]
+
+    @classmethod
+    def join(cls, parts: Sequence[tuple[NDArray[np.int32], NDArray[np.float64]]]) -> GapFaces:
+        """Return the faces of all contacts; each of ``parts`` has the vertices and areas of those of a contact."""
+        starts = np.cumsum([0, *(len(quads) for quads, _ in parts)])
+        return cls(starts, *(np.concatenate(each) for each in zip(*parts, strict=True)))
+
+
+NO_FACES = np.zeros((0, 4), np.int32), np.zeros((0, 4))
+"""No faces, and no areas."""
 
 
 @internal
@@ -149,6 +208,143 @@ def add_loads(stencils, loads):
     """Do `add_load` for all points."""
     for i in range(len(stencils.ends)):
         add_load(stencils, i, loads)
+
+
+@kernel
+def take_frames(x, surfaces, frames):
+    """Write the frames (t, 12) of rigid bodies with vertices at ``x`` (n, 3) [m]."""
+    for t in range(len(surfaces.kind)):
+        if not surfaces.turning[t]:
+            continue
+        frame = frames[t]
+        frame[:] = 0.0
+        for a in range(4):
+            v = surfaces.vertices[t, a]
+            for i in range(3):
+                frame[ORIGIN + i] += 0.25 * x[v, i]
+                for j in range(3):
+                    frame[3 * i + j] += x[v, i] * surfaces.signs[t, a, j]
+
+
+@internal
+def place_of(x, ends, weights, i, own):
+    """Return the mean (3,) [m] of the first ``own`` ends of a point with its weights."""
+    p0, p1, p2 = 0.0, 0.0, 0.0
+    for a in range(own):
+        v, w = ends[i, a], weights[i, a]
+        p0, p1, p2 = p0 + w * x[v, 0], p1 + w * x[v, 1], p2 + w * x[v, 2]
+    return p0, p1, p2
+
+
+@internal
+def measure_gap(stencils, surfaces, t, i, p):
+    """Return the signed distance [m] of a point at ``p`` (3,) from what it touches, and its gradient (3,)."""
+    frame, form = surfaces.frames[t], surfaces.forms[surfaces.form_start[t] : surfaces.form_start[t + 1]]
+    a, b, c, d = stencils.planes[i, 0], stencils.planes[i, 1], stencils.planes[i, 2], stencils.planes[i, 3]
+    if surfaces.kind[t] == PLANES:
+        return a * p[0] + b * p[1] + c * p[2] - d, a, b, c
+    g, nx, ny, nz = distance_at(surfaces.kind[t], frame, form, p[0], p[1], p[2])
+    if a == 0.0 and b == 0.0 and c == 0.0:
+        return g, nx, ny, nz
+    ex, ey, ez = in_world(frame, a, b, c)
+    # Where the surface pushes the point out on the plane's side itself, it serves.
+    if nx * ex + ny * ey + nz * ez > 0.0 and not stencils.fixed[i]:
+        return g, nx, ny, nz
+    u = in_frame(frame, p[0] - frame[ORIGIN], p[1] - frame[ORIGIN + 1], p[2] - frame[ORIGIN + 2])
+    return a * u[0] + b * u[1] + c * u[2] - d, ex, ey, ez
+
+
+@internal
+def find_point(x, surfaces, t, i, stencils):
+    """Write the stencil of point ``i``, which may touch surface ``t``; its forces turn with the surface."""
+    own, frame = surfaces.own[t], surfaces.frames[t]
+    p, q = place_of(x, stencils.ends, stencils.pressing, i, own), place_of(x, stencils.ends, stencils.rubbing, i, own)
+    g, nx, ny, nz = measure_gap(stencils, surfaces, t, i, p)
+    anchor = stencils.anchors[i, 0], stencils.anchors[i, 1], stencils.anchors[i, 2]
+    if surfaces.turning[t]:
+        u = in_frame(frame, p[0] - frame[ORIGIN], p[1] - frame[ORIGIN + 1], p[2] - frame[ORIGIN + 2])
+        for a in range(4):
+            sign = surfaces.signs[t, a, 0], surfaces.signs[t, a, 1], surfaces.signs[t, a, 2]
+            stencils.pressing[i, own + a] = -0.25 - dot(u, sign)
+            stencils.rubbing[i, own + a] = -0.25 - dot(anchor, sign)
+    began = in_world(frame, anchor[0], anchor[1], anchor[2])
+    s0, s1 = q[0] - frame[ORIGIN] - began[0], q[1] - frame[ORIGIN + 1] - began[1]
+    slip = s0, s1, q[2] - frame[ORIGIN + 2] - began[2]
+    set_axes(i, g - stencils.offsets[i], (nx, ny, nz), slip, stencils)
+
+
+@internal
+def correct_offsets(x, surfaces, faces, owner, stencils):
+    """Write the offsets [m] of points with faces around them.
+
+    Between its corners, a flat face comes nearer to a round obstacle than at its corners. The error of a face is the
+    distance interpolated between its corners, minus the true distance. The offset of a vertex is the mean of this error
+    over the faces around it, at least 0. On a ball the offsets halve the error of the gaps.
+    """
+    for t in range(len(surfaces.kind)):
+        first, last = faces.start[t], faces.start[t + 1]
+        if first == last:
+            continue
+        nearer, form = np.zeros(len(x)), surfaces.forms[surfaces.form_start[t] : surfaces.form_start[t + 1]]
+        quads, gauss = faces.quads[first:last], faces.gauss[first:last]
+        nearness(x, quads, gauss, surfaces.frames[t], form, surfaces.kind[t], nearer)
+        for i in range(len(owner)):
+            if owner[i] == t and stencils.areas[i] > 0.0:
+                stencils.offsets[i] = max(0.0, nearer[stencils.ends[i, 0]] / stencils.areas[i])
+
+
+@kernel
+def find_stencils(x, surfaces, faces, owner, stencils):
+    """Write the stencils of all points; ``owner`` (k,) are the numbers of their surfaces."""
+    take_frames(x, surfaces, surfaces.frames)
+    correct_offsets(x, surfaces, faces, owner, stencils)
+    for i in range(len(owner)):
+        find_point(x, surfaces, owner[i], i, stencils)
+
+
+@kernel
+def sum_wrench(x, stencils, own, origin, forces):
+    """Return the sum of ``forces`` (k, 3) [N] of points and their moment [N m] about ``origin`` (3,), together (6,).
+
+    The forces act where friction does: at the mean of the first ``own`` ends.
+    """
+    found = np.zeros(6)
+    for i in range(len(forces)):
+        p, f = place_of(x, stencils.ends, stencils.rubbing, i, own), corner(forces, i)
+        moment = cross(minus(p, (origin[0], origin[1], origin[2])), f)
+        for axis in range(3):
+            found[axis] += f[axis]
+            found[3 + axis] += moment[axis]
+    return found
+
+
+@kernel
+def find_pressing(x, surfaces, owner, stencils, chosen, axes, held, blocks):
+    """Write unit axes (c, 3, 3) and forces (c, 3) [N] along them of ``chosen`` points (c,), and the derivatives.
+
+    These are the ``blocks`` (c, e, 3, 3) of gaps and slips with respect to the ends. On a touched rigid body, friction
+    acts at the points' present places at ``x`` (n, 3) [m], not at those where their slips began.
+    """
+    for c in range(len(chosen)):
+        i = chosen[c]
+        t = owner[i]
+        own, frame, normal = surfaces.own[t], surfaces.frames[t], corner(stencils.axes[i], 0)
+        length = math.sqrt(dot(normal, normal))  # below 1 at edges of a surface of triangles
+        q = place_of(x, stencils.ends, stencils.rubbing, i, own)
+        u = in_frame(frame, q[0] - frame[ORIGIN], q[1] - frame[ORIGIN + 1], q[2] - frame[ORIGIN + 2])
+        for k in range(3):
+            share = length if k == 0 else 1.0
+            held[c, k] = share * stencils.held[i, k]
+            for j in range(3):
+                axes[c, k, j] = stencils.axes[i, k, j] / share
+        for a in range(stencils.ends.shape[1]):
+            rubbing = stencils.rubbing[i, a]
+            if surfaces.turning[t] and own <= a < own + 4:
+                rubbing = -0.25 - dot(u, corner(surfaces.signs[t], a - own))
+            for k in range(3):
+                weight = stencils.pressing[i, a] if k == 0 else rubbing
+                for j in range(3):
+                    blocks[c, a, k, j] = weight * axes[c, k, j]
 
 
 @kernel

@@ -10,15 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from gdfe_ros.actuators.load import GAUSS, corner_areas
+from gdfe_ros.actuators.load import corner_areas
 from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.mesh.tet_faces import flat_quads
 from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.contact.gap import SHAPE
 from gdfe_ros.solver.contact.near import incidence
-
-SIGNS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
-SHAPE = np.stack([0.25 * (1.0 + GAUSS * SIGNS * point).prod(axis=1) for point in SIGNS])
-"""(4, 4) weights of a face's corners at each of its Gauss points."""
+from gdfe_ros.solver.contact.stencil import NO_FACES
 
 TURNED = 6.0
 """Upper bound of the displacement of a point near a rigid body, in the frame of that body, divided by the largest
@@ -162,6 +160,8 @@ class ContactSurface(CarriedPoints):
 
         Skin points are ignored.
         """
+        if not len(points):
+            return NO_FACES
         corners = self.carriers[points[np.isfinite(self.areas[points])], 0]
         chosen = np.isin(self.quads, corners).any(axis=1)
         return self.quads[chosen], self.gauss[chosen]

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Contact result: the vertices that touch an obstacle, or another part of the body."""
+"""Contact results: the vertices that touch an obstacle, or another part of the body."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -54,3 +55,29 @@ NOTHING = Touch(
     slips=np.zeros(0, dtype=np.bool_),
 )
 """The contact result of an obstacle that nothing touches."""
+
+
+class Touches(Mapping[str, Touch]):
+    """The contacts in a state, by name. Each is found when it is first read.
+
+    Args:
+        found: dict from name to a function that returns the contact.
+    """
+
+    def __init__(self, found: Mapping[str, Callable[[], Touch]]) -> None:
+        self._found: dict[str, Callable[[], Touch] | Touch] = dict(found)
+
+    def __getitem__(self, name: str) -> Touch:
+        found = self._found[name]
+        if not isinstance(found, Touch):
+            found = self._found[name] = found()
+        return found
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._found)
+
+    def __len__(self) -> int:
+        return len(self._found)
+
+    def __reduce__(self) -> tuple[type, tuple[dict[str, Touch]]]:
+        return dict, (dict(self),)

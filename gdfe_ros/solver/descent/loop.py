@@ -248,9 +248,3 @@ def descend(problem, work, metric, size, target, proven, most, limit, begins):
         if found == 0 or not move(problem, work, metric, size, target, proven, found == 2):
             return iteration
     return limit
-
-
-@kernel
-def move_once(problem, work, metric, size, target, proven, descends):
-    """Do `move` for a caller in Python."""
-    return move(problem, work, metric, size, target, proven, descends)

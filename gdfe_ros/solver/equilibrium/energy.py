@@ -85,8 +85,7 @@ class EquilibriumSolver:
         self.whole = whole if softening else replace(whole, softening=whole.softening[:0])
         level = TangentLevel(body, self.matrix.assembled, self.actuation.terms)
         moving, touching = predictor is not None, self.actuation.contacts
-        given = touching, self.actuation.held, body.unknowns, len(body.rest)
-        forces = ContactForces(*given) if touching else None
+        forces = ContactForces(self.actuation.held, body.unknowns, len(body.rest)) if touching else None
         self.minimiser = Minimiser(body, stiffness, level, moving=moving, contact_forces=forces)
         own = self.actuation, self.handles, self.minimiser
         self.model = Model(body, *own, self.whole, self.whole.threads(threads), moving)

@@ -12,12 +12,17 @@ from gdfe_ros.actuators.actuator import Actuator, ActuatorState, Cable, Chamber,
 from gdfe_ros.actuators.load import Load, PressureLoad
 from gdfe_ros.compiled import kernel
 from gdfe_ros.constraints import Pose
+from gdfe_ros.constraints.obstacle import Obstacle
+from gdfe_ros.constraints.rigid_body import rigid_pairs
 from gdfe_ros.materials.tensor import scaled
 from gdfe_ros.mesh.triples import corner, cross, minus, plus
 from gdfe_ros.solver.body import Body, Growths
 from gdfe_ros.solver.contact.contact import Contact
-from gdfe_ros.solver.contact.contact_term import HeldLoads
-from gdfe_ros.solver.contact.pairs import contacts_of
+from gdfe_ros.solver.contact.contact_term import ContactTerm
+from gdfe_ros.solver.contact.field import HeldLoads
+from gdfe_ros.solver.contact.own_contact import OwnContact
+from gdfe_ros.solver.contact.rigid_contact import RigidContact, RoundContact
+from gdfe_ros.solver.contact.surface import ContactSurface
 from gdfe_ros.solver.elements.blocks import Operators
 from gdfe_ros.solver.forces.grip import GripTerm
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
@@ -52,7 +57,7 @@ class Actuation:
         neutral: dict from actuator or load name to the command without effect.
         loaded: names of the loads.
         contacts: contact terms of the obstacles, and the self-contact term.
-        held: the dead loads that stand for the forces of all contacts.
+        held: the near points of all contacts, and the dead loads that stand for their forces.
     """
 
     def __init__(
@@ -72,7 +77,7 @@ class Actuation:
         self._more = tuple(terms)
         self._commanded = *self._loads, *driven
         self.terms: tuple[Term, ...] = *self._commanded, *self.contacts, *self._more
-        self.held = HeldLoads(len(body.rest))
+        self.held = HeldLoads(body, self.contacts)
         self.table = TermTable.pack((*self.terms, self.held) if self.contacts else self.terms)
         self.growths = Growths(body, self.actuators)
         self._driven = {term.name: term for term in driven}
@@ -115,7 +120,7 @@ class Actuation:
                 term.leave_out([pair for grip in self.grips for pair in grip.pairs])
             term.begin(commands, saved[term.name], positions, ratio)
         if self.contacts:
-            self.held.take(self.contacts, positions)
+            self.held.take(positions)
 
     def update(self, positions: NDArray[np.float64]) -> float:
         """Update the multipliers; return the largest error of a constraint, divided by the body's size."""
@@ -133,6 +138,8 @@ class Actuation:
 
     def finish(self, saved: Mapping[str, Saved], positions: NDArray[np.float64]) -> dict[str, Saved]:
         """Return a dict from term name to the state to store after a solve that ended at ``positions`` (n, 3) [m]."""
+        if self.contacts:
+            self.held.look(positions)
         return {term.name: term.finish(saved[term.name], positions) for term in self.terms}
 
     def unstable(
@@ -201,6 +208,20 @@ class Actuation:
             potential=more + sum(potential for potential, _ in found.values()),
             slopes={name: slope for name, (_, slope) in found.items()},
         )
+
+
+def contacts_of(body: Body) -> list[ContactTerm]:
+    """Return all contact terms: of the soft body with obstacles, rigid bodies and itself, and of each rigid body."""
+    touched = [handle for handle in body.handles if isinstance(handle, Obstacle)]
+    surface, found = ContactSurface.of(body) if touched else None, []
+    for thing in touched:
+        found.append(Contact(thing.name, thing, body, surface, friction=thing.friction, restitution=thing.restitution))
+    for rigid, thing in rigid_pairs(touched):
+        kind = RoundContact if rigid.form.rounding > 0.0 else RigidContact
+        found.append(kind(rigid, thing, body))
+    if body.self_contact is not None:
+        found.append(OwnContact(body.self_contact, body))
+    return found
 
 
 def inflated(name: str, last: Mapping[str, float], commands: Mapping[str, float]) -> str:

@@ -7,6 +7,7 @@ import threading
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +16,7 @@ from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact.contact_forces import ContactForces
 from gdfe_ros.solver.descent.active_set import ActiveSet
 from gdfe_ros.solver.descent.arc import follow_arc_once
-from gdfe_ros.solver.descent.loop import ENDLESS, Metric, descend, move_once, precondition
+from gdfe_ros.solver.descent.loop import ENDLESS, Metric, descend, precondition
 from gdfe_ros.solver.descent.search import ROUNDING, advance
 from gdfe_ros.solver.descent.workspace import Problem, Workspace, numbers
 from gdfe_ros.solver.matrix.assembly import Tangent
@@ -156,8 +157,6 @@ class Minimiser:
             if task.active.ended is Outcome.NONE and (done >= limit or past(task.deadline)):
                 task.active.status["ended"] = Outcome.CUT
             if task.active.ended is not Outcome.NONE:
-                if self.contact_forces is not None:
-                    self.contact_forces.return_forces()
                 return done
 
     def _follow_terms(self, task: Task) -> None:
@@ -181,21 +180,13 @@ class Minimiser:
         begins: bool,
     ) -> int:
         """Do `descend` with contact: each step gets the contact forces with which it keeps the laws of contact."""
-        forces, tangent = self.contact_forces, self.tangent
+        tangent = self.tangent
         key = (None,) if tangent is None else (tangent.blocks, tangent.springs)
         if begins:
             descend(problem, work, metric, size, target, proven, most, 0, begins)  # only evaluates all terms
-        for iteration in range(limit):
-            found = forces.begin_step(problem, work, metric, size, most)
-            if found and forces.approach(work):
-                found = forces.answer(problem, work, metric, key, size, target)
-            self._show(work, begins=True)  # other forces have another energy
-            if found == 0 or not move_once(problem, work, metric, size, target, proven, found == 2):
-                return iteration
-            if not forces.settles(work, metric.trust):
-                numbers(work)["ended"] = Outcome.GIVEN_UP
-                return iteration + 1
-        return limit
+        show = partial(self._show, work, begins=True) if self.observer else None  # other forces have another energy
+        minimum = size, target, proven, most
+        return self.contact_forces.descend(problem, work, metric, key, minimum, limit, show)
 
     def precondition(self, task: Task, gradient: NDArray[np.float64], step: NDArray[np.float64]) -> None:
         """Write the product of M^-1 and ``gradient`` (3 r,) [N] to ``step`` (3 r,) [m]."""

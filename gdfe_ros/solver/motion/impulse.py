@@ -15,7 +15,7 @@ published forces are L / h.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -25,7 +25,8 @@ from gdfe_ros.solver import outcome
 from gdfe_ros.solver.contact.complementarity import solve_laws
 from gdfe_ros.solver.contact.compliance import join, project, pull
 from gdfe_ros.solver.contact.contact_term import ROUNDING, ContactTerm
-from gdfe_ros.solver.contact.stencil import pad_columns
+from gdfe_ros.solver.contact.field import HeldLoads
+from gdfe_ros.solver.contact.stencil import add_loads, find_pressing
 from gdfe_ros.solver.motion.inertia import NAME, FreeMass
 from gdfe_ros.solver.motion.scheme import Kinematics, Rule
 from gdfe_ros.solver.settings import Dynamics
@@ -35,40 +36,47 @@ Array = NDArray[np.float64]
 
 
 class Pressing(NamedTuple):
-    """Points of one contact that press at the end of a step.
+    """The points of all contacts that press at the end of a step.
 
     Attributes:
-        contact: the term.
-        chosen: (k,) their places among the near points.
+        chosen: (k,) their numbers among the near points of all contacts.
+        ends: (t + 1,) the first of them that belongs to each of t contacts, and their number.
         axes: (k, 3, 3) unit normals and tangents.
-        ends: (k, c) vertices that move the points.
+        vertices: (k, c) vertices that move the points.
         blocks: (k, c, 3, 3) derivatives of gaps and slips with respect to these vertices.
-        led: (k, 3) [m] displacement of what commanded poses move.
+        led: (k, 3) [m] displacement along the axes of what commanded poses move.
         first: (k, 3) [N] multipliers along the axes.
-        soft: (k,) [m/N] compliance of springs.
+        soft, friction, restitution: (k,) compliances of springs [m/N], and coefficients.
     """
 
-    contact: ContactTerm
     chosen: NDArray[np.int64]
-    axes: Array
     ends: NDArray[np.int64]
+    axes: Array
+    vertices: NDArray[np.int32]
     blocks: Array
     led: Array
     first: Array
     soft: Array
+    friction: Array
+    restitution: Array
 
     @classmethod
-    def of(cls, contact: ContactTerm, positions: Array, before: State) -> Pressing:
-        """Return the points of ``contact`` that press at ``positions`` (n, 3) [m] after the state ``before``."""
-        found = contact.present_stencils(positions)
-        on = np.flatnonzero(found.held[:, 0] > 0.0)
-        axes, held = found.axes[on], found.held[on]
-        length = np.linalg.norm(axes[:, 0], axis=1)  # below 1 at edges of a surface of triangles
-        axes[:, 0] /= length[:, None]
-        held[:, 0] *= length
-        weights = np.stack([found.pressing[on], found.rubbing[on], found.rubbing[on]], axis=2)
-        blocks, led = weights[..., None] * axes[:, None], contact.led(positions, before)[on]
-        return cls(contact, on, axes, found.ends[on], blocks, np.einsum("kai,ki->ka", axes, led), held, found.soft[on])
+    def of(cls, held: HeldLoads, positions: Array, before: State) -> Pressing:
+        """Return the points that press at ``positions`` (n, 3) [m] after the state ``before``."""
+        field = held.gather()
+        on = np.flatnonzero(field.stencils.held[:, 0] > 0.0)
+        axes, first, led = np.empty((len(on), 3, 3)), *np.zeros((2, len(on), 3))
+        blocks = np.empty((len(on), field.stencils.ends.shape[1], 3, 3))
+        find_pressing(positions, field.surfaces, field.owner, field.stencils, on, axes, first, blocks)
+        ends, vertices = (
+            np.searchsorted(on, [first for first, _ in held.parts] + [len(field.owner)]),
+            field.stencils.ends,
+        )
+        more = field.stencils.soft[on], field.friction[on], field.restitution[on]
+        found = cls(on, ends, axes, vertices[on], blocks, led, first, *more)
+        for contact, own in _each(held, found):
+            led[own] = contact.led(positions, before)[on[own] - held.parts[held.contacts.index(contact)][0]]
+        return found._replace(led=np.einsum("kai,ki->ka", axes, led))
 
 
 class ContactImpulses:
@@ -95,18 +103,19 @@ class ContactImpulses:
     def __init__(self, mass: FreeMass) -> None:
         self._mass = mass
 
-    def add(self, dynamics: Dynamics, before: State, now: State, h: float, contacts: Sequence[ContactTerm]) -> State:
-        """Return ``now``, the state after a step of length ``h`` [s] from ``before``, with velocities by impulses."""
-        acting, x, saved = [contact for contact in contacts if contact.acts], now.positions, now.terms[NAME]
-        if not (acting and any(contact.near for contact in contacts)):
+    def add(self, dynamics: Dynamics, before: State, now: State, h: float, held: HeldLoads) -> State:
+        """Return ``now``, the state after a step of length ``h`` [s] from ``before``, with velocities by impulses.
+
+        ``held`` has the near points of the contacts, and their stencils at the positions of ``now``.
+        """
+        acting, x, saved = any(contact.acts for contact in held.contacts), now.positions, now.terms[NAME]
+        if not (acting and any(contact.near for contact in held.contacts)):
             return now
-        rule, multipliers = Rule.of(dynamics, h, Kinematics.of(before.terms[NAME])), np.zeros_like(x)
-        for contact in acting:
-            contact.add_forces(multipliers)
-        moved = self._mass.accelerated(multipliers, x) / rule.kappa
+        rule, slopes = Rule.of(dynamics, h, Kinematics.of(before.terms[NAME])), np.zeros_like(x)
+        add_loads(held.gather().stencils, slopes)
+        moved = self._mass.accelerated(-slopes, x) / rule.kappa
         velocity = saved["velocity"] - rule.theta * moved
-        parts = [Pressing.of(contact, x, before) for contact in acting]
-        gained, now = self._strike(parts, velocity, 2.0 / (rule.kappa * h), before, now, h)
+        gained, now = self._strike(held, velocity, 2.0 / (rule.kappa * h), before, now, h)
         kept = {
             **saved,
             "velocity": velocity + gained,
@@ -119,95 +128,95 @@ class ContactImpulses:
         return now.with_(terms={**now.terms, NAME: kept})
 
     def _strike(
-        self, parts: Sequence[Pressing], velocity: Array, time: float, before: State, now: State, h: float
+        self, held: HeldLoads, velocity: Array, time: float, before: State, now: State, h: float
     ) -> tuple[Array, State]:
         """Return the change (n, 3) [m/s] of ``velocity`` by the impulses, and ``now`` with the mean forces.
 
         ``time`` [s] times the multipliers are the impulses if the contacts push steadily.
         """
-        sizes, contacts = [len(part.chosen) for part in parts], [part.contact for part in parts]
-        count, vertices = sum(sizes), np.unique(np.concatenate([part.ends.ravel() for part in parts]))
+        part, x = Pressing.of(held, now.positions, before), now.positions
+        count, width = part.vertices.shape
         if not count:
             return np.zeros_like(velocity), now
-        friction = np.repeat([float(contact.friction) for contact in contacts], sizes)
-        restitution = np.repeat([float(contact.restitution) for contact in contacts], sizes)
-        width = max(part.ends.shape[1] for part in parts)
-        rows = pad_columns([np.searchsorted(vertices, part.ends) for part in parts], width)
-        blocks = pad_columns([part.blocks for part in parts], width)
-        counts = np.repeat([part.ends.shape[1] for part in parts], sizes)
-        given, (came, speeds) = (rows, blocks, counts), np.empty((2, count, 3))
-        w, led = np.empty((3 * count, 3 * count)), np.concatenate([part.led for part in parts]) / h
+        place, between = self._mass.inverse(x, part.vertices)
+        given, every = (part.vertices.astype(np.int64), part.blocks, np.full(count, width)), np.arange(count)
+        came, speeds, w = *np.empty((2, count, 3)), np.empty((3 * count, 3 * count))
         for found, of in ((came, before.terms[NAME]["velocity"]), (speeds, velocity)):
-            project(of[vertices].ravel(), *given, found)
-            found -= led
-        speeds[:, 0] += restitution * np.minimum(np.maximum(came[:, 0], speeds[:, 0]), 0.0)
-        between, every = self._mass.inverse(now.positions, vertices), np.arange(count)
-        join(every, *given, np.arange(len(vertices)), between, np.zeros((0, 9)), w)
-        w[3 * every, 3 * every] += np.concatenate([part.soft for part in parts]) / h**2
-        impulses, scale = time * np.concatenate([part.first for part in parts]).ravel(), float(np.abs(speeds).max())
-        left = solve_laws(w, speeds.ravel(), friction, impulses, self.EXACT * scale, self.FAINT * scale)
+            project(of.ravel(), *given, found)
+            found -= part.led / h
+        speeds[:, 0] += part.restitution * np.minimum(np.maximum(came[:, 0], speeds[:, 0]), 0.0)
+        join(every, *given, place, between, np.zeros((0, 9)), w)
+        w[3 * every, 3 * every] += part.soft / h**2
+        impulses, scale = time * part.first.ravel(), float(np.abs(speeds).max())
+        left = solve_laws(w, speeds.ravel(), part.friction, impulses, self.EXACT * scale, self.FAINT * scale)
         slips = (speeds.ravel() + w @ impulses).reshape(-1, 3)[:, 1:] - came[:, 1:]
-        now = self._told(parts, impulses.reshape(-1, 3), slips, now, left if left > self.SETTLED * scale else 0.0)
         pulls, impulses = np.zeros_like(velocity), impulses.reshape(-1, 3)
-        local = np.zeros(3 * len(vertices))
-        pull(impulses, *given, local)
-        pulls[vertices] = local.reshape(-1, 3)
-        return self._mass.accelerated(pulls, now.positions), _publish(parts, impulses / h, before, now)
+        now = self._told(held, part, impulses, slips, now, left if left > self.SETTLED * scale else 0.0)
+        pull(impulses, *given, pulls.reshape(-1))
+        return self._mass.accelerated(pulls, x), _publish(held, part, impulses / h, before, now)
 
-    def _told(self, parts: Sequence[Pressing], impulses: Array, slips: Array, now: State, left: float) -> State:
+    def _told(self, held: HeldLoads, part: Pressing, impulses: Array, slips: Array, now: State, left: float) -> State:
         """Return ``now`` with sentences about grips that slip, and about laws that are violated by ``left`` [m/s].
 
         ``impulses`` (k, 3) [N s] and changes ``slips`` (k, 2) [m/s] of the slip speeds are those of all points.
         """
-        texts, ends = [now.summary.message], np.cumsum([len(part.chosen) for part in parts])[:-1]
-        for part, own, gained in zip(parts, np.split(impulses, ends), np.split(slips, ends), strict=True):
-            texts.append(self._find_slip(part, own, gained))
+        texts, pressing = [now.summary.message], []
+        for contact, own in _each(held, part):
+            pressing.append(contact.name)
+            texts.append(self._find_slip(contact, part, own, impulses[own], slips[own]))
         if left:
-            names = ", ".join(part.contact.name for part in parts if len(part.chosen))
+            names = ", ".join(pressing)
             text = f"the impulses of the contacts {names} leave {left:.3g} m/s; remedy: a smaller dynamics.step"
             texts.append(text)
         converged = now.summary.converged and not left
         return now.with_(summary=changed(now.summary, converged=converged, message=outcome.join(*texts)))
 
-    def _find_slip(self, part: Pressing, impulses: Array, gained: Array) -> str:
+    def _find_slip(self, contact: ContactTerm, part: Pressing, own: slice, impulses: Array, gained: Array) -> str:
         """Return a sentence if a rigid body slips out of a grip, with the friction that would hold it; else "".
 
         A grip presses on a body from opposite sides, and all of its points slip. ``impulses`` (k, 3) [N s] are those of
-        the points. The missing one is the body's mass times the mean of the slip speeds ``gained`` (k, 2) [m/s].
+        its ``own`` points. The missing one is the body's mass times the mean of slip speeds ``gained`` (k, 2) [m/s].
         """
-        friction, mass = part.contact.friction, part.contact.held_mass
+        friction, mass, axes = contact.friction, contact.held_mass, part.axes[own]
         if not mass:
             return ""
-        push, rub = impulses[:, 0], np.einsum("ka,kai->ki", impulses[:, 1:], part.axes[:, 1:])
-        squeezed = np.linalg.norm(push @ part.axes[:, 0]) < self.OPPOSED * push.sum()
+        push, rub = impulses[:, 0], np.einsum("ka,kai->ki", impulses[:, 1:], axes[:, 1:])
+        squeezed = np.linalg.norm(push @ axes[:, 0]) < self.OPPOSED * push.sum()
         sticks = np.linalg.norm(rub, axis=1) < (1.0 - ROUNDING) * friction * push
         if not squeezed or sticks.any():
             return ""
-        slips = np.einsum("ka,kai->ki", gained, part.axes[:, 1:])
+        slips = np.einsum("ka,kai->ki", gained, axes[:, 1:])
         needed = float(np.linalg.norm(rub.sum(axis=0) - mass * slips.mean(axis=0)) / push.sum())
         if not needed > self.LACKING * friction:
             return ""
-        where = ", ".join(map(str, np.unique(part.ends[push > 0.0, 0])[: self.LISTED]))
-        text = f"{part.contact.name} slips out of its grip at vertices {where}: its friction is {friction:.4g}"
+        where = ", ".join(map(str, np.unique(part.vertices[own][push > 0.0, 0])[: self.LISTED]))
+        text = f"{contact.name} slips out of its grip at vertices {where}: its friction is {friction:.4g}"
         return f"{text}, and about {needed:.4g} would hold it"
 
 
-def _publish(parts: Sequence[Pressing], forces: Array, before: State, now: State) -> State:
+def _each(held: HeldLoads, part: Pressing) -> Iterator[tuple[ContactTerm, slice]]:
+    """Yield each contact that has pressing points, and their numbers among all pressing points."""
+    for contact, first, last in zip(held.contacts, part.ends[:-1], part.ends[1:], strict=True):
+        if last > first:
+            yield contact, slice(first, last)
+
+
+def _publish(held: HeldLoads, part: Pressing, forces: Array, before: State, now: State) -> State:
     """Return ``now`` with the mean forces (k, 3) [N] of the points in the contacts' states and in the reactions.
 
     The work of obstacles on rigid bodies, which no reaction contains, is added to the ledger.
     """
-    terms, reactions, first, work = dict(now.terms), dict(now.summary.reactions), 0, now.ledger.work
-    for part in parts:
-        contact, last = part.contact, first + len(part.chosen)
-        pushes, shears, own = np.zeros(contact.count), np.zeros((contact.count, 3)), forces[first:last]
-        pushes[part.chosen] = own[:, 0]
-        shears[part.chosen] = np.einsum("ka,kai->ki", own[:, 1:], part.axes[:, 1:])
-        name, first = contact.name, last
+    terms, reactions, work, owners = dict(now.terms), dict(now.summary.reactions), now.ledger.work, held.parts
+    rubs = np.einsum("ka,kai->ki", forces[:, 1:], part.axes[:, 1:])
+    firsts = {contact.name: first for contact, (first, _) in zip(held.contacts, owners, strict=True)}
+    for contact, own in _each(held, part):
+        pushes, shears, name = np.zeros(contact.count), np.zeros((contact.count, 3)), contact.name
+        at = part.chosen[own] - firsts[name]
+        pushes[at], shears[at] = forces[own, 0], rubs[own]
         terms[name] = contact.exerted(before.terms[name], terms[name], pushes, shears)
         if contact.on_body:
             reactions[name] = contact.wrench(now.positions, terms[name])
         else:
-            work += float(np.vdot(own, part.led))
+            work += float(np.vdot(forces[own], part.led[own]))
     ledger = changed(now.ledger, work=work)
     return now.with_(terms=terms, summary=changed(now.summary, reactions=reactions), ledger=ledger)

@@ -73,6 +73,8 @@ class FreeMass:
         moves.reshape(-1)[body.unknowns.fixed] = False
         self._free = [free[along] for along in moves.T]
         self._rigid = np.array(rigid, dtype=np.int32).reshape(-1, 4)
+        self._place, self._known = np.full(len(body.rest), -1, dtype=np.int64), np.zeros(0, dtype=np.int64)
+        self._between = np.zeros((0, 0))
 
     @cached_property
     def _parts(self) -> list[tuple[list[int], NDArray[np.intp], LuFactor, dict[int, NDArray[np.float64]]]]:
@@ -93,33 +95,45 @@ class FreeMass:
         """
         acceleration = np.zeros_like(forces)
         for axes, free, factor, _ in self._parts:
-            acceleration[np.ix_(free, axes)] = factor.solve(forces[np.ix_(free, axes)])
+            own = free if len(axes) == 3 else np.ix_(free, axes)
+            acceleration[own] = factor.solve(forces[own])
         if positions is not None and len(self._rigid):
             acceleration[self._rigid] = rigid_part(positions[self._rigid], acceleration[self._rigid])
         return acceleration
 
-    def inverse(self, positions: NDArray[np.float64], vertices: NDArray[np.int64]) -> NDArray[np.float64]:
-        """Return the inverse mass (3 m, 3 m) [1/kg] between ``vertices`` (m,), ascending, at positions (n, 3) [m].
+    def inverse(
+        self, positions: NDArray[np.float64], vertices: NDArray[np.int32]
+    ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+        """Return the inverse mass (3 m, 3 m) [1/kg] between some vertices, and the place (n,) of each vertex in it.
 
-        If a vertex of a rigid body is among them, all four must be.
+        The ``vertices``, of any shape, are among them. Rigid bodies are those at ``positions`` (n, 3) [m]; if a vertex
+        of a rigid body is among ``vertices``, all four must be. The caller must not modify the results.
         """
-        found, place = np.zeros((len(vertices), 3, len(vertices), 3)), np.full(self._mass.shape[0], -1)
+        new = np.unique(vertices[self._place[vertices] < 0])
+        if len(new):
+            self._include(new)
+        for four in self._rigid[self._place[self._rigid[:, 0]] >= 0]:
+            own = (3 * self._place[four][:, None] + np.arange(3)).ravel()
+            every = rigid_part(np.tile(positions[four], (12, 1, 1)), np.eye(12).reshape(12, 4, 3))
+            self._between[np.ix_(own, own)] = every.reshape(12, 12) / self._mass[four[0], four[0]]
+        return self._place, self._between
+
+    def _include(self, new: NDArray[np.int32]) -> None:
+        """Find the inverse mass between the known and some ``new`` vertices."""
+        self._known = np.union1d(self._known, new)
+        count, place = len(self._known), np.empty(len(self._place), dtype=np.int64)
+        found = np.zeros((count, 3, count, 3))
         for axes, free, factor, columns in self._parts:
             place[...] = -1
             place[free] = np.arange(len(free))
-            soft, moves = np.zeros((len(vertices), len(vertices))), place[vertices] >= 0
-            for k in np.flatnonzero(moves):
-                vertex = int(vertices[k])
+            soft, moves = np.zeros((count, count)), np.flatnonzero(place[self._known] >= 0)
+            for k, vertex in zip(moves.tolist(), self._known[moves].tolist(), strict=True):
                 if vertex not in columns:
                     columns[vertex] = factor.solve(np.eye(1, len(free), place[vertex])[0])
-                soft[moves, k] = columns[vertex][place[vertices[moves]]]
+                soft[moves, k] = columns[vertex][place[self._known[moves]]]
             for axis in axes:
                 found[:, axis, :, axis] = 0.5 * (soft + soft.T)
-        for four in self._rigid[np.isin(self._rigid[:, 0], vertices)]:
-            own, mass = np.searchsorted(vertices, four), self._mass[four[0], four[0]]
-            every = rigid_part(np.tile(positions[four], (12, 1, 1)), np.eye(12).reshape(12, 4, 3))
-            found[np.ix_(own, range(3), own, range(3))] = every.reshape(4, 3, 4, 3) / mass
-        return found.reshape(3 * len(vertices), -1)
+        self._place[self._known], self._between = np.arange(count), found.reshape(3 * count, 3 * count)
 
 
 @kernel

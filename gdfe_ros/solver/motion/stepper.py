@@ -239,7 +239,7 @@ class MotionStepper:
 
     def struck(self, dynamics: Dynamics, before: State, now: State, h: float) -> State:
         """Return the state ``now`` after an internal step from ``before``, with the impulses of the contacts."""
-        return self._impulses.add(dynamics, before, now, h, self.equilibrium_of(dynamics, h).actuation.contacts)
+        return self._impulses.add(dynamics, before, now, h, self.equilibrium_of(dynamics, h).actuation.held)
 
     def place(self, state: State, positions: NDArray[np.float64]) -> State:
         """Return a state at ``positions`` (n, 3) [m] with the initial velocities; handles keep their poses."""

@@ -235,7 +235,7 @@ class Linearised:
         for contact in self.actuation.contacts:
             contact.look(x)
         if self.actuation.contacts:
-            self.actuation.held.take(self.actuation.contacts, x)
+            self.actuation.held.take(x)
 
     def element_forces(
         self, table: MaterialTable, *, operators: Operators | None = None, scale: NDArray[np.float64] | None = None

@@ -128,7 +128,11 @@ class Trail:
     def _left(self, stage: InternalStep, side: VariedInputs, x: NDArray[np.float64]) -> Kept:
         """Return the terms' states after a varied step that ends at ``x``, and, as `REACTIONS`, the reactions."""
         dynamics, h, terms = stage.dynamics, stage.h, {}
-        for term in self._stepper.equilibrium_of(dynamics, h).actuation.terms:
+        actuation = self._stepper.equilibrium_of(dynamics, h).actuation
+        for contact in actuation.contacts:
+            contact.look(x)
+        actuation.held.field = None
+        for term in actuation.terms:
             terms[term.name] = side.terms.get(term.name, term).finish(side.start.terms[term.name], x)
         now = stage.after.with_(positions=x, poses=side.poses, commands=side.commands, terms=terms)
         now = self._stepper.struck(dynamics, side.start, now, h)

@@ -11,6 +11,7 @@ import pytest
 
 from gdfe_ros import Simulation
 from gdfe_ros.solver.contact.contact_term import ContactTerm
+from gdfe_ros.solver.contact.stencil import add_loads
 from test.written import simulate
 
 CUBE = """
@@ -63,7 +64,8 @@ def virtual_work() -> Callable[..., np.ndarray]:
         slopes = np.zeros_like(x)
         term.look(x)
         held = term.stencils.held.copy()
-        term.add_forces(slopes)
+        add_loads(term.stencils, slopes)
+        slopes *= -1.0
         for way in ways:
             places = [places_at(term, x + sign * 1e-7 * way) for sign in (1, -1)]
             work = (held * (places[0] - places[1])).sum() / 2e-7

@@ -38,7 +38,8 @@ def test_the_tangents_inverse_is_that_of_solutions(tip: str) -> None:
     rows = np.concatenate([np.sort(some), rigid])
     columns = HalvedColumns(kept)
     columns.include(rows)
-    found, entries = columns.between(rows), (3 * rows[:, None] + np.arange(3)).ravel()
+    entries, places = ((3 * each[:, None] + np.arange(3)).ravel() for each in (rows, columns.place[rows]))
+    found = columns.between[np.ix_(places, places)]
     assert len(kept.springs) == 1
     for place in range(0, len(entries), 7):
         unit, solved = np.zeros(3 * count + len(kept.schur)), np.empty(3 * count + len(kept.schur))

@@ -13,7 +13,7 @@ import trimesh
 
 from gdfe_ros import Simulation, load_scene
 from gdfe_ros.scene.loader import scene_from_text
-from gdfe_ros.solver.contact.round_contact import RoundContact
+from gdfe_ros.solver.contact.rigid_contact import RoundContact
 
 G = 9.81
 SCENE = """

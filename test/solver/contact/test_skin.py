@@ -14,6 +14,7 @@ from gdfe_ros import Command, Pose, Simulation, load_scene
 from gdfe_ros.mesh.outside import hang
 from gdfe_ros.mesh.surface_edges import refine
 from gdfe_ros.solver.contact.contact import Contact
+from gdfe_ros.solver.contact.stencil import add_loads
 from test.solver.contact.balls import CALCULIX, press_ball
 from test.written import advance
 
@@ -165,8 +166,9 @@ def test_what_a_skin_pushes_is_what_the_body_feels(tmp_path: Path) -> None:
     state = simulation.state
     for term in terms:
         simulation.stepper.actuation.begin(state.commands, state.terms, state.positions, state.poses, state, ratio=0.0)
-        forces = np.zeros_like(state.positions)
-        term.add_forces(forces)
+        slopes = np.zeros_like(state.positions)
+        add_loads(term.stencils, slopes)
+        forces = -slopes
         wrench, count = term.wrench(state.positions), simulation.mesh.n_vertices
         assert np.abs(wrench).max() > 0.1
         arms = state.positions[:count] - term._origin

@@ -114,15 +114,20 @@ def test_what_is_driven_lands_too(driven: str) -> None:
 
 
 def test_a_fall_that_folds_corners_goes_on() -> None:
-    """A very soft cube thrown at 20 m/s folds: failed steps say so, time passes, and the barrier unfolds corners."""
+    """A very soft cube thrown at 20 m/s folds: failed steps say so, time passes, and the barrier unfolds corners.
+
+    Rounding decides which of the steps fail.
+    """
     simulation = Landing(up="corner", young=1e4, speed=20.0).simulation()
-    results = [simulation.step() for _ in range(5)]
-    assert simulation.time == pytest.approx(0.025)
+    results = [simulation.step() for _ in range(8)]
+    assert simulation.time == pytest.approx(0.04)
     for result in results:
         assert result.converged == (result.message == "")
         assert result.converged or "elements folded" in result.message or "elements pressed flat" in result.message
-    assert results[-1].converged
-    assert results[-1].min_det > 0.0
+    failed = [result.converged for result in results].index(False)
+    later = [result for result in results[failed:] if result.converged]
+    assert later
+    assert min(result.min_det for result in later) > 0.0
 
 
 PRESS = """
