@@ -7,14 +7,18 @@ gaps and slips at its end are p = p0 + J d. The forces f + df keep the laws betw
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from gdfe_ros.compiled import internal, kernel
+from gdfe_ros.mesh.triples import corner, dot
 from gdfe_ros.solver.contact.complementarity import HALF, row_product, solve_laws
 from gdfe_ros.solver.contact.compliance import differentiate, find_compliance, project
 from gdfe_ros.solver.contact.contact_term import MARGIN
 from gdfe_ros.solver.contact.stencil import add_load, find_stencils, turn_shear
 from gdfe_ros.solver.descent.loop import ENDLESS, MOST_FLAT, choose, move
+from gdfe_ros.solver.descent.workspace import inner
 from gdfe_ros.solver.matrix.unknowns import add_rows, gather_rigid_rows
 from gdfe_ros.solver.outcome import Outcome
 
@@ -31,6 +35,12 @@ MOST_CHANGES = 30
 or in which the laws are violated, and by no less than half of the least violation before: with more, contact does not
 settle.
 """
+REVERSED, MOST_INERTIA, FADING = 0.7, 64.0, 0.7
+"""A step reverses the last one if the cosine between both is below minus the first number. Forces and steps then get an
+inertia of at least 1 and at most the second number, which fades by the last one in each step that does not reverse the
+last one. It is the compliance against a change of a force, divided by that of the body at the point, and the fraction
+1 / (1 + inertia) of each step is made. Without it, the notched finger of a test closes 0.7 mm beside its plane.
+"""
 LEAST_SLOPE = 0.1
 """A point takes no part where the gradient of its distance is shorter than this: in the middle of an obstacle."""
 
@@ -38,6 +48,9 @@ TALLY = np.dtype(
     [
         ("stage", np.int64),  # the next one
         ("over", np.int64),  # whether the minimisation has ended
+        ("shows", np.int64),  # whether the caller shows each step
+        ("waits", np.int64),  # whether contacts wait for the caller to choose their points before each step
+        ("swings", np.int64),  # whether steps may swing, see `shorten`
         ("found", np.int64),  # result of `choose` for the present step
         ("count", np.int64),  # number of points that take part in it
         ("rounds", np.int64),  # number of times that its forces were found
@@ -50,7 +63,7 @@ TALLY = np.dtype(
         ("least", np.float64),  # least one so far [m]
         ("allowed", np.float64),  # violation that is aimed at [m]
         ("faint", np.float64),  # violation that counts as nothing [m]
-        ("inertia", np.float64),  # of forces, see `ContactForces`
+        ("inertia", np.float64),  # of forces and steps
         ("gone", np.float64),  # bound of the motion of any vertex since points were chosen [m]
         ("room", np.float64),  # motion after which points are chosen again [m]
     ]
@@ -248,6 +261,29 @@ def find_forces(problem, work, metric, field, known, tally, size, target):
     return True
 
 
+@internal
+def shorten(work, field, tally):
+    """Shorten the step if it swings, or if points move farther past what they touch than their stencils hold.
+
+    Faces that touch are found anew before each step. Forces may then change from one side to the other and back, and
+    turn back and forth with their normals: the inertia doubles in a step that reverses the last one, otherwise it
+    fades. The distance to the equilibrium is still measured by the whole step.
+    """
+    t, step, last = tally[0], work.direction, field.last
+    if inner(last, step) < -REVERSED * math.sqrt(inner(last, last) * inner(step, step)):
+        t.inertia = min(max(1.0, 2.0 * t.inertia), MOST_INERTIA)
+    else:
+        t.inertia *= FADING
+    last[:] = step
+    share = 1.0 / (1.0 + t.inertia)
+    for i in range(len(field.owner)):
+        moved = corner(field.ahead, i)
+        share = min(share, field.valid[i] / max(math.sqrt(dot(moved, moved)), 1e-300))
+    for n in range(len(step)):
+        step[n] *= share
+    work.status[0].slope *= share
+
+
 @kernel
 def is_settling(tally):
     """Return whether the places that touch, and the forces on them, have settled or may still do so."""
@@ -275,11 +311,11 @@ def go_on(work, tally, trust):
 
 
 @kernel
-def descend_touching(problem, work, metric, field, known, tally, rows, size, target, proven, most, limit, pauses):
+def descend_touching(problem, work, metric, field, known, tally, rows, size, target, proven, most, limit):
     """Do `descend` with contact, from the stage in ``tally`` on; return the number of iterations.
 
     It returns early where the caller has to act: before points may have to be chosen again, before forces are found
-    for which `Compliance.prepare` must be called, and with ``pauses`` after every stage. The arguments are those of
+    for which `Compliance.prepare` must be called, and before a step that the caller shows. The arguments are those of
     `descend`, and the near points ``field``, what is ``known`` of their compliance, the progress ``tally`` (1,) with
     the fields of `TALLY`, and the ``rows`` of `find_joins`.
     """
@@ -290,14 +326,16 @@ def descend_touching(problem, work, metric, field, known, tally, rows, size, tar
                 return made
             begin_step(problem, work, metric, field, rows, tally, size, most)
             t.stage, t.left, t.rounds = ANSWER, 0.0, 0
-            if pauses:
+            if t.waits:
                 return made
         if t.stage == ANSWER:
             touching = t.found != 0 and len(field.owner) > 0
             if touching and not find_forces(problem, work, metric, field, known, tally, size, target):
                 return made
+            if touching and t.swings:
+                shorten(work, field, tally)
             t.stage = MOVE
-            if pauses:
+            if t.shows:
                 return made
         t.stage = BEGIN
         if t.found == 0 or not move(problem, work, metric, size, target, proven, t.found == 2):
@@ -307,7 +345,5 @@ def descend_touching(problem, work, metric, field, known, tally, rows, size, tar
         made += 1
         if not go_on(work, tally, metric.trust):
             work.status[0].ended, t.over = Outcome.GIVEN_UP, 1
-            return made
-        if pauses:
             return made
     return made

@@ -32,12 +32,6 @@ NEARLY, SLIGHT = 5e-2, 5e-10
 """Violation of the laws that counts as nothing if less is out of reach, as where forces of redundant points are not
 unique: divided by the target of the minimisation, and by the body's size.
 """
-REVERSED, MOST_INERTIA, FADING = 0.7, 64.0, 0.7
-"""A step reverses the last one if the cosine between both is below minus the first number. Forces and steps then get an
-inertia of at least 1 and at most the second number, which fades by the last one in each step that does not reverse the
-last one. It is the compliance against a change of a force, divided by that of the body at the point, and the fraction
-1 / (1 + inertia) of each step is made. Without it, the notched finger of a test closes 0.7 mm beside its plane.
-"""
 LISTED = 5
 """Number of vertices that a message names."""
 
@@ -61,19 +55,19 @@ class ContactForces:
         for p in range(len(unknowns.slides)):
             handle_of[unknowns.members[unknowns.member_start[p] : unknowns.member_start[p + 1]]] = p
         self._rows, self._numbered = (np.full(count, -1, dtype=np.int64), handle_of), None
-        self._count, self._swings = 3 * unknowns.rows, any(contact.valid < np.inf for contact in self.contacts)
         self._record = np.zeros(1, dtype=TALLY).view(np.recarray)
         self._tally = self._record.view(TALLY, np.ndarray)[0]
+        self._tally["swings"] = any(contact.valid < np.inf for contact in self.contacts)
         self.begin()
         vertices = np.unique(np.concatenate([contact.vertices for contact in self.contacts]))
-        self._compliance = Compliance(vertices, self._count)
+        self._compliance = Compliance(vertices, 3 * unknowns.rows)
 
     def begin(self) -> None:
         """Prepare a solve."""
         self._tally["least"] = self._tally["nearest"] = np.inf
         for name in ("in_vain", "changes", "idle", "left", "allowed", "faint", "inertia"):
             self._tally[name] = 0
-        self._last, self._held.head[0] = np.zeros(self._count), 0
+        self._held.last[...], self._held.head[0] = 0.0, 0
 
     @property
     def left(self) -> float:
@@ -121,9 +115,9 @@ class ContactForces:
         ``target``, ``proven`` and ``most``. ``key`` is the identity of the initial matrix. ``show`` is called after the
         forces of a step are found, unless it is None.
         """
-        tally, made, pauses, (size, target, _, _) = self._tally, 0, self._swings or show is not None, minimum
-        tally["stage"], tally["over"], tally["room"] = BEGIN, 0, -np.inf
-        tally["faint"] = max((FAINT if self._swings else SLIGHT) * size, NEARLY * target)
+        tally, made, (size, target, _, _) = self._tally, 0, minimum
+        tally["stage"], tally["over"], tally["shows"], tally["room"] = BEGIN, 0, show is not None, -np.inf
+        tally["faint"] = max((FAINT if tally["swings"] else SLIGHT) * size, NEARLY * target)
         self._number_rows(problem)
         field = known = None
         while made < limit and not tally["over"]:
@@ -132,7 +126,7 @@ class ContactForces:
                 count = int(tally["count"]) if tally["stage"] == ANSWER else -1
                 known, self._unsolved = self._compliance.prepare(problem, work, metric, key, field, count), field
             given = problem, work, metric, field, known, self._record, self._rows, *minimum
-            made += descend_touching(*given, limit - made, pauses)
+            made += descend_touching(*given, limit - made)
         return made
 
     def _attend(
@@ -142,24 +136,21 @@ class ContactForces:
         tally = self._tally
         if tally["stage"] == BEGIN:
             self._choose_points(work)
-            return self._held.gather()
-        if tally["stage"] == ANSWER and tally["found"] and self._waiting and not tally["rounds"]:
+            field = self._held.gather()
+        elif tally["stage"] == ANSWER and tally["found"] and self._waiting and not tally["rounds"]:
             self._approach(work)
             if field is not self._held.field:
                 field = self._held.gather()
                 tally["count"] = look_again(problem, work, field, self._rows, size)
         elif tally["stage"] == MOVE:
-            if tally["found"] and len(field.owner):
-                self._shorten(work, field)
-            tally["changed"] = any(contact.changed for contact in self.contacts)
-            if show is not None:
-                show()
+            show()
+        tally["changed"] = any(contact.changed for contact in self.contacts)
         return field
 
     def _choose_points(self, work: Workspace) -> None:
         """Let contacts choose their points again whose points have moved far; note when this is due again."""
         self._waiting = [contact for contact in self._searches if not contact.acts]
-        room = np.inf
+        room = 0.0 if self._waiting else np.inf
         for contact in self.contacts:
             if contact in self._waiting:
                 continue
@@ -168,7 +159,7 @@ class ContactForces:
                 self._follow(contact, work.x, np.inf)
                 own = contact.room(work.x)
             room = min(room, own)
-        self._tally["gone"], self._tally["room"] = 0.0, room
+        self._tally["gone"], self._tally["room"], self._tally["waits"] = 0.0, room, bool(self._waiting)
 
     def _follow(self, contact: ContactTerm, positions: NDArray[np.float64], ahead: float) -> None:
         """Let a contact choose its points again; the next step moves vertices by at most ``ahead`` [m]."""
@@ -188,33 +179,6 @@ class ContactForces:
     def settled(self) -> bool:
         """Whether the places that touch, and the forces on them, have settled or may still do so."""
         return is_settling(self._record)
-
-    def _shorten(self, work: Workspace, field: PointField) -> None:
-        """Shorten the step if it swings, or if points move farther past what they touch than their stencils hold.
-
-        The distance to the equilibrium is still measured by the whole step.
-        """
-        if not self._swings:
-            return
-        self._watch(work.direction)
-        share = 1.0 / (1.0 + self._tally["inertia"])
-        for contact, (first, last) in zip(self.contacts, self._held.parts, strict=True):
-            longest = float(np.sqrt(np.square(field.ahead[first:last]).sum(axis=1).max(initial=0.0)))
-            share = min(share, contact.valid / max(longest, 1e-300))
-        if share < 1.0:
-            work.direction[...] *= share
-            numbers(work)["slope"] *= share
-
-    def _watch(self, step: NDArray[np.float64]) -> None:
-        """Double the inertia if a ``step`` (3 r,) [m] reverses the last one; otherwise it fades.
-
-        Faces that touch are found anew before each step. Forces may then change from one side to the other and back,
-        and turn back and forth with their normals.
-        """
-        reverses = self._last @ step < -REVERSED * np.sqrt((self._last @ self._last) * (step @ step))
-        before = float(self._tally["inertia"])
-        self._tally["inertia"] = min(max(1.0, 2.0 * before), MOST_INERTIA) if reverses else FADING * before
-        self._last = step.copy()
 
     def supported(self, problem: Problem, work: Workspace, product: Product) -> Product:
         """Return ``product``, the product with the body's tangent, plus springs where points press or stick.

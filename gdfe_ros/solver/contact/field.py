@@ -35,14 +35,15 @@ class PointField(NamedTuple):
         stencils: their stencils; ends beyond a contact's own have no weight.
         surfaces, faces: what they touch, and the faces that correct their gaps.
         owner: (k,) number of the contact of each point.
-        friction, restitution, scale: (k,) coefficients, and stiffness [N/m] of the body at the point.
+        friction, restitution, valid: (k,) those of each point's contact, see `ContactTerm`.
+        scale: (k,) stiffness [N/m] of the body at the point.
         rows, blocks, used: derivatives with respect to the rows of unknowns, see `differentiate`.
         ahead: (k, 3) [m] changes of gaps and slips in the step.
         usable, joins: (k,) whether a point may take part in the step, and whether it does.
         chosen: (k,) the points that take part, first.
         loads, acting: dead loads (n, 6) of all vertices, and whether any acts (1,): those of `HeldLoads`.
         change: (n, 3) [N] scratch, zero.
-        before: (3 r,) [N] scratch.
+        before, last: (3 r,) scratch [N], and the last step [m].
         head: (1,) the history's next row when a pair was last changed.
     """
 
@@ -52,6 +53,7 @@ class PointField(NamedTuple):
     owner: NDArray[np.int64]
     friction: NDArray[np.float64]
     restitution: NDArray[np.float64]
+    valid: NDArray[np.float64]
     scale: NDArray[np.float64]
     rows: NDArray[np.int64]
     blocks: NDArray[np.float64]
@@ -64,6 +66,7 @@ class PointField(NamedTuple):
     acting: NDArray[np.int32]
     change: NDArray[np.float64]
     before: NDArray[np.float64]
+    last: NDArray[np.float64]
     head: NDArray[np.int64]
 
 
@@ -79,7 +82,7 @@ class HeldLoads(Term):
         field: the near points of all contacts; the stencils of each contact are views of it. None after any contact
             has chosen other points.
         parts: the first and the last number plus 1 of the points of each contact in the field.
-        head: (1,) see `PointField`.
+        last, head: see `PointField`.
     """
 
     kernel = held_entry
@@ -88,8 +91,9 @@ class HeldLoads(Term):
         count = len(body.rest)
         super().__init__("(contacts)", np.zeros(LOADS * count), np.zeros(1, np.int32))
         self.contacts, self.head = tuple(contacts), np.zeros(1, dtype=np.int64)
-        self._scratch = np.zeros((count, 3)), np.empty(3 * body.unknowns.rows)
-        self._numbers = np.array([[each.friction, each.restitution] for each in contacts]).reshape(-1, 2)
+        before, self.last = np.zeros((2, 3 * body.unknowns.rows))
+        self._scratch = np.zeros((count, 3)), before
+        self._numbers = np.array([[each.friction, each.restitution, each.valid] for each in contacts]).reshape(-1, 3)
         self.field: PointField | None = None
         self.parts: list[tuple[int, int]] = []
         if contacts:
@@ -121,6 +125,7 @@ class HeldLoads(Term):
                 self.reals.reshape(-1, LOADS),
                 self.integers,
                 *self._scratch,
+                self.last,
                 self.head,
             )
             ends = np.cumsum([0, *sizes]).tolist()
