@@ -74,7 +74,7 @@ def _stopped(
         rows = np.repeat(cells, len(saved["strain"]) // len(cells))
         terms[viscosity.NAME] = _with_rows(saved, rows, before=saved["strain"][rows])
     ledger = changed(state.ledger, failure=None)
-    return state.flawed(UNTOLD).with_(positions=positions, terms=terms, motion=None, tangent=None, ledger=ledger)
+    return state.with_flaw(UNTOLD).with_(positions=positions, terms=terms, motion=None, tangent=None, ledger=ledger)
 
 
 def release(stepper: MotionStepper, state: State, vertices: NDArray[np.int32]) -> State:
@@ -87,7 +87,7 @@ def release(stepper: MotionStepper, state: State, vertices: NDArray[np.int32]) -
     if not h:
         return state
     still = state.with_(terms={**state.terms, inertia.NAME: stepper.at_rest().terms[inertia.NAME]})
-    pull = stepper.free_mass.accelerated(-stepper.equilibrium.forces(still))[vertices]
+    pull = stepper.free_mass.accelerate(-stepper.equilibrium.forces(still))[vertices]
     last = {"before": places + 0.5 * h * h * pull, "velocity_before": -h * pull}
     kept = _with_rows(saved, vertices, acceleration=pull, balanced=pull, **last)
     return state.with_(terms={**state.terms, inertia.NAME: kept})

@@ -52,7 +52,7 @@ class LinkMotion(NamedTuple):
             pushed=np.zeros_like(self.positions),
             h=h,
         )
-        return Rule.of(dynamics, h, now if h == self.step[0] else now.restarted(h))
+        return Rule.of(dynamics, h, now if h == self.step[0] else now.restart(h))
 
     def after(self, rule: Rule, positions: Vector, h: float) -> LinkMotion:
         """Return the links after a step of ``h`` [s] to ``positions`` (y,)."""

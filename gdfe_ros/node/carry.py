@@ -78,7 +78,7 @@ def with_bodies_of(moving: Snapshot, fresh: Snapshot, same: Correspondence) -> S
     }
     if viscosity.NAME in terms:
         terms[viscosity.NAME] = _of_viscosity(before.terms[viscosity.NAME], start.terms[viscosity.NAME], same.cells)
-    flawed = before.flawed(CHANGED, reactions=_known(before.summary.reactions, start.summary.reactions))
+    flawed = before.with_flaw(CHANGED, reactions=_known(before.summary.reactions, start.summary.reactions))
     state = flawed.with_(
         positions=_taken(before.positions, start.positions, same.vertices),
         base=_taken(before.base, start.base, same.vertices),

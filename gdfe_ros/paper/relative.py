@@ -20,14 +20,14 @@ from gdfe_ros.materials.tensor import rotation
 from gdfe_ros.mesh.operators import ShapeOperators
 from gdfe_ros.paper.shape_factor import shape_factors
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.elements.barrier import flattened
+from gdfe_ros.solver.elements.barrier import tell_flat
 from gdfe_ros.solver.elements.blocks import Operators
 from gdfe_ros.solver.elements.corners import mean_gradient
 from gdfe_ros.solver.equilibrium.predictor import Predictor
 from gdfe_ros.solver.forces.actuation import Actuation, handle_reactions
 from gdfe_ros.solver.forces.pressures import store_energies
 from gdfe_ros.solver.handle_motions import HandleMotions
-from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix, close_coupling, scattered
+from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix, close_coupling, scatter
 from gdfe_ros.solver.matrix.unknowns import gather_rigid_rows, gather_rows, place
 from gdfe_ros.solver.minimise.minimiser import Observer
 from gdfe_ros.solver.outcome import Outcome
@@ -44,7 +44,7 @@ infinite. For an inverted element, the absolute value of the ratio is used.
 
 def assemble_centring(shape: ShapeOperators) -> sparse.csc_matrix:
     """Return the paper's A^T A = sum_e V_e N with N = I - 1/8 (Eq. 3), (n, n)."""
-    return scattered(shape.volume[:, None, None] * (np.eye(8) - 0.125), shape.cells).tocsc()
+    return scatter(shape.volume[:, None, None] * (np.eye(8) - 0.125), shape.cells).tocsc()
 
 
 def blend(before: NDArray[np.float64], now: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -271,7 +271,7 @@ class RelativeEquilibrium:
         shape, material = operators.shape, body.material
         store_energies(x, elements, shape, material, body.table, pressure, energies, stored, least, False)
         if not (converged and least.min() > 0.0):
-            converged, message = False, "; ".join(text for text in (message, flattened(least)) if text)
+            converged, message = False, "; ".join(text for text in (message, tell_flat(least)) if text)
         return Summary(
             converged=converged,
             error_estimate=error_estimate,

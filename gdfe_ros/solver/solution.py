@@ -191,6 +191,6 @@ class March(Found):
         return changed(self, state=self.state.with_(summary=summary))
 
 
-def crumpled(state: State) -> bool:
+def is_crumpled(state: State) -> bool:
     """Return whether elements are folded, or only fold barriers keep them open: a lower equilibrium may exist."""
     return not state.summary.min_det >= THRESHOLD

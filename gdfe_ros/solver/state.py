@@ -271,7 +271,7 @@ class State:
         """Energy that the terms have dissipated so far [J]: the sum of their ``lost``."""
         return sum(float(saved["lost"][0]) for saved in self.terms.values() if "lost" in saved)
 
-    def flawed(self, message: str, **changes: object) -> State:
+    def with_flaw(self, message: str, **changes: object) -> State:
         """Return a copy of the state that is not converged, with a message and other changes of the summary."""
         return changed(self, summary=changed(self.summary, converged=False, message=message, **changes))
 

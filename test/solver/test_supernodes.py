@@ -16,7 +16,7 @@ from gdfe_ros.mesh.generators import sphere
 from gdfe_ros.mesh.operators import shape_operators
 from gdfe_ros.solver.matrix import constant_matrix as factors
 from gdfe_ros.solver.matrix.constant_matrix import Factor, assemble
-from gdfe_ros.solver.matrix.elimination import dissected, eliminated, narrow_orders
+from gdfe_ros.solver.matrix.elimination import dissect, find_elimination, narrow_orders
 
 MESHES = {
     "bar": bar([1.0, 0.2, 0.2], [30, 6, 6]),
@@ -98,13 +98,13 @@ def test_dissection_fills_less_where_a_body_is_thick() -> None:
     """For a cube of 15 cells per edge, nested dissection has at most 0.8 of the narrow order's entries."""
     mesh = bar([1.0, 1.0, 1.0], [15, 15, 15])
     graph = stiffness(mesh).tocsr()
-    kinds = narrow_orders(graph, mesh.vertices), [dissected(graph, mesh.vertices)]
-    narrow, halves = (eliminated(graph, orders).entries for orders in kinds)
+    kinds = narrow_orders(graph, mesh.vertices), [dissect(graph, mesh.vertices)]
+    narrow, halves = (find_elimination(graph, orders).entries for orders in kinds)
     assert halves < 0.8 * narrow
 
 
 def test_points_at_one_place_are_no_obstacle() -> None:
     """Nested dissection orders vertices that all lie at one point."""
     graph = stiffness(MESHES["bar"]).tocsr()
-    order = dissected(graph, np.zeros((graph.shape[0], 3)))
+    order = dissect(graph, np.zeros((graph.shape[0], 3)))
     np.testing.assert_array_equal(np.sort(order), np.arange(graph.shape[0]))

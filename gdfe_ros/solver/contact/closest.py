@@ -92,7 +92,7 @@ def face_at(x, quad, u, v):
 
 
 @inlined
-def clamped(value, beyond):
+def clamp(value, beyond):
     """Return a coordinate clamped to 0 to 1, and by how much it may be ``beyond``."""
     return min(max(value, -beyond), 1.0 + beyond)
 
@@ -111,14 +111,14 @@ def closest_on(x, quad, p):
         du, dv = (vv * ru - uv * rv) / det, (uu * rv - uv * ru) / det
         if not (0.0 <= u + du <= 1.0 and 0.0 <= v + dv <= 1.0):
             # If the free minimum lies outside of the square, the constrained minimum lies on a side that it crossed.
-            du1 = clamped(u + du, 0.0) - u
-            dv1 = clamped(v + (rv - uv * du1) / vv, 0.0) - v
-            dv2 = clamped(v + dv, 0.0) - v
-            du2 = clamped(u + (ru - uv * dv2) / uu, 0.0) - u
+            du1 = clamp(u + du, 0.0) - u
+            dv1 = clamp(v + (rv - uv * du1) / vv, 0.0) - v
+            dv2 = clamp(v + dv, 0.0) - v
+            du2 = clamp(u + (ru - uv * dv2) / uu, 0.0) - u
             one = 0.5 * (uu * du1 * du1 + 2.0 * uv * du1 * dv1 + vv * dv1 * dv1) - ru * du1 - rv * dv1
             two = 0.5 * (uu * du2 * du2 + 2.0 * uv * du2 * dv2 + vv * dv2 * dv2) - ru * du2 - rv * dv2
             du, dv = (du1, dv1) if one <= two else (du2, dv2)
-        u, v = clamped(u + du, 0.0), clamped(v + dv, 0.0)
+        u, v = clamp(u + du, 0.0), clamp(v + dv, 0.0)
         if abs(du) + abs(dv) < 1e-12:
             break
     away = minus(p, face_at(x, quad, u, v)[0])

@@ -180,7 +180,7 @@ class ContactForces:
         """Whether the places that touch, and the forces on them, have settled or may still do so."""
         return is_settling(self._record)
 
-    def supported(self, problem: Problem, work: Workspace, product: Product) -> Product:
+    def support(self, problem: Problem, work: Workspace, product: Product) -> Product:
         """Return ``product``, the product with the body's tangent, plus springs where points press or stick.
 
         The body is stable if its tangent is positive definite for the motions that the contacts leave. Springs as stiff

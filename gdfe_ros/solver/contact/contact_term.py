@@ -157,7 +157,7 @@ class ContactTerm(Term):
         kept = {name: array.copy() for name, array in self._free.items()}
         kept["press"][chosen], kept["slips"][chosen], kept["shear"][chosen] = press, slips, self.stored(shear)
         self.keep_places(kept)
-        return self.exerted(saved, kept, press * np.linalg.norm(self.stencils.axes[:, 0], axis=1), -shear)
+        return self.add_mean_forces(saved, kept, press * np.linalg.norm(self.stencils.axes[:, 0], axis=1), -shear)
 
     @abstractmethod
     def stored(self, vectors: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -167,7 +167,9 @@ class ContactTerm(Term):
     def keep_places(self, kept: Saved) -> None:
         """Write the places where the near points touch to the state ``kept``, which has the forces and slips."""
 
-    def exerted(self, saved: Saved, kept: Saved, pushes: NDArray[np.float64], shears: NDArray[np.float64]) -> Saved:
+    def add_mean_forces(
+        self, saved: Saved, kept: Saved, pushes: NDArray[np.float64], shears: NDArray[np.float64]
+    ) -> Saved:
         """Return the state ``kept`` after a step from ``saved``, with the mean forces on the near points in the step.
 
         These are the normal forces ``pushes`` (k,) and the friction forces ``shears`` (k, 3) [N].

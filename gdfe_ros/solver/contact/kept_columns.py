@@ -68,7 +68,7 @@ class KeptColumns(ABC):
         new = np.unique(rows[self.place[rows] < 0])
         if not len(new):
             return
-        free, first = self._ordered(new[new < self._count]), len(self._rows)
+        free, first = self._order(new[new < self._count]), len(self._rows)
         self._rows = np.concatenate([self._rows, free, new[new >= self._count]])
         self.place[self._rows[first:]] = np.arange(first, len(self._rows))
         self.between = enlarge(self.between, 3 * len(self._rows), 2)
@@ -83,7 +83,7 @@ class KeptColumns(ABC):
         constant = np.flatnonzero(np.isin(entries, self._fixed))
         self.between[constant], self.between[:, constant] = 0.0, 0.0
 
-    def _ordered(self, rows: Numbers) -> Numbers:
+    def _order(self, rows: Numbers) -> Numbers:
         """Return the order in which to find free ``rows``."""
         return rows
 
@@ -143,7 +143,7 @@ class HalvedColumns(KeptColumns):
         self._halves = np.zeros((3 * count, 0))
         self._scratch = np.empty((GROUP, 3 * int(np.diff(plan.row_start).max(initial=0))))
 
-    def _ordered(self, rows: Numbers) -> Numbers:
+    def _order(self, rows: Numbers) -> Numbers:
         return rows[np.argsort(self._number[rows])]  # neighbours share paths
 
     def _find(self, new: Numbers, first: int) -> None:

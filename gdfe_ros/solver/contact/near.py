@@ -21,7 +21,7 @@ def incidence(cells: NDArray[np.int32], count: int) -> sparse.csr_matrix:
     return sparse.csr_matrix((np.ones(cells.size, np.int32), (rows, cells.ravel())), shape=(len(cells), count))
 
 
-def ragged(rows: sparse.csr_matrix) -> Ragged:
+def make_ragged(rows: sparse.csr_matrix) -> Ragged:
     """Return the columns in each of m rows."""
     return rows.indptr.astype(np.int64), rows.indices.astype(np.int64)
 

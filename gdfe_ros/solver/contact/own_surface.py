@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from gdfe_ros.mesh.tet_faces import flat_quads
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact.closest import face_areas
-from gdfe_ros.solver.contact.near import Ragged, incidence, ragged
+from gdfe_ros.solver.contact.near import Ragged, incidence, make_ragged
 from gdfe_ros.solver.contact.surface import BodyPoints
 
 CREASE = 0.7
@@ -79,7 +79,7 @@ class Topology(NamedTuple):
         beside.sort_indices()
         edges = body.rest[body.cells]
         shortest = min(float(np.linalg.norm(edges[:, a] - edges[:, b], axis=1).min()) for a, b in body.cell_type.edges)
-        lists = ragged(about), ragged(smooth), ragged(near), ends, sides, ragged(beside)
+        lists = make_ragged(about), make_ragged(smooth), make_ragged(near), ends, sides, make_ragged(beside)
         return cls(np.unique(quads), quads, *lists, shortest, DEPTH * shortest, RIM * shortest)
 
 

@@ -14,8 +14,8 @@ from gdfe_ros.mesh.faces import vertex_pieces
 from gdfe_ros.mesh.tet_faces import flat_quads
 from gdfe_ros.mesh.triples import along, corner, cross, dot, minus, unit
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.contact.closest import EQUAL, area_vector, clamped, closest_on, face_at, to_box
-from gdfe_ros.solver.contact.near import Ragged, boxes_around, find_near, ragged
+from gdfe_ros.solver.contact.closest import EQUAL, area_vector, clamp, closest_on, face_at, to_box
+from gdfe_ros.solver.contact.near import Ragged, boxes_around, find_near, make_ragged
 from gdfe_ros.solver.contact.own_surface import Topology, flat_boundary
 from gdfe_ros.solver.contact.surface import BodyPoints
 
@@ -76,7 +76,7 @@ def place_in_cell(x, cell, p):
         if det == 0.0:
             break
         u1, v1, w1 = dot(r, n) / det, dot(r, cross(dw, du)) / det, dot(r, cross(du, dv)) / det
-        u, v, w = clamped(u + u1, 0.5), clamped(v + v1, 0.5), clamped(w + w1, 0.5)
+        u, v, w = clamp(u + u1, 0.5), clamp(v + v1, 0.5), clamp(w + w1, 0.5)
         if abs(u1) + abs(v1) + abs(w1) < 0.1 * EXACT:
             return min(u, v, w) > -EXACT and max(u, v, w) < 1.0 + EXACT, (u, v, w)
     return False, (u, v, w)
@@ -185,7 +185,7 @@ class Inside:
         starts = np.searchsorted(np.sort(owners), np.arange(count + 1)).astype(np.int64)
         lined = np.isin(np.arange(count), pieces[points.vertices[quads[quads[:, 0] >= points.count, 0]]])
         cells = np.ascontiguousarray(body.cells[:, simple].reshape(-1, 8))
-        near = ragged(points.around(body.cells, np.repeat(body.cells, len(simple), axis=0)))
+        near = make_ragged(points.around(body.cells, np.repeat(body.cells, len(simple), axis=0)))
         owners, rest = pieces[cells[:, 0]].astype(np.int64), points.at(body.rest)
         self._material = FilledCells(
             cells, owners, near, quads, touchable, starts, lined, rest, boxes_around(rest, quads)

@@ -68,8 +68,8 @@ class ActiveSet:
                 elements = elements[~inside]
                 blocks = body.blocks_of(elements)
         work = allocate(body.unknowns.rows, body.rest, body.cells.shape)
-        updated = _updated(body, elements, skip)
-        return cls(body.unknowns, matrix, elements, *updated, blocks, _skipped(body, elements, *updated), work)
+        updated = _find_updated(body, elements, skip)
+        return cls(body.unknowns, matrix, elements, *updated, blocks, _count_skipped(body, elements, *updated), work)
 
     @cached_property
     def status(self) -> np.void:
@@ -141,7 +141,7 @@ def elements_inside_handles(body: Body) -> NDArray[np.bool_]:
     return inside
 
 
-def _updated(
+def _find_updated(
     body: Body, elements: NDArray[np.int32], skip: Collection[Skip]
 ) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
     """Return two arrays of elements that are updated between minimisations.
@@ -157,7 +157,7 @@ def _updated(
     )
 
 
-def _skipped(
+def _count_skipped(
     body: Body, elements: NDArray[np.int32], carried: NDArray[np.int32], softening: NDArray[np.int32]
 ) -> dict[str, int]:
     """Return a dict from kind of work to the number of elements for which it is left out."""

@@ -165,7 +165,7 @@ def add_walls(x, watched, shape, material, table, force, energy):
             add_slopes(slopes, shape, e, force)
 
 
-def flattened(least: NDArray[np.float64]) -> str:
+def tell_flat(least: NDArray[np.float64]) -> str:
     """Return a message that lists the flat or folded elements; empty if there are none.
 
     Args:

@@ -112,13 +112,13 @@ class EquilibriumSolver:
         for _ in range(self.INVERSE_ITERATIONS):
             found = np.empty_like(load)
             level.solve(load, found)
-            least = float(found @ load) / float(found @ self._weighed(found))
-            load = self._weighed(found / np.abs(found).max())
+            least = float(found @ load) / float(found @ self._weigh(found))
+            load = self._weigh(found / np.abs(found).max())
         if least >= SINGULAR:  # else the handles let the body turn or move as a whole
             level.first_shift, self.minimiser.rest = least, tangent
             level.keep(tangent)
 
-    def _weighed(self, field: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _weigh(self, field: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the constant matrix times a field (3 r,) of the unknowns; rows of handles are zero."""
         weighed = np.zeros_like(field)
         free = 3 * len(self.whole.unknowns.free)

@@ -80,13 +80,13 @@ class Predictor:
         """
         motion = base[self._held] - state.base[self._held]
         ratio = _ratio(state.motion, motion, change)
-        found = self._predicted(state, base, ratio)
+        found = self._extrapolate(state, base, ratio)
         far = ratio != 0.0 and ratio * float(np.abs(state.motion.move).max()) > self.FAR * self._size
         if far and least_volume_ratio(found.state.positions, self._shape) < THRESHOLD:
-            return self._predicted(state, base, 0.0)
+            return self._extrapolate(state, base, 0.0)
         return found
 
-    def _predicted(self, state: State, base: NDArray[np.float64], ratio: float) -> Prediction:
+    def _extrapolate(self, state: State, base: NDArray[np.float64], ratio: float) -> Prediction:
         """Return the start with the last motion extrapolated by ``ratio``."""
         held, last = self._held, state.motion
         motion = base[held] - state.base[held]
@@ -99,11 +99,11 @@ class Predictor:
             target = self._handles.placed(base, slides, turns)[held]
             rest = np.where(self._turning[:, None], target - start[held], rest)
         if np.abs(rest).max(initial=0.0) > self.STILL * self._size:
-            start[self._free] += self._extended(start, rest)
+            start[self._free] += self._extend(start, rest)
         start[held] += rest
         return Prediction(state.with_(positions=start, base=base, slides=slides, turns=turns), ratio)
 
-    def _extended(self, start: NDArray[np.float64], rest: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _extend(self, start: NDArray[np.float64], rest: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return how far the free vertices move (f, 3) [m] while the prescribed ones move by ``rest`` (b, 3) [m]."""
         if not self._parts or np.abs(rest).max() <= self.FAR * self._size:
             return self._matrix.extend(rest)

@@ -12,7 +12,7 @@ from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.descent.active_set import ActiveSet
 from gdfe_ros.solver.descent.search import ROUNDING
 from gdfe_ros.solver.descent.workspace import Problem, history, load_history
-from gdfe_ros.solver.elements.barrier import flattened
+from gdfe_ros.solver.elements.barrier import tell_flat
 from gdfe_ros.solver.elements.measures import LEAST_SCALE, MOST_SCALE, update_hourglass_scales
 from gdfe_ros.solver.elements.response import Watch
 from gdfe_ros.solver.equilibrium.predictor import Prediction
@@ -173,7 +173,7 @@ class Solve:
             self.iterations, self._cut = self.iterations + went, active.ended is Outcome.CUT
             if not updates or self._failed():
                 break
-            if self._balanced(aim <= self._present <= self.aim, still=went == 0) or self._actuation.wanders:
+            if self._balance(aim <= self._present <= self.aim, still=went == 0) or self._actuation.wanders:
                 break
             self._present = max(self._finest, self.TIGHTEN * self._present)
             if self.iterations >= limit or (self.iterations and past(self.problem.deadline)):
@@ -200,7 +200,7 @@ class Solve:
             return bool(self._active.status["blocked"])
         return ended in (Outcome.RUNAWAY, Outcome.GIVEN_UP, Outcome.CUT)
 
-    def _balanced(self, exact: bool, *, still: bool) -> bool:
+    def _balance(self, exact: bool, *, still: bool) -> bool:
         """Update pressures, multipliers and scales, unless the last update stands; return whether the solve ends.
 
         In statics, the solve ends if the last update was faint, or if the minimisation after it made no iteration
@@ -224,7 +224,7 @@ class Solve:
         """Return the solution where the minimisation has ended."""
         active, start, problem, body = self._active, self.start, self.problem, self._body
         if self._minimiser.ran_away(active):
-            state = start.flawed(tell(Outcome.RUNAWAY), error_estimate=np.inf)
+            state = start.with_flaw(tell(Outcome.RUNAWAY), error_estimate=np.inf)
             ended = {"ended": Outcome.RUNAWAY, "began": start.positions}
             return Solution(state=state, iterations=self.iterations, **ended)
         work, stored, least = active.workspace, np.zeros(len(body.material)), np.ones(len(body.material))
@@ -234,7 +234,7 @@ class Solve:
         outcome, estimate = self._judge()
         flaw, message = self._actuation.flaw(positions), self._explain(outcome, estimate)
         converged = outcome is Outcome.NEAR and not flaw and bool(least.min() > 0.0)
-        message = join(flaw, message, "" if converged else flattened(least))
+        message = join(flaw, message, "" if converged else tell_flat(least))
         terms = self._actuation.finish(start.terms, positions)  # contacts give their reactions only after it
         outside = work.outside if self._actuation.terms else None
         others = self._actuation.contacts, self._actuation.grips
@@ -270,7 +270,7 @@ class Solve:
                 elements=elements,
                 operators=self._operators,
                 balance=self._actuation.balance(positions, problem.commands) if energetic else None,
-                tangent=self._minimiser.used_tangent(),
+                tangent=self._minimiser.keep_tangent(),
                 unfinished=self._unfinished() if self._cut and not converged else None,
                 summary=summary,
             ),

@@ -150,7 +150,7 @@ class Stability:
         """Return a solution that is as near as its multipliers' updates allow, or whose energy is nearly flat."""
         if proof.measured and proof.distance <= tolerance:
             return _tell(found, stable=proof.stable, distance=proof.distance)
-        state = found.state.flawed(tell(Outcome.NEUTRAL), error_estimate=proof.distance)
+        state = found.state.with_flaw(tell(Outcome.NEUTRAL), error_estimate=proof.distance)
         return changed(found, state=state, ended=Outcome.NEUTRAL)
 
     def _factor(self, task: Task) -> Proof:
@@ -206,7 +206,7 @@ class Stability:
             self._product.begin(task)
             product, forces = self._product, self._minimiser.contact_forces
             if forces is not None:
-                product = forces.supported(task.problem, task.active.workspace, product)
+                product = forces.support(task.problem, task.active.workspace, product)
             return self.LANCZOS.lowest(product, partial(self._minimiser.precondition, task), self._noise)
 
     def leave(

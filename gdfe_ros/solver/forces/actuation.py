@@ -224,7 +224,7 @@ def contacts_of(body: Body) -> list[ContactTerm]:
     return found
 
 
-def inflated(name: str, last: Mapping[str, float], commands: Mapping[str, float]) -> str:
+def tell_inflation(name: str, last: Mapping[str, float], commands: Mapping[str, float]) -> str:
     """Return the message that a chamber lost its stability between two pressures."""
     return (
         f"chamber {name!r} lost its stability between {last[name]:.6g} and {commands[name]:.6g} Pa: its pressure "

@@ -212,7 +212,7 @@ class GripTerm(UpdatedTerm):
         carried = np.einsum("ka,kai->ki", rows[:, WEIGHTS:PLACE], positions[vertices[:, 1:]])
         return positions[vertices[:, 0]] - carried - rows[:, PLACE:PULL]
 
-    def renewed(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+    def renew(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return l + s d (k, 3) [N]: minus the forces on the points."""
         pull = self.own_multipliers.copy()
         return pull + self.reals[STIFFNESS] * self._gaps(positions) if self.updates else pull
@@ -220,11 +220,11 @@ class GripTerm(UpdatedTerm):
     def _acting(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return minus the forces (k, 3) [N] on the points in the last minimisation, which ended at ``positions``."""
         done = self._updated is not None and np.array_equal(self._updated, positions[self._points])
-        return self.own_multipliers.copy() if done else self.renewed(positions)
+        return self.own_multipliers.copy() if done else self.renew(positions)
 
     def update(self, positions: NDArray[np.float64]) -> float:
         """Update the forces that keep the points in their places; return their change as a displacement [m]."""
-        self.own_multipliers[...] = self.renewed(positions)
+        self.own_multipliers[...] = self.renew(positions)
         self._updated = positions[self._points]
         self.errors.append(self.STIFF / self.FINE * float(np.linalg.norm(self._gaps(positions), axis=1).max()))
         return self.errors[-1]

@@ -176,10 +176,10 @@ def assemble(
         hourglass: c_e (m,) [N/m].
         count: number n of vertices; None for the vertices of the elements.
     """
-    return scattered(cell_type_of(shape).matrix_blocks(shape, weight, hourglass), shape.cells, count).tocsc()
+    return scatter(cell_type_of(shape).matrix_blocks(shape, weight, hourglass), shape.cells, count).tocsc()
 
 
-def scattered(blocks: NDArray[np.float64], nodes: NDArray[np.int32], count: int | None = None) -> sparse.coo_matrix:
+def scatter(blocks: NDArray[np.float64], nodes: NDArray[np.int32], count: int | None = None) -> sparse.coo_matrix:
     """Return the sum (n, n) of ``blocks`` (k, c, c), each between the vertices of one row of ``nodes`` (k, c).
 
     ``count`` is the number n of vertices; None for the largest vertex of ``nodes``.

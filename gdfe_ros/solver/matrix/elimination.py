@@ -215,7 +215,9 @@ def supernodes(
     return order, parent, *merge(parent, column_heights(indptr, indices, order, rank, parent), slack, NARROW)
 
 
-def eliminated(graph: sparse.csr_matrix, orders: Sequence[NDArray[np.int64]], *, slack: float = SLACK) -> Elimination:
+def find_elimination(
+    graph: sparse.csr_matrix, orders: Sequence[NDArray[np.int64]], *, slack: float = SLACK
+) -> Elimination:
     """Return the elimination of a symmetric graph (f, f) with the least cost, of several orders (f,).
 
     Two supernodes are merged if at most the fraction ``slack`` of the merged entries are zeros.
@@ -278,7 +280,7 @@ def least_degree(graph: sparse.csr_matrix) -> NDArray[np.int64]:
     return np.argsort(spilu(definite, **dropped, **given).perm_c)
 
 
-def dissected(graph: sparse.csr_matrix, points: NDArray[np.float64]) -> NDArray[np.int64]:
+def dissect(graph: sparse.csr_matrix, points: NDArray[np.float64]) -> NDArray[np.int64]:
     """Return an order (f,) by nested dissection (George 1973): both halves first, then their separator.
 
     A body is halved across its longest axis. The separator consists of those vertices of one half that have neighbours

@@ -17,13 +17,13 @@ from numpy.typing import NDArray
 from gdfe_ros.compiled import inlined, internal, kernel, vector_internal
 from gdfe_ros.solver.matrix.elimination import (
     SLACK,
-    dissected,
-    eliminated,
+    dissect,
+    find_elimination,
     least_degree,
     narrow_orders,
 )
 from gdfe_ros.solver.matrix.panels import PANEL, TILE, dot_six, six
-from gdfe_ros.solver.matrix.rotation import unrotated
+from gdfe_ros.solver.matrix.rotation import make_unrotated
 from gdfe_ros.solver.matrix.substitution import Kept, Plan, solve_columns
 from gdfe_ros.solver.vectors import clear_part, copy_part
 
@@ -188,8 +188,8 @@ class Fronts:
         slack: float = SLACK,
         kind: type[np.floating] = np.float32,
     ) -> None:
-        orders = *narrow_orders(graph, points), least_degree(graph), dissected(graph, points)
-        found = eliminated(graph, orders, slack=slack)
+        orders = *narrow_orders(graph, points), least_degree(graph), dissect(graph, points)
+        found = find_elimination(graph, orders, slack=slack)
         widths, heights = found.widths, found.heights
         self.price = round(size * found.work / max(1, 8 * found.entries))
         room = size * int(heights.max(initial=0))
@@ -217,7 +217,7 @@ class Fronts:
         self._ends = np.empty(room, np.int64)
         count = len(found.order)
         given = {"plan": self._plan, "order": found.order, "values": np.empty(0, kind)}
-        self.kept = Kept.none()._replace(**given, harmonic=np.zeros((3 * count, 0)), frames=unrotated(count))
+        self.kept = Kept.none()._replace(**given, harmonic=np.zeros((3 * count, 0)), frames=make_unrotated(count))
         self._fronts = self._panel = self._stack = np.empty(0)
 
     def factor(self, blocks: NDArray[np.float64]) -> bool:

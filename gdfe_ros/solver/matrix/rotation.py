@@ -136,7 +136,7 @@ def share_sum(sums):
             sums[k, i] = total
 
 
-def unrotated(count: int) -> NDArray[np.float64]:
+def make_unrotated(count: int) -> NDArray[np.float64]:
     """Return the rotations (f, 9) of ``count`` vertices that have not rotated: identities."""
     return np.tile(np.eye(3).ravel(), (count, 1))
 

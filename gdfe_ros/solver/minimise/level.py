@@ -24,7 +24,7 @@ from gdfe_ros.solver.elements.hexahedra import SPACING
 from gdfe_ros.solver.matrix.assembly import Assembly, Tangent
 from gdfe_ros.solver.matrix.constant_matrix import eliminate_free
 from gdfe_ros.solver.matrix.fronts import Fronts, unturned_solutions
-from gdfe_ros.solver.matrix.rotation import unrotated, vertex_rotations
+from gdfe_ros.solver.matrix.rotation import make_unrotated, vertex_rotations
 from gdfe_ros.solver.matrix.substitution import Kept, solve_kept
 from gdfe_ros.solver.matrix.unknowns import generalise, rigid_motion
 from gdfe_ros.solver.terms.term import Term
@@ -190,7 +190,7 @@ class TangentLevel:
         stages = np.array([term.stage for term in self._terms], dtype=np.int32)
         return stages if stages.any() else stages[:0]
 
-    def reconnected(self, tangent: Tangent, x: NDArray[np.float64]) -> Tangent:
+    def reconnect(self, tangent: Tangent, x: NDArray[np.float64]) -> Tangent:
         """Return the loaded tangent with the springs at ``x`` (n, 3) [m], if other terms have springs.
 
         The other parts keep the values and the factor of the tangent.
@@ -231,7 +231,7 @@ class TangentLevel:
         if not self._factor.factor(blocks):
             return False
         self.kept = self._factor.kept
-        self.kept.frames[...] = unrotated(len(self.kept.frames))
+        self.kept.frames[...] = make_unrotated(len(self.kept.frames))
         if motion.size:
             pulled = self._assembly.by_members(tangent.blocks) @ motion
             harmonic, inverse, definite = eliminate_free(pulled, motion, partial(unturned_solutions, self.kept))

@@ -165,7 +165,7 @@ class Minimiser:
         if self.level.outdated(self.tangent) and (self.tangent is not None or self.level.fits):
             self._adopt(task, self.level.take(task.problem, work.u, work.x))
         elif self.tangent is not None:
-            self.tangent = self.level.reconnected(self.tangent, work.x)
+            self.tangent = self.level.reconnect(self.tangent, work.x)
 
     def _touching(
         self,
@@ -236,7 +236,7 @@ class Minimiser:
         """Return the estimated largest distance to the equilibrium, divided by the body's size."""
         return float(active.status["distance"]) / self._body.size
 
-    def used_tangent(self) -> Tangent | None:
+    def keep_tangent(self) -> Tangent | None:
         """Return the tangent for the next solve, with the cost of this solve added; None if there is none."""
         if self.tangent is None:
             return None

@@ -75,9 +75,9 @@ class Flight(Path):
         """
         return not (self.can_halve or self.driven or solution.diverged) and solution.min_det > self.DEEPEST_FOLD
 
-    def went(self, state: State) -> Flight:
+    def advance(self, state: State) -> Flight:
         """Return the flight after an internal step to ``state``; after two halves, twice the length is tried again."""
-        gone, summary = super().went(state), state.summary
+        gone, summary = super().advance(state), state.summary
         size = min(self.WHOLE, self.size * 2) if gone.done % (2 * self.size) == 0 else self.size
         return changed(gone, size=size, flaw=self.flaw or ("" if summary.converged else summary.message))
 
@@ -86,7 +86,7 @@ class Flight(Path):
         flaw, simulated = self.flaw, self.duration * self.covered
         if not self.arrived:
             flaw = f"simulated {simulated:.6g} of {self.duration:.6g} s: {flaw or self.state.summary.message}"
-        told = changed(self, state=self.state.flawed(flaw)) if flaw else self
+        told = changed(self, state=self.state.with_flaw(flaw)) if flaw else self
         return super(Flight, told).march(skipped, simulated=simulated)
 
     def withdrawn(self, solution: Solution, skipped: dict[str, int], *, hurried: bool) -> March:
@@ -108,7 +108,7 @@ class Flight(Path):
             asked = {"poses": self.goal.poses, "commands": self.goal.commands}
             failure = Failure(**asked, duration=self.duration, length=self.longest, reason=text)
         state = self.state.with_(ledger=changed(self.state.ledger, failure=failure))
-        return changed(self, state=state.flawed(text, error_estimate=math.inf), flaw=text).march(skipped)
+        return changed(self, state=state.with_flaw(text, error_estimate=math.inf), flaw=text).march(skipped)
 
 
 class FlightPredictor(Predictor):
@@ -201,7 +201,7 @@ class Trial:
     step: InternalStep | None = None
 
 
-def unfolded(solution: Solution) -> bool:
+def is_unfolded(solution: Solution) -> bool:
     """Return whether no element is folded or inverted."""
     return not solution.diverged and solution.min_det > 0.0
 
@@ -209,4 +209,4 @@ def unfolded(solution: Solution) -> bool:
 def failed(solution: Solution) -> bool:
     """Return whether a solution failed and a shorter step may succeed."""
     stuck = not (solution.converged or solution.exhausted)
-    return stuck or not unfolded(solution)
+    return stuck or not is_unfolded(solution)

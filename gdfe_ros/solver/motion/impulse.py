@@ -113,7 +113,7 @@ class ContactImpulses:
             return now
         rule, slopes = Rule.of(dynamics, h, Kinematics.of(before.terms[NAME])), np.zeros_like(x)
         add_loads(held.gather().stencils, slopes)
-        moved = self._mass.accelerated(-slopes, x) / rule.kappa
+        moved = self._mass.accelerate(-slopes, x) / rule.kappa
         velocity = saved["velocity"] - rule.theta * moved
         gained, now = self._strike(held, velocity, 2.0 / (rule.kappa * h), before, now, h)
         kept = {
@@ -153,7 +153,7 @@ class ContactImpulses:
         pulls, impulses = np.zeros_like(velocity), impulses.reshape(-1, 3)
         now = self._told(held, part, impulses, slips, now, left if left > self.SETTLED * scale else 0.0)
         pull(impulses, *given, pulls.reshape(-1))
-        return self._mass.accelerated(pulls, x), _publish(held, part, impulses / h, before, now)
+        return self._mass.accelerate(pulls, x), _publish(held, part, impulses / h, before, now)
 
     def _told(self, held: HeldLoads, part: Pressing, impulses: Array, slips: Array, now: State, left: float) -> State:
         """Return ``now`` with sentences about grips that slip, and about laws that are violated by ``left`` [m/s].
@@ -213,7 +213,7 @@ def _publish(held: HeldLoads, part: Pressing, forces: Array, before: State, now:
         pushes, shears, name = np.zeros(contact.count), np.zeros((contact.count, 3)), contact.name
         at = part.chosen[own] - firsts[name]
         pushes[at], shears[at] = forces[own, 0], rubs[own]
-        terms[name] = contact.exerted(before.terms[name], terms[name], pushes, shears)
+        terms[name] = contact.add_mean_forces(before.terms[name], terms[name], pushes, shears)
         if contact.on_body:
             reactions[name] = contact.wrench(now.positions, terms[name])
         else:

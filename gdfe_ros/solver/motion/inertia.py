@@ -20,7 +20,7 @@ from gdfe_ros.compiled import kernel
 from gdfe_ros.mesh.filling import Filling
 from gdfe_ros.mesh.triples import corner, cross, dot
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.matrix.constant_matrix import scattered
+from gdfe_ros.solver.matrix.constant_matrix import scatter
 from gdfe_ros.solver.motion.scheme import Kinematics, Rule, Vectors, stiffness
 from gdfe_ros.solver.settings import Dynamics
 from gdfe_ros.solver.state import Saved
@@ -50,11 +50,11 @@ def mass_matrix(
     blocks = np.zeros((len(cells), cells.shape[1], cells.shape[1]))
     for volume, shape in gauss_points(rest, cells, filling):
         blocks += (density * volume)[:, None, None] * (shape[:, :, None] * shape[:, None, :])
-    matrix = scattered(blocks, cells, len(rest)).tocsr()
+    matrix = scatter(blocks, cells, len(rest)).tocsr()
     for item in attached:
         weights = item.points.weights
         blocks = item.part * weights[:, :, None] * weights[:, None, :]
-        matrix += scattered(blocks, item.points.corners, len(rest)).tocsr()
+        matrix += scatter(blocks, item.points.corners, len(rest)).tocsr()
     return matrix
 
 
@@ -86,7 +86,7 @@ class FreeMass:
             parts.append((axes, free, LuFactor(self._mass[free][:, free].tocsc()), {}))
         return parts
 
-    def accelerated(
+    def accelerate(
         self, forces: NDArray[np.float64], positions: NDArray[np.float64] | None = None
     ) -> NDArray[np.float64]:
         """Return the acceleration (n, 3) [m/s^2] of these vertices by forces (n, 3) [N]; zero for other vertices.
@@ -260,7 +260,7 @@ class Inertia(Term):
             return
         now, damping = Kinematics.of(saved), self._dynamics.damping.mass
         rule = Rule.of(self._dynamics, self._h, now)
-        velocity, acceleration = self._followed(positions, now)
+        velocity, acceleration = self._follow(positions, now)
         factor = rule.kappa + damping * rule.theta
         resisted = rule.kappa * rule.aim + damping * (rule.theta * rule.drift - rule.lag)
         driven = factor * positions - acceleration - damping * velocity
@@ -275,7 +275,7 @@ class Inertia(Term):
         velocity, acceleration = rule.velocity(positions), rule.acceleration(positions)
         if len(self._rigid):  # differences of rotated positions stretch a little; undamped schemes would keep that
             velocity[self._rigid] = rigid_part(positions[self._rigid], velocity[self._rigid])
-        given, change = self._followed(positions, now)
+        given, change = self._follow(positions, now)
         after = Kinematics(
             positions=positions,
             velocity=np.where(self._driven, given, velocity),
@@ -292,7 +292,7 @@ class Inertia(Term):
         """Return 0: the energy of inertia is kinetic."""
         return 0.0
 
-    def _followed(self, positions: Vectors, now: Kinematics) -> tuple[Vectors, Vectors]:
+    def _follow(self, positions: Vectors, now: Kinematics) -> tuple[Vectors, Vectors]:
         """Return velocity [m/s] and acceleration [m/s^2] (n, 3) of driven vertices, as backward differences."""
         given = (positions - now.positions) / self._h
         return given, (given - now.velocity) / self._h

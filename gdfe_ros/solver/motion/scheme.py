@@ -88,7 +88,7 @@ class Kinematics:
             return self.acceleration
         return (self.velocity - self.velocity_before) / self.h + self.pushed
 
-    def restarted(self, h: float) -> Kinematics:
+    def restart(self, h: float) -> Kinematics:
         """Return the kinematics restarted with a new step length ``h`` [s].
 
         The acceleration becomes the acceleration by the forces. The scheme's own acceleration may oscillate from step
@@ -130,7 +130,7 @@ class Rule:
         lengths alternate.
         """
         anew = now.h != h or dynamics.restarts
-        now = now.restarted(h) if anew else now
+        now = now.restart(h) if anew else now
         if dynamics.scheme is Scheme.BDF2:
             return _bdf2(h, now)
         return _generalised_alpha(1.0 if anew else dynamics.radius, h, now)

@@ -16,7 +16,7 @@ from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.equilibrium.energy import EquilibriumSolver
 from gdfe_ros.solver.forces.actuation import Actuation
 from gdfe_ros.solver.motion import inertia
-from gdfe_ros.solver.motion.flight import Flight, FlightPredictor, InternalStep, Trial, failed, reduction, unfolded
+from gdfe_ros.solver.motion.flight import Flight, FlightPredictor, InternalStep, Trial, failed, is_unfolded, reduction
 from gdfe_ros.solver.motion.impulse import ContactImpulses
 from gdfe_ros.solver.motion.inertia import FreeMass, Inertia
 from gdfe_ros.solver.motion.ledger import Accounts, tell_excess
@@ -179,11 +179,11 @@ class MotionStepper:
                 flight = changed(flight, flaw=trial.solution.message)
                 break
             if verdict is Verdict.HALVE:
-                flight = flight.halved()
+                flight = flight.halve()
                 continue
             if observer is not None:
                 observer(trial.step)
-            flight = flight.went(trial.step.after)
+            flight = flight.advance(trial.step.after)
             if not flight.arrived and past(deadline):
                 flight = changed(flight, flaw=flight.flaw or deadline.reason)
                 break
@@ -200,7 +200,7 @@ class MotionStepper:
             return Trial(**given, verdict=Verdict.STOP)
         if failed(solution) and flight.can_halve and not past(deadline):
             return Trial(**given, verdict=Verdict.HALVE)
-        if not (unfolded(solution) or flight.endures(solution)):
+        if not (is_unfolded(solution) or flight.endures(solution)):
             return Trial(**given, verdict=Verdict.WITHDRAW)
         before = flight.state
         after, excess = self._accounts.book(before, self._accepted(dynamics, before, solution, h), h)
@@ -235,9 +235,9 @@ class MotionStepper:
         equilibrium = self.equilibrium_of(dynamics, h)
         now = equilibrium.accept(solution, state)
         balance = now.balance or equilibrium.actuation.balance(now.positions, now.commands)
-        return self.struck(dynamics, state, now.with_(unfinished=None, balance=balance, sound=True), h)
+        return self.strike(dynamics, state, now.with_(unfinished=None, balance=balance, sound=True), h)
 
-    def struck(self, dynamics: Dynamics, before: State, now: State, h: float) -> State:
+    def strike(self, dynamics: Dynamics, before: State, now: State, h: float) -> State:
         """Return the state ``now`` after an internal step from ``before``, with the impulses of the contacts."""
         return self._impulses.add(dynamics, before, now, h, self.equilibrium_of(dynamics, h).actuation.held)
 
@@ -293,7 +293,7 @@ class MotionStepper:
         before, state = state.commands, state.with_(commands={**state.commands, **loads})
         velocity, h = self._accounts.velocity_at_start(state.positions), self._dynamics.step
         pull = -self.equilibrium.forces(state) - self._dynamics.damping.mass * (self.mass @ velocity)
-        acceleration = self.free_mass.accelerated(pull)
+        acceleration = self.free_mass.accelerate(pull)
         kinematics = Kinematics.started(state.positions, velocity, acceleration, h, first=True)
         terms = {**state.terms, inertia.NAME: kinematics.saved}
         balance = self.actuation.balance(state.positions, state.commands)

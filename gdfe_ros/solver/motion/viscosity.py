@@ -250,14 +250,14 @@ class Viscosity(Term):
         """Return the state to store: strains, branches, their elastic energy and the dissipated energy so far [J]."""
         now, new, h = saved["strain"], self._strains(positions), self._h
         rate = 1.5 / h * (new - (4.0 * now - self._before(saved)) / 3.0)
-        power = self._dynamics.damping.viscosity * self._squared(rate)
+        power = self._dynamics.damping.viscosity * self._square(rate)
         branches, stored = [], 0.0
         for branch, held in zip(self._dynamics.prony, saved["branches"], strict=True):
             ratio = 0.5 * h / branch.time
             after = (held + ratio * (new + now - held)) / (1.0 + ratio)
             mean = 0.5 * (new - after + now - held)
-            power += branch.share * self._modulus / branch.time * self._squared(mean)
-            stored += (0.5 * branch.share * self._modulus * self._squared(new - after)).sum()
+            power += branch.share * self._modulus / branch.time * self._square(mean)
+            stored += (0.5 * branch.share * self._modulus * self._square(new - after)).sum()
             branches.append(after)
         return {
             "strain": new,
@@ -284,7 +284,7 @@ class Viscosity(Term):
         all_strains(positions, self.reals, self.integers, found)
         return found
 
-    def _squared(self, strain: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _square(self, strain: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return |E|^2 V + b sum_k |w_k|^2 (k,) [m^3] of strains (k, 18) of elements, or (k, 6) of points."""
         stretch = np.einsum("ei,ei->e", strain[:, :3], strain[:, :3])
         stretch += 2.0 * np.einsum("ei,ei->e", strain[:, 3:6], strain[:, 3:6])

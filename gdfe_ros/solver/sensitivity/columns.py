@@ -21,7 +21,7 @@ from gdfe_ros.solver.forces.actuation import handle_reactions
 from gdfe_ros.solver.matrix.unknowns import HandlePositions, place
 from gdfe_ros.solver.minimise.curvature import TangentProducts
 from gdfe_ros.solver.minimise.level import TangentLevel
-from gdfe_ros.solver.sensitivity.linearised import Linearised, difference, mapped
+from gdfe_ros.solver.sensitivity.linearised import Linearised, difference, map_arrays
 from gdfe_ros.solver.sensitivity.parameter import Parameter
 from gdfe_ros.solver.settings import Dynamics
 from gdfe_ros.solver.state import State
@@ -124,7 +124,7 @@ class Column:
 
         def value(side: VariedInputs, step: float = 0.0) -> T:
             x = solve.x + step * change.positions
-            self._varied(side, x)
+            self._vary(side, x)
             solve.joint.hold(solve.multipliers + step * change.multipliers)
             return made(side, x)
 
@@ -133,7 +133,7 @@ class Column:
         parts = [pair.difference(value) for pair in self._pairs]
         parts.append(difference(value(own, step), value(own, -step), 2.0 * step))
         solve.restore()
-        return mapped(lambda *each: np.nan_to_num(sum(each)), *parts)
+        return map_arrays(lambda *each: np.nan_to_num(sum(each)), *parts)
 
     def _placed(self, side: VariedInputs) -> tuple[NDArray[np.float64], HandlePositions]:
         """Return positions (n, 3) [m] and the frame with the handles at the poses of ``side``."""
@@ -147,7 +147,7 @@ class Column:
         place(solve.u, frame, solve.body.unknowns, x)
         return x, frame
 
-    def _varied(self, side: VariedInputs, x: NDArray[np.float64]) -> None:
+    def _vary(self, side: VariedInputs, x: NDArray[np.float64]) -> None:
         """Set all terms to the inputs ``side``, with the multipliers at the end of the solve."""
         solve = self._solve
         for term in solve.actuation.terms:
@@ -166,7 +166,7 @@ class Column:
 
         def numbers(side: VariedInputs) -> NDArray[np.float64]:
             solve.restore()
-            self._varied(side, self._placed(side)[0])
+            self._vary(side, self._placed(side)[0])
             return solve.actuation.table.reals.copy()
 
         slope, found = pair.difference(numbers), []

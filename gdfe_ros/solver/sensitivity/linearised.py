@@ -127,13 +127,13 @@ class StateDerivative(NamedTuple):
     multipliers: NDArray[np.float64]
 
 
-def mapped(function: Callable[..., object], *values: object) -> object:
+def map_arrays(function: Callable[..., object], *values: object) -> object:
     """Return ``function`` of arrays; for tuples or mappings of arrays, the tuple or dict of its results."""
     first = values[0]
     if isinstance(first, Mapping):
-        return {name: mapped(function, *(each[name] for each in values)) for name in first}
+        return {name: map_arrays(function, *(each[name] for each in values)) for name in first}
     if isinstance(first, tuple):
-        return tuple(mapped(function, *each) for each in zip(*values, strict=True))
+        return tuple(map_arrays(function, *each) for each in zip(*values, strict=True))
     return function(*values)
 
 
@@ -143,7 +143,7 @@ def difference(above: T, below: T, twice: float) -> T:
     def subtract(high: NDArray[np.float64], low: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.subtract(high, low, out=np.zeros_like(high), where=high != low) / twice  # some limits are infinite
 
-    return mapped(subtract, above, below)
+    return map_arrays(subtract, above, below)
 
 
 class Linearised:
@@ -241,7 +241,7 @@ class Linearised:
         self, table: MaterialTable, *, operators: Operators | None = None, scale: NDArray[np.float64] | None = None
     ) -> NDArray[np.float64]:
         """Return dE/dx (n, 3) [N] of the elements with the materials of ``table``, at their pressures."""
-        return self._summed(self._corner_forces(elastic(table), operators, self.scale if scale is None else scale))
+        return self._sum(self._corner_forces(elastic(table), operators, self.scale if scale is None else scale))
 
     def _corner_forces(
         self, table: MaterialTable, operators: Operators | None, scale: NDArray[np.float64]
@@ -268,7 +268,7 @@ class Linearised:
         motion[self._unknowns.members] = (self._motion @ unknowns[count:]).reshape(-1, 3)
         return motion
 
-    def gathered(self, forces: NDArray[np.float64]) -> NDArray[np.float64]:
+    def gather_forces(self, forces: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return forces (n, 3) [N] as generalised forces (3 r,) on the unknowns."""
         return generalise(forces, self._unknowns, self._motion)
 
@@ -281,7 +281,7 @@ class Linearised:
         own = (self._stiffness @ local.reshape(len(local), -1, 1)).reshape(local.shape)
         if len(self.softening):
             own += self._softened * self._scale_change(motion)[:, None, None]
-        return forces + self._summed(own), change
+        return forces + self._sum(own), change
 
     def solve(
         self, forces: NDArray[np.float64], change: NDArray[np.float64], turned: NDArray[np.float64]
@@ -298,12 +298,12 @@ class Linearised:
             GdfeError: the tangent is singular, so that there is no derivative.
         """
         rows = 3 * self._unknowns.rows
-        load = self.gathered(forces)
+        load = self.gather_forces(forces)
         load[rows - len(turned) :] += turned
         right = np.concatenate([-load, change / self._weights])
         if self._system is None:
             tolerance = self.STIFF if self.volumes.rigid else self.EXACT
-            self._system = ConjugateResiduals(self._multiplied, self._preconditioned, tolerance=tolerance)
+            self._system = ConjugateResiduals(self._multiply, self._precondition, tolerance=tolerance)
         found = self._system.solve(right)
         unknowns, multipliers = found[:rows], found[rows:] * self._weights
         return StateDerivative(unknowns, self.moved(unknowns), multipliers)
@@ -349,24 +349,24 @@ class Linearised:
         sides = [self.rigid_part(self.u + sign * unknowns, self.frame) for sign in (step, -step)]
         return difference(*sides, 2.0 * step)
 
-    def _multiplied(self, vector: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _multiply(self, vector: NDArray[np.float64]) -> NDArray[np.float64]:
         if self.interrupted is not None and self.interrupted():
             raise GdfeError(ENDED)
         rows = 3 * self._unknowns.rows
         unknowns, multipliers = vector[:rows], vector[rows:] * self._weights
         forces, change = self.product(self.moved(unknowns), multipliers)
-        gradient = self.gathered(forces)
+        gradient = self.gather_forces(forces)
         if self._motion.size:
             gradient[3 * len(self._unknowns.free) :] += self._turned(unknowns)
         return np.concatenate([gradient, (multipliers - change) / self._weights])
 
-    def _preconditioned(self, vector: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _precondition(self, vector: NDArray[np.float64]) -> NDArray[np.float64]:
         """Solve with the factor; the multipliers act on the forces, and stay."""
         rows = 3 * self._unknowns.rows
         gradient, multipliers = vector[:rows], vector[rows:]
         if len(multipliers):
             forces, _ = self._beside(np.zeros_like(self.x), multipliers * self._weights)
-            gradient = gradient - self.gathered(forces)
+            gradient = gradient - self.gather_forces(forces)
         found = np.zeros_like(gradient)
         self._level.solve(np.ascontiguousarray(gradient), found)
         return np.concatenate([found, multipliers])
@@ -386,5 +386,5 @@ class Linearised:
         self.joint.hold(self.multipliers)
         return difference(*sides, 2.0 * step)
 
-    def _summed(self, force: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _sum(self, force: NDArray[np.float64]) -> NDArray[np.float64]:
         return vertex_forces(self.body, np.arange(len(self.x), dtype=np.int32), force)

@@ -84,11 +84,11 @@ class Trail:
             return
         try:
             with one_blas_thread():
-                self.columns = self._started(stage) if stage.dynamics is None else self._stepped(stage)
+                self.columns = self._started(stage) if stage.dynamics is None else self._step(stage)
         except GdfeError as error:
             self.flaw = str(error)
 
-    def _stepped(self, stage: InternalStep) -> list[Carried]:
+    def _step(self, stage: InternalStep) -> list[Carried]:
         dynamics, h, body = stage.dynamics, stage.h, self._stepper.body
         equilibrium = self._stepper.equilibrium_of(dynamics, h)
         if id(equilibrium) not in self._tangents:
@@ -135,7 +135,7 @@ class Trail:
         for term in actuation.terms:
             terms[term.name] = side.terms.get(term.name, term).finish(side.start.terms[term.name], x)
         now = stage.after.with_(positions=x, poses=side.poses, commands=side.commands, terms=terms)
-        now = self._stepper.struck(dynamics, side.start, now, h)
+        now = self._stepper.strike(dynamics, side.start, now, h)
         return {**now.terms, REACTIONS: now.summary.reactions}
 
     def _started(self, stage: InternalStep) -> list[Carried]:
@@ -159,7 +159,7 @@ class Trail:
                     terms_energy(stage.after.positions, TermTable.of(term), force, np.zeros(1))
                     pull -= force
                 pulls.append(pull)
-            gained = stepper.free_mass.accelerated((pulls[0] - pulls[1]) / (2.0 * step))
+            gained = stepper.free_mass.accelerate((pulls[0] - pulls[1]) / (2.0 * step))
             kept = dict(column.terms[inertia.NAME])
             kept.update(acceleration=gained, balanced=gained, before=0.5 * h * h * gained, velocity_before=-h * gained)
             kept = {key: kept.get(key, np.zeros_like(array)) for key, array in stage.after.terms[inertia.NAME].items()}

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.constraints import Pose
-from gdfe_ros.solver.forces.actuation import inflated
+from gdfe_ros.solver.forces.actuation import tell_inflation
 from gdfe_ros.solver.handle_motions import HandleMotions, find_deviation
 from gdfe_ros.solver.matrix.rotation import apply_left_jacobian
 from gdfe_ros.solver.outcome import Outcome, join, tell
@@ -135,11 +135,11 @@ class Path:
         iterations = self.iterations + solution.iterations
         return changed(self, iterations=iterations, attempts=self.attempts + 1, **seen)
 
-    def halved(self: AnyPath) -> AnyPath:
+    def halve(self: AnyPath) -> AnyPath:
         """Return the path with the next attempt halved."""
         return changed(self, size=self.size // 2)
 
-    def went(self: AnyPath, state: State) -> AnyPath:
+    def advance(self: AnyPath, state: State) -> AnyPath:
         """Return the path after an attempt that led to ``state``."""
         return changed(self, state=state, done=self.done + self.size)
 
@@ -274,7 +274,7 @@ class Attempt:
         """The reason why the step returns to the last sound state."""
         path, message = self.path, self.solution.message
         if path.unstable:
-            return inflated(path.unstable, path.state.commands, path.aim[1])
+            return tell_inflation(path.unstable, path.state.commands, path.aim[1])
         if self.solution.diverged and not path.folded:
             return message
         enters = self.solution.entered and self.solution.min_det > 0.0

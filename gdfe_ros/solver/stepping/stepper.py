@@ -17,7 +17,7 @@ from gdfe_ros.solver.forces.actuation import Actuation, past_limit
 from gdfe_ros.solver.handle_motions import HandleMotions
 from gdfe_ros.solver.outcome import REMEDY_OF_FOLDS, Deadline, Outcome, join, past, tell
 from gdfe_ros.solver.settings import Skip, SolverSettings
-from gdfe_ros.solver.solution import Increment, March, Solution, crumpled
+from gdfe_ros.solver.solution import Increment, March, Solution, is_crumpled
 from gdfe_ros.solver.state import State, changed
 from gdfe_ros.solver.stepping.path import Attempt, LoadPath, Verdict, jumped, planned_increments
 
@@ -128,19 +128,19 @@ class Stepper:
         aim, limit = {"poses": dict(targets), "commands": dict(commands)}, self.settings.max_iterations
         goal = Increment(**aim, tolerance=tolerance, limit=limit, deadline=deadline)
         if unreachable := self._unreachable(state, goal):
-            return March(state=state.flawed(unreachable), reached=False)
-        march, suspect = self._rescued(self._march(state, goal), goal, state), state.suspect
+            return March(state=state.with_flaw(unreachable), reached=False)
+        march, suspect = self._rescue(self._march(state, goal), goal, state), state.suspect
         if suspect and not past(deadline):
             march, suspect = self._better_from_rest(march, goal), False
         if march.inverted:
             march = march.told(join(march.message, REMEDY_OF_FOLDS), converged=False)
         return changed(march, state=march.state.with_(suspect=suspect))
 
-    def _rescued(self, march: March, goal: Increment, state: State) -> March:
+    def _rescue(self, march: March, goal: Increment, state: State) -> March:
         """Return ``march``, or the outcome of a better load path if this one from ``state`` gave up or is doubtful."""
         unfinished, deadline = march.state.unfinished, goal.deadline
         given_up = unfinished is None or max(march.iterations, unfinished.iterations) >= self.equilibrium.patience
-        doubtful = crumpled(state) or crumpled(march.state) or not march.sound
+        doubtful = is_crumpled(state) or is_crumpled(march.state) or not march.sound
         if given_up and state.anchor is not None and doubtful and not past(deadline):
             # The state of an unfinished solve leads to a failure, or is crumpled and leads to higher energy.
             # Try again from the last equilibrium.
@@ -189,12 +189,12 @@ class Stepper:
             attempt = self._attempt(path)
             path, verdict = attempt.path, attempt.verdict
             if verdict is Verdict.HALVE:
-                path = path.halved()
+                path = path.halve()
             elif verdict is Verdict.WITHDRAW:
                 last = path.state.anchor or path.state
-                return self._end(changed(path, state=last.flawed(attempt.reason_to_withdraw)))
+                return self._end(changed(path, state=last.with_flaw(attempt.reason_to_withdraw)))
             else:
-                path = path.went(self._accepted(attempt, stops=verdict is Verdict.STOP))
+                path = path.advance(self._accepted(attempt, stops=verdict is Verdict.STOP))
             if verdict is Verdict.STOP:
                 return self._end(path, snapped=attempt.snapped)
 
@@ -238,12 +238,12 @@ class Stepper:
         state, begin = attempt.path.state, attempt.path.began
         accepted = self.equilibrium.accept(attempt.solution, state)
         before = [each for each in (state, begin, begin.anchor) if each and each.unfinished is None and each.sound]
-        before.sort(key=crumpled)
-        fails = accepted.unfinished is not None or (stops and attempt.path.next < 1.0 and crumpled(accepted))
+        before.sort(key=is_crumpled)
+        fails = accepted.unfinished is not None or (stops and attempt.path.next < 1.0 and is_crumpled(accepted))
         anchor = state.anchor or next(iter(before), None) if fails else None
         if attempt.snapped:
             remedy = past_limit(self.actuation.actuators, state.commands, attempt.path.aim[1])
-            accepted = accepted.flawed(join(tell(Outcome.SNAPPED), remedy, accepted.summary.message))
+            accepted = accepted.with_flaw(join(tell(Outcome.SNAPPED), remedy, accepted.summary.message))
         return accepted.with_(sound=attempt.sound, anchor=anchor)
 
     def _end(self, path: LoadPath, *, snapped: bool = False) -> March:
@@ -251,10 +251,10 @@ class Stepper:
         state, deadline = path.state, path.goal.deadline
         if not path.arrived and state.summary.converged:
             ended = deadline.reason if past(deadline) else f"{path.iterations} iterations are spent"
-            state = state.flawed(tell(Outcome.STOPPED, reason=ended, done=path.covered))
+            state = state.with_flaw(tell(Outcome.STOPPED, reason=ended, done=path.covered))
         message = state.summary.message
         if path.folded and not state.summary.converged and tell(Outcome.FOLDED) not in message:
-            state = state.flawed(join(message, tell(Outcome.PRESSED)))
+            state = state.with_flaw(join(message, tell(Outcome.PRESSED)))
         return changed(path, state=state).march(self.equilibrium.skipped(), snapped=snapped)
 
     def _let_go(self, march: March, goal: Increment, start: State) -> March:

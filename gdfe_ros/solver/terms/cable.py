@@ -226,7 +226,7 @@ class CableTerm(EffortTerm):
         self.begin(commands, saved, positions, 0.0)
         self.reals[EFFORT] += self._lifted
 
-    def renewed(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+    def renew(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the tension (1,) [N] after an update."""
         return np.array([cable_tension(cable_length(positions, self.reals, self.integers), self.reals)])
 

@@ -168,7 +168,7 @@ class ChamberTerm(EffortTerm):
         """A surface of the chamber's size [m^2]."""
         return max(abs(self.reals[TARGET]), self.actuator.least, 1e-30) ** (2.0 / 3.0)
 
-    def renewed(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+    def renew(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the pressure (1,) [Pa] after an update."""
         return np.array([chamber_pressure(self._volume(positions), self.reals)])
 

@@ -16,7 +16,7 @@ from gdfe_ros.materials.fibre_layer import FibreLayer
 from gdfe_ros.materials.tensor import scaled
 from gdfe_ros.mesh.triples import dot
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.matrix.constant_matrix import scattered
+from gdfe_ros.solver.matrix.constant_matrix import scatter
 from gdfe_ros.solver.terms.term import Term, as_arrays, share, term_kernel, weighted
 
 NODES, POINTS, SLACK, HEAD = range(4)
@@ -76,7 +76,7 @@ class FibreTerm(Term):
     def stiffness(self) -> sparse.csc_matrix:
         """Return the layer's stiffness (n, n) [N/m] for undeformed taut fibres, the same along x, y and z."""
         blocks = np.einsum("fp,fpa,fpb->fab", self._springs, self._factors, self._factors)
-        return scattered(blocks, self._faces, self._count).tocsc()
+        return scatter(blocks, self._faces, self._count).tocsc()
 
     def couplings(self) -> NDArray[np.int32]:
         """Return the nodes of the faces (f, c)."""
@@ -84,7 +84,7 @@ class FibreTerm(Term):
 
     def tangents(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the tangent k A (d d^T + max(e, 0) I) of taut fibres, (f, 3 c, 3 c) [N/m]."""
-        vectors, strains = self._strained(positions)
+        vectors, strains = self._strain(positions)
         taut = self._springs * (self._layer.compression | (strains > self.ONSET))
         inner = vectors[..., :, None] * vectors[..., None, :] + np.maximum(strains, 0.0)[..., None, None] * np.eye(3)
         spread = np.einsum("fp,fpa,fpij,fpb->faibj", taut, self._factors, inner, self._factors, optimize=True)
@@ -92,12 +92,12 @@ class FibreTerm(Term):
 
     def report(self, positions: NDArray[np.float64]) -> dict[str, float]:
         """Return the largest stretch of a fibre, and the largest force per undeformed width [N/m]."""
-        _, strains = self._strained(positions)
+        _, strains = self._strain(positions)
         stretch = np.sqrt(1.0 + 2.0 * strains)
         pulled = np.maximum(strains, 0.0) if not self._layer.compression else strains
         return {"stretch": float(stretch.max()), "force": float((self._layer.stiffness * pulled * stretch).max())}
 
-    def _strained(self, positions: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def _strain(self, positions: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the present fibre vectors (f, p, 3) and their Green strains (f, p)."""
         vectors = np.einsum("fpa,fai->fpi", self._factors, positions[self._faces])
         return vectors, 0.5 * (np.einsum("fpi,fpi->fp", vectors, vectors) - 1.0)

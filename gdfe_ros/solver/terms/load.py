@@ -104,7 +104,7 @@ class PressureTerm(UpdatedTerm):
         face_forces(x, self.integers, self.reals[APEX:EDGE], of_volume, of_area, force)
         return force
 
-    def renewed(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+    def renew(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the vectors b (k, 3) [m^2] of the nodes on open edges at ``positions`` (n, 3) [m]."""
         return self._pushed(positions, -1.0, 1.0)[self._edge]
 
@@ -141,14 +141,14 @@ class PressureTerm(UpdatedTerm):
         """Set the pressure, and the forces at open edges as they are at ``positions``."""
         numbers, self._anderson, self.errors = self.reals, Anderson(self.GROWTH), []
         numbers[PRESSURE] = commands[self.name] * self._load.pressure
-        self.own_multipliers[...] = self.renewed(positions)
+        self.own_multipliers[...] = self.renew(positions)
         numbers[VOLUME] = self._volume(positions)
         numbers[VOLUME] += np.vdot(self.own_multipliers, positions[self._edge] - numbers[APEX:EDGE])
         self._swept = float(saved["swept"][0])
 
     def update(self, positions: NDArray[np.float64]) -> float:
         """Let the forces at open edges follow; return their change as a displacement [m], divided by `FINE`."""
-        change = (self.renewed(positions) - self.own_multipliers).ravel()
+        change = (self.renew(positions) - self.own_multipliers).ravel()
         self.own_multipliers[...] = self._anderson.next(self.own_multipliers.ravel(), change).reshape(-1, 3)
         moved = abs(self.reals[PRESSURE]) * np.linalg.norm(change.reshape(-1, 3), axis=1).sum()
         self.errors.append(float(moved) * self._softness / self.FINE)
@@ -164,7 +164,7 @@ class PressureTerm(UpdatedTerm):
         The part of open edges depends on the path and is integrated by the trapezoidal rule.
         """
         last = self._last
-        mean = 0.5 * (self.renewed(last) + self.renewed(positions))
+        mean = 0.5 * (self.renew(last) + self.renew(positions))
         along = float(np.vdot(mean, (positions - last)[self._edge]))
         return self._swept + self._volume(positions) - self._volume(last) + along
 

@@ -20,7 +20,7 @@ class UpdatedTerm(Term):
 
     Attributes:
         own_multipliers: the multipliers, of any shape; a view.
-        renewed: method that returns the multipliers, in this shape, after an update at positions (n, 3) [m].
+        renew: method that returns the multipliers, in this shape, after an update at positions (n, 3) [m].
         stored: name under which the stored state has the multipliers; other rows may follow them there.
         errors: error of the constraints [m] before each update of a solve.
         size: size of the body [m].
@@ -31,7 +31,7 @@ class UpdatedTerm(Term):
     body's size do not count.
     """
     own_multipliers: Array
-    renewed: Callable[[Array], Array]
+    renew: Callable[[Array], Array]
     stored: str
     errors: Sequence[float] = ()
     size = 0.0
@@ -60,7 +60,7 @@ class UpdatedTerm(Term):
 
     def updated(self, positions: Array) -> Array:
         """Return the multipliers (k,) after an update at ``positions`` (n, 3) [m]; empty if nothing is kept."""
-        return self.renewed(positions).flatten() if self.updates else np.zeros(0)
+        return self.renew(positions).flatten() if self.updates else np.zeros(0)
 
 
 EFFORT, TARGET, STIFFNESS = range(3)
@@ -108,7 +108,7 @@ class EffortTerm(UpdatedTerm):
     def update(self, positions: Array) -> float:
         """Update the effort that keeps the length or volume; return the error as a displacement [m]."""
         before = self.reals[EFFORT]
-        (self.reals[EFFORT],) = self.renewed(positions)
+        (self.reals[EFFORT],) = self.renew(positions)
         return float(abs(self.reals[EFFORT] - before) / (self.reals[STIFFNESS] * self.area))
 
     def followed(self, saved: Saved, ratio: float) -> float:

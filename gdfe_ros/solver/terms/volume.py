@@ -56,7 +56,7 @@ def pack_faces(faces: NDArray[np.int32]) -> NDArray[np.int32]:
 
 
 @inlined
-def combined(x, apex, integers, first, weights, p):
+def combine(x, apex, integers, first, weights, p):
     """Return the sum of the weights ``weights[p]`` times the nodes from ``first`` on, relative to ``apex``."""
     total = 0.0, 0.0, 0.0
     for a in range(weights.shape[1]):
@@ -71,8 +71,8 @@ def add_faces(x, integers, apex, n, g, h, share, of_volume, of_area, force):
     for q in range(integers[COUNT]):
         first = FACES + nodes * q
         for p in range(len(share)):
-            u = combined(x, apex, integers, first, n, p)
-            v, w = combined(x, apex, integers, first, g, p), combined(x, apex, integers, first, h, p)
+            u = combine(x, apex, integers, first, n, p)
+            v, w = combine(x, apex, integers, first, g, p), combine(x, apex, integers, first, h, p)
             across, over, under = cross(v, w), cross(w, u), cross(u, v)
             total += share[p] * dot(u, across)
             for a in range(nodes if pushes else 0):
@@ -129,9 +129,9 @@ def volume_curvature(x, integers, apex, products, scale, out):
     for q in range(integers[COUNT]):
         for p in range(len(shares)):
             n, g, h, share, first = normal[p], along_g[p], along_h[p], scale * shares[p], FACES + nodes * q
-            u = combined(x, apex, integers, first, normal, p)
-            v = combined(x, apex, integers, first, along_g, p)
-            w = combined(x, apex, integers, first, along_h, p)
+            u = combine(x, apex, integers, first, normal, p)
+            v = combine(x, apex, integers, first, along_g, p)
+            w = combine(x, apex, integers, first, along_h, p)
             for a in range(nodes):
                 for b in range(nodes):
                     of_w = share * (g[a] * n[b] - n[a] * g[b])

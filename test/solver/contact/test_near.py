@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy import sparse
 
-from gdfe_ros.solver.contact.near import boxes_around, find_near, ragged
+from gdfe_ros.solver.contact.near import boxes_around, find_near, make_ragged
 
 
 @pytest.mark.parametrize("within", [0.0, 0.05])
@@ -23,7 +23,7 @@ def test_all_boxes_within_a_distance_are_found_once_but_for_kin(within: float) -
     kin = sparse.random(60, 300, density=0.02, random_state=3, format="csr")
     kin.sort_indices()
     one, two = boxes_around(x, groups), boxes_around(x, others)
-    found = find_near(one, two, groups, ragged(kin), within)
+    found = find_near(one, two, groups, make_ragged(kin), within)
     meet = (one[:, None, 0] <= two[None, :, 1] + within).all(axis=2) & (
         one[:, None, 1] >= two[None, :, 0] - within
     ).all(axis=2)
