@@ -41,11 +41,13 @@ class Shape(Keys):
     Attributes:
         kind: number of the shape in the kernels.
         samples: further numbers for the kernels.
+        skin: points of the surface (k, 3) [m]; a plane has none.
         rounding: distance [m] of the surface from the `corners`, or from the lines between them.
     """
 
     kind: ClassVar[int]
     samples: NDArray[np.float64] = np.zeros(0)
+    skin: NDArray[np.float64] = np.zeros((0, 3))
     rounding: float = 0.0
 
 

@@ -79,19 +79,13 @@ def merge_vertices(mesh: Mesh) -> Mesh:
         mesh: a mesh with finite vertices.
     """
     pairs = coincident_pairs(mesh.vertices, COINCIDENT * mesh.size)
-    group = vertex_pieces(pairs, mesh.n_vertices)
-    _, leaders, number = np.unique(group, return_index=True, return_inverse=True)
-    order = np.argsort(leaders)
-    rank = np.empty_like(order)
-    rank[order] = np.arange(len(order))
-    new = rank[number]
+    number = vertex_pieces(pairs, mesh.n_vertices)
+    first = np.unique(number, return_index=True)[1]
     return replace(
         mesh,
-        vertices=mesh.vertices[leaders[order]],
-        cells=new[mesh.cells],
-        cell_sets=mesh.cell_sets,
-        vertex_sets={name: new[ids] for name, ids in mesh.vertex_sets.items()},
-        filling=mesh.filling,
+        vertices=mesh.vertices[first],
+        cells=number[mesh.cells],
+        vertex_sets={name: number[ids] for name, ids in mesh.vertex_sets.items()},
         **_BARE,
     )
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gdfe_ros.errors import show_point
 from gdfe_ros.mesh.faces import corners_of, enclosed_volume, turned, vertex_pieces
 from gdfe_ros.mesh.mesh import Mesh
 from gdfe_ros.mesh.overlap import find_self_cuts
@@ -167,16 +168,14 @@ def misplaced_cavities(
         crossed = mine[cuts.cut]
         crossed[crossed] = ~find_self_cuts(own, ids).cut[cuts.cut[mine]]
         if crossed.any():
-            x, y, z = cuts.places[crossed][0]
             text = "the air is partly outside: its surface cuts or touches that of the body or of other air"
-            found[number] = f"{text}, e.g. near ({x:.4g}, {y:.4g}, {z:.4g}) m; {_REMEDY}"
+            found[number] = f"{text}, e.g. near {show_point(cuts.places[crossed][0])} m; {_REMEDY}"
             continue
         _, first = np.unique(shell_numbers(len(own), ids), return_index=True)
         corners = own[ids[first, 0]]
         outside = corners[~inside(corners, points, joined[~mine])]
         if len(outside):
-            x, y, z = outside[0]
-            text = f"the air is outside of the body's material at ({x:.4g}, {y:.4g}, {z:.4g}) m"
+            text = f"the air is outside of the body's material at {show_point(outside[0])} m"
             found[number] = f"{text}; {_REMEDY}"
     return found
 

@@ -22,7 +22,7 @@ from gdfe_ros.mesh.surface_edges import is_closed, winding_defects
 from gdfe_ros.mesh.tetmesh import TetMesh, raised, scaled_jacobians
 from gdfe_ros.mesh.tetrahedra import EDGES
 from gdfe_ros.mesh.voxels import examine_surface
-from gdfe_ros.mesh.walls import Walls, find_walls, wall_sizes
+from gdfe_ros.mesh.walls import Walls, find_solid_walls, find_walls, wall_sizes
 
 STEP_SUFFIXES = (".step", ".stp")
 FACETS_ALONG = 30.0
@@ -103,14 +103,6 @@ def step_surface(path: str | Path) -> tuple[NDArray[np.float64], NDArray[np.int6
     return raw["vertices"], raw["triangles"], raw["solid"]
 
 
-def step_walls(path: str | Path, *, spacing: float) -> Walls:
-    """Return the thickness of the walls of each solid of a STEP file, at places with a distance of ``spacing`` [m]."""
-    vertices, triangles, solid = step_surface(path)
-    return Walls.joined(
-        [find_walls(vertices, triangles[solid == k], spacing=spacing) for k in range(int(solid.max()) + 1)]
-    )
-
-
 ENVELOPE = 1e-3
 """Largest distance between fTetWild's surface and the file's surface, divided by the diagonal of the body."""
 NARROW = 0.1
@@ -144,7 +136,8 @@ def from_step(path: str | Path, *, size: float, least_size: float | None = None)
         return found
     request = {"path": str(path.resolve()), "size": size}
     if least_size is not None:
-        request |= _refined(step_walls(path, spacing=least_size), step_bounds(path), size, least_size, heading)
+        walls = find_solid_walls(*step_surface(path), spacing=least_size)
+        request |= _refined(walls, step_bounds(path), size, least_size, heading)
     return _kept(key, _curved(run_mesher("step", request, heading)))
 
 
@@ -191,10 +184,8 @@ def from_surface(
     request = {"vertices": vertices, "triangles": triangles, "size": size}
     request["epsilon"] = min(ENVELOPE, NARROW * (least_size or size) / diagonal)
     if least_size is not None:
-        walls, bounds = (
-            find_walls(vertices, triangles, spacing=least_size),
-            np.array([vertices.min(0), vertices.max(0)]),
-        )
+        walls = find_walls(vertices, triangles, spacing=least_size)
+        bounds = np.array([vertices.min(0), vertices.max(0)])
         request |= _refined(walls, bounds, size, least_size, heading)
     raw = run_mesher("surface", request, heading)
     if len(raw["cells"]) == 0:

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.errors import MeshError
+from gdfe_ros.errors import MeshError, show_point
 from gdfe_ros.mesh.assembly import keep_cells
 from gdfe_ros.mesh.cavities import find_cavities
 from gdfe_ros.mesh.filling import Filling
@@ -305,10 +305,9 @@ def _open_edges(vertices: NDArray[np.float64], triangles: NDArray[np.int64]) -> 
     odd = odd_edges(triangles)
     if len(odd) == 0:
         return []
-    x, y, z = vertices[odd[0]].mean(axis=0)
     return [
         f"the surface is open: {len(odd)} edges belong to an odd number of triangles, the first at "
-        f"({x:.4g}, {y:.4g}, {z:.4g}) in the file's unit; remedy: close the holes (MeshLab: "
+        f"{show_point(vertices[odd[0]].mean(axis=0))} in the file's unit; remedy: close the holes (MeshLab: "
         "Close Holes, Blender: 3D-Print toolbox) or export it as a solid"
     ]
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from gdfe_ros.errors import show_point
 from gdfe_ros.mesh.mesher_process import MOST_CELLS, expected_cells
 from gdfe_ros.mesh.overlap import TOUCH
 from gdfe_ros.mesh.shells import BoxTree
@@ -72,6 +73,14 @@ def find_walls(vertices: NDArray[np.float64], triangles: NDArray[np.integer], *,
     return thickness_at(points[parts], vertices, triangles)[0]
 
 
+def find_solid_walls(
+    vertices: NDArray[np.float64], triangles: NDArray[np.int64], solid: NDArray[np.int64], *, spacing: float
+) -> Walls:
+    """Measure the walls of several solids, each by itself; ``solid`` (t,) is the number of each triangle's solid."""
+    numbers = range(int(solid.max()) + 1)
+    return Walls.joined([find_walls(vertices, triangles[solid == k], spacing=spacing) for k in numbers])
+
+
 def thickness_at(
     starts: NDArray[np.float64], vertices: NDArray[np.float64], triangles: NDArray[np.integer]
 ) -> tuple[Walls, NDArray[np.bool_]]:
@@ -123,10 +132,10 @@ def flat_walls(mesh: TetMesh) -> list[str]:
     if fraction < LEAST_FRACTION:
         return []
     worst = int(np.argmax(flatness))
-    thickness, (x, y, z) = walls.thickness[worst], walls.places[worst]
+    thickness = walls.thickness[worst]
     return [
         f"{fraction:.0%} of the surface is at walls that are thin for their cells, the worst {thickness:.3g} m thick "
-        f"near ({x:.4g}, {y:.4g}, {z:.4g}) m. {measured(float(flatness[worst]))}; remedy: a smaller `size`, or "
+        f"near {show_point(walls.places[worst])} m. {measured(float(flatness[worst]))}; remedy: a smaller `size`, or "
         f"`least_size: {thickness:.2g}` beside `size`, which makes small cells only at thin walls"
     ]
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from gdfe_ros.actuators import Chamber, Embedding
 from gdfe_ros.actuators.load import corner_areas
 from gdfe_ros.constraints import Handle
+from gdfe_ros.errors import show_point
 from gdfe_ros.mesh import HexMesh, select_faces
 from gdfe_ros.mesh.cavities import Cavity, close_on, find_cavities, inside_volume, skin_cavities
 from gdfe_ros.mesh.faces import turned
@@ -100,9 +101,9 @@ def _named_chamber(mesh: HexMesh, quads: NDArray[np.int32], handles: Sequence[Ha
         holder[handle.vertices] = 0 if handle.fixed and handle.slide is None else number + 1
     plates, leaks = close_on(quads, holder)
     if len(leaks):
-        x, y, z = mesh.vertices[leaks[0]].mean(axis=0)
+        place = show_point(mesh.vertices[leaks[0]].mean(axis=0))
         text = (
-            f"these {len(quads)} faces leak at {len(leaks)} edges, the first at ({x:.4g}, {y:.4g}, {z:.4g}) m between "
+            f"these {len(quads)} faces leak at {len(leaks)} edges, the first at {place} m between "
             f"vertices {list_ids(np.unique(leaks))}; remedy: select every face of the chamber, close its ends, or hold "
             "each open end by one handle"
         )

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from gdfe_ros.errors import MeshError
+from gdfe_ros.errors import MeshError, show_point
 from gdfe_ros.mesh import Mesh, TetMesh, require_sound
 from gdfe_ros.mesh.assembly import assemble
 from gdfe_ros.mesh.mesh import MeshPart
@@ -193,10 +193,9 @@ def require_apart(
             continue
         found = find_overlap(placed[first], placed[second])
         if found is not None:
-            x, y, z = found.point
             text = (
                 f"mesh {second!r} lies in mesh {first!r} initially, {found.depth:.3g} m deep or more near "
-                f"({x:.4g}, {y:.4g}, {z:.4g}) m; remedy: move or turn one of them, by at and rotation_deg"
+                f"{show_point(found.point)} m; remedy: move or turn one of them, by at and rotation_deg"
             )
             report.add((section, second, "at"), text)
 
