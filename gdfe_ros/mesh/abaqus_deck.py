@@ -46,8 +46,7 @@ def read_blocks(path: Path, heading: str) -> list[Block]:
     Raises:
         MeshError: the file is no text, has data before the first keyword, or includes a file that is not there.
     """
-    included: list[Path] = []
-    return list(_blocks(path, heading, included))
+    return list(_blocks(path, heading, []))
 
 
 def _blocks(path: Path, heading: str, included: list[Path]) -> Iterator[Block]:

@@ -14,7 +14,7 @@ from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh.assembly import keep_cells
 from gdfe_ros.mesh.contact_skin import out_of_material
 from gdfe_ros.mesh.mesh_input import require_file, run_mesher
-from gdfe_ros.mesh.mesher_process import too_many
+from gdfe_ros.mesh.mesher_process import MOST_CELLS, too_many
 from gdfe_ros.mesh.overlap import find_self_cuts
 from gdfe_ros.mesh.packing import keep, key_of, mesh_arrays, mesh_of, recall, under
 from gdfe_ros.mesh.shells import cone_volumes, shells
@@ -229,7 +229,7 @@ def _sizes_key(size: float, least_size: float | None) -> list[bytes]:
 
 def _refined(
     walls: Walls, bounds: NDArray[np.float64], size: float, least_size: float, heading: str
-) -> dict[str, NDArray]:
+) -> dict[str, NDArray | float]:
     """Return the entries of a mesher's request for small cells at thin walls.
 
     Raises:
@@ -239,9 +239,10 @@ def _refined(
         text = f"least_size = {least_size:g} m; allowed: up to size = {size:g} m"
         raise MeshError(heading, [f"{text}; remedy: a smaller least_size"])
     field = wall_sizes(walls, size=size, least_size=least_size, bounds=bounds)
-    if field.too_many:
-        raise MeshError(heading, field.too_many)
-    return {**field.request(), "least_size": np.array(least_size)}
+    if field.cells > MOST_CELLS:
+        text = f"least_size gives about {field.cells:.2g} tetrahedra at thin walls; allowed: up to {MOST_CELLS:g}"
+        raise MeshError(heading, [f"{text}; remedy: a larger least_size"])
+    return {"start": field.start, "spacing": field.spacing, "sizes": field.sizes, "least_size": least_size}
 
 
 def _curved(raw: dict[str, NDArray]) -> TetMesh:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from gdfe_ros.errors import show_point
-from gdfe_ros.mesh.mesher_process import MOST_CELLS, expected_cells
+from gdfe_ros.mesh.mesher_process import expected_cells
 from gdfe_ros.mesh.overlap import TOUCH
 from gdfe_ros.mesh.shells import BoxTree
 from gdfe_ros.mesh.surface_edges import refine
@@ -181,20 +181,6 @@ class SizeField:
     spacing: float
     sizes: NDArray[np.float64]
     cells: float
-
-    @property
-    def too_many(self) -> list[str]:
-        """A list with the text of a defect if a mesh would have too many cells; empty if not."""
-        if self.cells <= MOST_CELLS:
-            return []
-        return [
-            f"least_size gives about {self.cells:.2g} tetrahedra at thin walls; allowed: up to {MOST_CELLS:g}; "
-            "remedy: a larger least_size"
-        ]
-
-    def request(self) -> dict[str, NDArray]:
-        """Return the arrays of a request to a mesher."""
-        return {"start": self.start, "spacing": np.array(self.spacing), "sizes": self.sizes}
 
 
 def default_size(bounds: NDArray[np.float64]) -> float:
