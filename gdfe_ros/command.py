@@ -265,7 +265,7 @@ def require_snapshot(given: object) -> None:
         raise CommandError(f"a snapshot is what Simulation.snapshot returned; got {given!r}")
 
 
-def checked_positions(positions: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:
+def check_positions(positions: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:
     """Return a checked copy of given positions [m].
 
     Raises:

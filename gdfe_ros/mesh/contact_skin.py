@@ -110,9 +110,9 @@ class SkinPoints:
         vertex, weight = own[point, corner], self.weights[point, corner]
         order = np.lexsort((point, self.kinds[point], -np.round(weight, 9), vertex))
         first = order[np.unique(vertex[order], return_index=True)[1]]
-        return self._completed(self._cornered(np.unique(point[first])))
+        return self._complete(self._take_corners(np.unique(point[first])))
 
-    def _cornered(self, chosen: NDArray[np.intp]) -> NDArray[np.intp]:
+    def _take_corners(self, chosen: NDArray[np.intp]) -> NDArray[np.intp]:
         """Return the chosen points; each corner of the skin replaces the nearest chosen point if this point is close.
 
         A chosen point that is a corner is not replaced.
@@ -128,7 +128,7 @@ class SkinPoints:
                 found[near[0]] = corner
         return np.unique(found)
 
-    def _completed(self, chosen: NDArray[np.intp]) -> NDArray[np.intp]:
+    def _complete(self, chosen: NDArray[np.intp]) -> NDArray[np.intp]:
         """Return the chosen points and further points; each skin point is within `FARTHEST` of a returned point."""
         limits = FARTHEST[self.kinds] * self.sizes
         near = cKDTree(self.places[chosen]).query(self.places, k=min(NEAR, len(chosen)))[1]

@@ -147,12 +147,12 @@ def _by_library(path: Path, kind: str, heading: str) -> RawMesh:
             if (raw := _by_meshio(target, _GMSH if kind == _GMSH else _XML, heading)) is None:
                 raise MeshError(heading, ["its content does not fit its kind"])
         except MeshError as error:
-            defects = [f"cannot be read as {kind}: {text}" for text in map(_remedied, error.defects)]
+            defects = [f"cannot be read as {kind}: {text}" for text in map(_add_remedy, error.defects)]
             raise MeshError(heading, defects) from error
     return raw
 
 
-def _remedied(text: str) -> str:
+def _add_remedy(text: str) -> str:
     return text if "remedy" in text else f"{text}; remedy: export it again"
 
 

@@ -56,7 +56,7 @@ class Outside:
         return cls(local.reshape(drawn.shape).astype(np.int32), owners, ids[:, None].astype(np.int32), weights)
 
     @classmethod
-    def joined(cls, outsides: Sequence[Outside], vertices: Sequence[int], cells: Sequence[int]) -> Outside:
+    def join(cls, outsides: Sequence[Outside], vertices: Sequence[int], cells: Sequence[int]) -> Outside:
         """Return several surfaces as one, with triangles as faces and eight vertices for each point.
 
         Args:

@@ -231,15 +231,15 @@ def _boxes(corners: NDArray[np.float64]) -> NDArray[np.float64]:
         leaves *= 2
     padded = np.tile(np.array([np.inf, -np.inf])[:, None], (LEAF * leaves, 1, 3))
     padded[: len(corners), 0], padded[: len(corners), 1] = corners.min(axis=1), corners.max(axis=1)
-    levels = [_united(padded, LEAF)]
+    levels = [_unite(padded, LEAF)]
     while len(levels[-1]) > 1:
-        levels.append(_united(levels[-1], 2))
+        levels.append(_unite(levels[-1], 2))
     boxes = np.concatenate(levels[::-1])
     boxes[boxes[:, 1, 0] < boxes[:, 0, 0]] = np.inf
     return np.ascontiguousarray(boxes)
 
 
-def _united(boxes: NDArray[np.float64], count: int) -> NDArray[np.float64]:
+def _unite(boxes: NDArray[np.float64], count: int) -> NDArray[np.float64]:
     """Return the boxes around each ``count`` consecutive boxes."""
     groups = boxes.reshape(-1, count, 2, 3)
     return np.stack([groups[:, :, 0].min(axis=1), groups[:, :, 1].max(axis=1)], axis=1)

@@ -45,7 +45,7 @@ def step_facts(path: str | Path) -> list[tuple[str, str]]:
     return [
         ("kind", "STEP, to be filled with `mesh: {tets: {step: ...}}`"),
         ("solids, surfaces", f"{int(raw['solids'])}, {int(raw['surfaces'])}"),
-        ("bounds in metres", _spans(*raw["bounds"])),
+        ("bounds in metres", show_spans(*raw["bounds"])),
         ("volume", f"{float(raw['volume']):.6g} m^3"),
     ]
 
@@ -67,13 +67,14 @@ def solid_facts(
         found, points = shells(vertices, own), vertices[np.unique(own)]
         inner = [volume for volume, depth in zip(found.volumes, found.depths, strict=True) if depth % 2]
         cavities = f"cavities {', '.join(f'{volume:.4g}' for volume in sorted(inner, reverse=True))} m^3"
-        spans = _spans(points.min(axis=0), points.max(axis=0))
+        spans = show_spans(points.min(axis=0), points.max(axis=0))
         text = f"{found.volume:.4g} m^3, {cavities if inner else 'no cavity'}, {spans}"
         facts.append((f"solid {k + 1} {str(name).rpartition('/')[2]}".rstrip(), text))
     return facts
 
 
-def _spans(low: NDArray[np.float64], high: NDArray[np.float64]) -> str:
+def show_spans(low: NDArray[np.float64], high: NDArray[np.float64]) -> str:
+    """Return the extents of a box between two corners (3,) as text: ``x 0 to 0.1, y ...``."""
     return ", ".join(f"{axis} {a:.4g} to {b:.4g}" for axis, a, b in zip("xyz", low, high, strict=True))
 
 
@@ -132,13 +133,13 @@ def from_step(path: str | Path, *, size: float, least_size: float | None = None)
     if path.suffix.lower() not in STEP_SUFFIXES:
         raise MeshError(heading, [f"unknown kind of file {path.suffix!r}; allowed: {', '.join(STEP_SUFFIXES)}"])
     key = key_of(b"step", path.read_bytes(), *_sizes_key(size, least_size))
-    if found := _cached(key):
+    if found := _recall_mesh(key):
         return found
     request = {"path": str(path.resolve()), "size": size}
     if least_size is not None:
         walls = find_solid_walls(*step_surface(path), spacing=least_size)
-        request |= _refined(walls, step_bounds(path), size, least_size, heading)
-    return _kept(key, _curved(run_mesher("step", request, heading)))
+        request |= _refine(walls, step_bounds(path), size, least_size, heading)
+    return _keep_mesh(key, _curve(run_mesher("step", request, heading)))
 
 
 def from_surface(
@@ -174,7 +175,7 @@ def from_surface(
     if defects:
         raise MeshError(heading, defects)
     key = key_of(b"surface", vertices.tobytes(), triangles.tobytes(), *_sizes_key(size, least_size))
-    if found := _cached(key):
+    if found := _recall_mesh(key):
         return found
     cuts = find_self_cuts(vertices, triangles)
     for text in [*winding_defects(vertices, triangles), *cuts.defects]:
@@ -186,12 +187,12 @@ def from_surface(
     if least_size is not None:
         walls = find_walls(vertices, triangles, spacing=least_size)
         bounds = np.array([vertices.min(0), vertices.max(0)])
-        request |= _refined(walls, bounds, size, least_size, heading)
+        request |= _refine(walls, bounds, size, least_size, heading)
     raw = run_mesher("surface", request, heading)
     if len(raw["cells"]) == 0:
         raise MeshError(heading, [_nothing_inside(vertices, triangles, request["epsilon"] * diagonal, closed)])
     mesh = raised(raw["vertices"], raw["cells"])
-    return _kept(key, keep_cells(mesh, np.ones(mesh.n_cells, dtype=bool)))
+    return _keep_mesh(key, keep_cells(mesh, np.ones(mesh.n_cells, dtype=bool)))
 
 
 def _nothing_inside(vertices: NDArray[np.float64], triangles: NDArray[np.int64], envelope: float, closed: bool) -> str:
@@ -227,7 +228,7 @@ def _sizes_key(size: float, least_size: float | None) -> list[bytes]:
     return [repr(size).encode(), *([] if least_size is None else [repr(least_size).encode()])]
 
 
-def _refined(
+def _refine(
     walls: Walls, bounds: NDArray[np.float64], size: float, least_size: float, heading: str
 ) -> dict[str, NDArray | float]:
     """Return the entries of a mesher's request for small cells at thin walls.
@@ -245,7 +246,7 @@ def _refined(
     return {"start": field.start, "spacing": field.spacing, "sizes": field.sizes, "least_size": least_size}
 
 
-def _curved(raw: dict[str, NDArray]) -> TetMesh:
+def _curve(raw: dict[str, NDArray]) -> TetMesh:
     """Return the mesh from a mesher's arrays; the curved edges of cells below `STRAIGHTENED` are straightened."""
     sets = under(raw, "cell:"), under(raw, "vertex:")
     mesh = TetMesh(raw["vertices"], raw["cells"], *sets)
@@ -256,13 +257,13 @@ def _curved(raw: dict[str, NDArray]) -> TetMesh:
     return keep_cells(mesh, np.ones(mesh.n_cells, dtype=bool))
 
 
-def _cached(key: str) -> TetMesh | None:
+def _recall_mesh(key: str) -> TetMesh | None:
     """Return the mesh that is stored under a key; None if there is none."""
     found = recall(key)
     return None if found is None else mesh_of(found)
 
 
-def _kept(key: str, mesh: TetMesh) -> TetMesh:
+def _keep_mesh(key: str, mesh: TetMesh) -> TetMesh:
     """Store a mesh under a key, and return the mesh."""
     keep(key, mesh_arrays(mesh))
     return mesh

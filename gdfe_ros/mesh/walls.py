@@ -41,7 +41,7 @@ class Walls:
     corners: NDArray[np.float64]
 
     @classmethod
-    def joined(cls, several: Sequence[Walls]) -> Walls:
+    def join(cls, several: Sequence[Walls]) -> Walls:
         """Return the walls of several bodies together."""
         return cls(*(np.concatenate([getattr(one, item.name) for one in several]) for item in fields(cls)))
 
@@ -78,7 +78,7 @@ def find_solid_walls(
 ) -> Walls:
     """Measure the walls of several solids, each by itself; ``solid`` (t,) is the number of each triangle's solid."""
     numbers = range(int(solid.max()) + 1)
-    return Walls.joined([find_walls(vertices, triangles[solid == k], spacing=spacing) for k in numbers])
+    return Walls.join([find_walls(vertices, triangles[solid == k], spacing=spacing) for k in numbers])
 
 
 def thickness_at(

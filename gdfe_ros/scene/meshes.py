@@ -149,14 +149,14 @@ def _body(
     ``paths`` are the key paths of the mesh and of its skin. Entries with embedded files are added to ``carried``.
     """
     store = BodyStore(model, skin)
-    mesh, texts = store.recall() or _computed(model, skin, store, paths, report)
+    mesh, texts = store.recall() or _compute(model, skin, store, paths, report)
     for path, text in zip(paths, texts, strict=True):
         if text is not None:
             carried[path] = without(report.value_at(path, plain=False), *_OF_FILES) | {"embedded": text}
     return None if mesh is None else model.reflect(mesh)
 
 
-def _computed(
+def _compute(
     model: MeshModel, skin: SkinModel | None, store: BodyStore, paths: tuple[KeyPath, KeyPath], report: Defects
 ) -> tuple[Mesh | None, Texts]:
     """Return a mesh with its skin, which ``store`` keeps, and both as texts; the arguments are those of `_body`."""
