@@ -124,7 +124,7 @@ _Surface = TypeVar("_Surface", Outside, Touching)
 _BACK = np.array([-1.0, 1.0, 1.0])
 
 
-def mirrored(mesh: Mesh, axis: int) -> Mesh:
+def mirror(mesh: Mesh, axis: int) -> Mesh:
     """Return a mesh reflected at the plane through the origin that is perpendicular to an axis.
 
     Vertices, cells and sets keep their numbers. The nodes of each cell, and of each face of its skin, change their

@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 import gdfe_ros.mesh.tetmesh as tetmesh
 from gdfe_ros.errors import MeshError, show_point
-from gdfe_ros.mesh.faces import enclosed_volume, vertex_pieces
+from gdfe_ros.mesh.cavities import inside_volume
+from gdfe_ros.mesh.faces import vertex_pieces
 from gdfe_ros.mesh.filling import CORNERS as REFERENCE_CORNERS
 from gdfe_ros.mesh.filling import trilinear_slopes
 from gdfe_ros.mesh.mesh import HexMesh, Mesh
-from gdfe_ros.mesh.tet_faces import six_node_volume
 
 #: Vertices closer than this fraction of the mesh size coincide.
 COINCIDENT = 1e-7
@@ -156,9 +156,7 @@ def _find_overlaps(mesh: Mesh, *, upright: bool) -> list[str]:
 
 def _other_volume(mesh: Mesh, volumes: NDArray[np.float64]) -> list[str]:
     """Return a text if the boundary encloses another volume than the cells have."""
-    faces = mesh.boundary.quads
-    inside = (enclosed_volume if isinstance(mesh, HexMesh) else six_node_volume)(mesh.vertices, faces)
-    whole = float(volumes.sum())
+    inside, whole = inside_volume(mesh.vertices, mesh.boundary.quads), float(volumes.sum())
     if abs(inside - whole) <= SAME_VOLUME * whole:
         return []
     text = f"the cells have a volume of {whole:.6g} m^3, but their boundary encloses {inside:.6g} m^3"

@@ -47,10 +47,10 @@ class BodyStore:
     """
 
     def __init__(self, model: MeshModel, skin: SkinModel | None) -> None:
-        slow = skin is not None or model.voxels is not None
-        content = [_content(each) for each in (model, skin) if each is not None]
         # A mesh file may include other files, whose contents are not known here.
-        self._key = None if not slow or model.file is not None or None in content else key_of(*content)
+        slow = model.file is None and (skin is not None or model.voxels is not None)
+        content = [_content(each) for each in (model, skin) if each is not None] if slow else [None]
+        self._key = None if None in content else key_of(*content)
 
     def recall(self) -> tuple[Mesh, Texts] | None:
         """Return the cached body and its texts; None if they are not cached."""
@@ -77,8 +77,8 @@ class BodyStore:
 
 def _content(model: MeshModel | SkinModel) -> bytes | None:
     """Return an entry and the contents of its files as bytes; None if a file cannot be read."""
-    exclude = {"skin", "mirror", "at", "rotation_deg"} & type(model).model_fields.keys()
-    text = [json.dumps(model.model_dump(mode="json", exclude=exclude), sort_keys=True).encode()]
+    own = model.model_dump(mode="json", exclude={"skin", "mirror", "at", "rotation_deg"})
+    text = [json.dumps(own, sort_keys=True).encode()]
     for path in _paths(model):
         try:
             text.append(read_bytes(path, most=LARGEST))
