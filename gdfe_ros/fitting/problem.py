@@ -150,10 +150,8 @@ class FitProblem:
         """Return d(residual)/d(unknown), shape (values, unknowns)."""
         here = self.point(unknowns)
         base = self.stacked(here.trajectories, here.own)
-        given = {"horizons": self.horizons}
-        changes = trajectory_columns(
-            self._simulations, self.recordings, self.parameters, here.values, here.trajectories, **given
-        )
+        given = self._simulations, self.recordings, self.parameters, here.values, here.trajectories
+        changes = trajectory_columns(*given, horizons=self.horizons)
         columns = []
         for change in changes:
             moved = [item.moved(by, 1e-3) for item, by in zip(here.trajectories, change, strict=True)]

@@ -62,6 +62,12 @@ def cone_volumes(vertices: NDArray[np.float64], triangles: NDArray[np.integer]) 
     return np.einsum("ti,ti->t", a, np.cross(b, c)) / 6.0
 
 
+def doubled_areas(corners: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return twice the area vectors (t, 3) [m^2] of triangles with ``corners`` (t, 3, 3) [m], and their lengths."""
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    return across, np.linalg.norm(across, axis=1)
+
+
 def shell_numbers(n: int, triangles: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return the number (t,) of the shell to which each triangle belongs, in the order of `Shells`.
 
@@ -216,8 +222,7 @@ class BoxTree:
         A triangle is flat if its height above its longest edge, divided by the surface's diagonal, is at most ``flat``.
         """
         corners = vertices[triangles]
-        across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        doubled = np.linalg.norm(across, axis=1)
+        across, doubled = doubled_areas(corners)
         longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
         order = np.flatnonzero(doubled > flat * float(np.linalg.norm(np.ptp(vertices, axis=0))) * longest)
         order = order[cKDTree(corners[order].mean(axis=1), leafsize=LEAF).indices]

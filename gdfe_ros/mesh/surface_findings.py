@@ -12,7 +12,7 @@ from gdfe_ros.errors import show_point
 from gdfe_ros.mesh.contact_skin import out_of_material
 from gdfe_ros.mesh.mesher_process import MOST_CELLS, expected_cells
 from gdfe_ros.mesh.overlap import SelfCuts, find_self_cuts
-from gdfe_ros.mesh.shells import cone_volumes, shell_numbers
+from gdfe_ros.mesh.shells import cone_volumes, doubled_areas, shell_numbers
 from gdfe_ros.mesh.surface_edges import disagreeing_edges, is_closed, odd_edges, winding_defects
 from gdfe_ros.mesh.walls import FLATTEST, LEAST_FRACTION, Walls, cells_at_walls, find_solid_walls, find_walls, measured
 
@@ -41,8 +41,7 @@ def cheaper_hexahedra(
         thinnest: least thickness of a wall [m].
     """
     corners = vertices[triangles]
-    areas = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    lengths = np.linalg.norm(areas, axis=1)
+    areas, lengths = doubled_areas(corners)
     solid = lengths > 0.0
     corners, normals = corners[solid], np.abs(areas[solid] / lengths[solid, None])
     volume = abs(float(cone_volumes(vertices, triangles).sum()))

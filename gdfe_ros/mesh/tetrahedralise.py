@@ -17,7 +17,7 @@ from gdfe_ros.mesh.mesh_input import require_file, run_mesher
 from gdfe_ros.mesh.mesher_process import MOST_CELLS, too_many
 from gdfe_ros.mesh.overlap import find_self_cuts
 from gdfe_ros.mesh.packing import keep, key_of, mesh_arrays, mesh_of, recall, under
-from gdfe_ros.mesh.shells import cone_volumes, shells
+from gdfe_ros.mesh.shells import cone_volumes, doubled_areas, shells
 from gdfe_ros.mesh.surface_edges import is_closed, winding_defects
 from gdfe_ros.mesh.tetmesh import TetMesh, raised, scaled_jacobians
 from gdfe_ros.mesh.tetrahedra import EDGES
@@ -129,9 +129,7 @@ def from_step(path: str | Path, *, size: float, least_size: float | None = None)
         MeshError: the file cannot be meshed; the error names the reason.
     """
     path, heading = Path(path), f"step {path}"
-    require_file(path, heading)
-    if path.suffix.lower() not in STEP_SUFFIXES:
-        raise MeshError(heading, [f"unknown kind of file {path.suffix!r}; allowed: {', '.join(STEP_SUFFIXES)}"])
+    require_file(path, heading, suffixes=STEP_SUFFIXES)
     key = key_of(b"step", path.read_bytes(), *_sizes_key(size, least_size))
     if found := _recall_mesh(key):
         return found
@@ -202,8 +200,7 @@ def _nothing_inside(vertices: NDArray[np.float64], triangles: NDArray[np.int64],
     """
     if not closed:
         return "no tetrahedron is inside: the surface encloses nothing; remedy: close it, see `gdfe inspect`"
-    a, b, c = np.moveaxis(vertices[triangles], 1, 0)
-    area = 0.5 * float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
+    area = 0.5 * float(doubled_areas(vertices[triangles])[1].sum())
     thickness = 2.0 * shells(vertices, triangles).volume / area
     return (
         f"no tetrahedron is inside: the surface is closed, but its walls are too thin for the size. They are about "

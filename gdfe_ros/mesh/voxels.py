@@ -246,9 +246,7 @@ def _read(path: Path, heading: str, suffixes: tuple[str, ...]) -> tuple[NDArray[
         library = import_module("trimesh")
     except ImportError as error:
         raise MeshError(heading, ["trimesh is not installed; remedy: pip install 'gdfe_ros[mesh]'"]) from error
-    require_file(path, heading)
-    if path.suffix.lower() not in suffixes:
-        raise MeshError(heading, [f"unknown kind of file {path.suffix!r}; allowed: {', '.join(suffixes)}"])
+    require_file(path, heading, suffixes=suffixes)
     try:
         with redirect_stdout(StringIO()), redirect_stderr(StringIO()), np.errstate(all="ignore"):
             surface = library.load(path, force="mesh", process=False)

@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 from gdfe_ros.errors import show_point
 from gdfe_ros.mesh.mesher_process import expected_cells
 from gdfe_ros.mesh.overlap import TOUCH
-from gdfe_ros.mesh.shells import BoxTree
+from gdfe_ros.mesh.shells import BoxTree, doubled_areas
 from gdfe_ros.mesh.surface_edges import refine
 from gdfe_ros.mesh.tet_faces import facets
 from gdfe_ros.mesh.tetmesh import TetMesh
@@ -67,8 +67,7 @@ def find_walls(vertices: NDArray[np.float64], triangles: NDArray[np.integer], *,
         triangles: vertex ids of a closed surface with normals out of the material, shape (t, 3).
         spacing: distance of neighbouring places [m]; it is enlarged if there would be more than `MOST_RAYS` places.
     """
-    a, b, c = np.moveaxis(vertices[triangles], 1, 0)
-    area = 0.5 * float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
+    area = 0.5 * float(doubled_areas(vertices[triangles])[1].sum())
     points, parts = refine(vertices, triangles, max(spacing, (2.0 * area / MOST_RAYS) ** 0.5))
     return thickness_at(points[parts], vertices, triangles)[0]
 
@@ -93,8 +92,7 @@ def thickness_at(
     from gdfe_ros.mesh.triangle_kernels import first_hits  # loads numba
 
     tolerance = TOUCH * float(np.linalg.norm(np.ptp(vertices, axis=0)))
-    across = np.cross(starts[:, 1] - starts[:, 0], starts[:, 2] - starts[:, 0])
-    doubled = np.linalg.norm(across, axis=1)
+    across, doubled = doubled_areas(starts)
     solid = doubled > tolerance**2
     starts, outward, areas = starts[solid], across[solid] / doubled[solid, None], 0.5 * doubled[solid]
     tree = BoxTree.of(vertices, triangles)
