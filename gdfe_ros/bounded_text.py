@@ -52,17 +52,13 @@ Loader.add_implicit_resolver(
 )
 
 
-def load_yaml(text: str, *, most_nodes: int = MOST_NODES) -> Any:
+def load_yaml(text: str) -> Any:
     """Return the data of a YAML text.
-
-    Args:
-        text: the text.
-        most_nodes: largest number of values.
 
     Raises:
         yaml.YAMLError: the text is not YAML, or exceeds a limit of this module.
     """
-    check_yaml(text, most_nodes=most_nodes)
+    check_yaml(text)
     try:
         return yaml.load(text, Loader=Loader)
     except (ValueError, RecursionError) as error:  # e.g. a date that does not exist

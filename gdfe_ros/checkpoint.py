@@ -13,7 +13,6 @@ from __future__ import annotations
 import hashlib
 import io
 import json
-import os
 import struct
 import zipfile
 from dataclasses import asdict, replace
@@ -26,7 +25,7 @@ from numpy.typing import NDArray
 import gdfe_ros
 from gdfe_ros.bounded_text import load_json, load_json_object
 from gdfe_ros.errors import GdfeError
-from gdfe_ros.regular_file import LARGEST, read_bytes
+from gdfe_ros.regular_file import LARGEST, read_bytes, replace_file
 from gdfe_ros.simulation import Simulation
 from gdfe_ros.state_tree import TreeError, from_tree, to_tree
 
@@ -64,15 +63,7 @@ def write_state(path: Path, data: bytes) -> None:
     """
     if (path.is_symlink() or path.exists()) and not _is_state(path):
         raise GdfeError(f"{path} exists and is no state; allowed: a new file, or one that was written by save_state")
-    path.parent.mkdir(parents=True, exist_ok=True)
-    written = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
-        with written.open("xb") as file:
-            file.write(data)
-        os.replace(written, path)
-    except BaseException:
-        written.unlink(missing_ok=True)
-        raise
+    replace_file(path, data)
 
 
 def _is_state(path: Path) -> bool:

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 import numbers
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -138,7 +138,7 @@ class Orders:
         known = [*(body.name for body in self._scene.rigid_bodies), *self._scene.soft_bodies]
         for name, pose in places.items():
             if name not in known:
-                raise CommandError(f"no free body {name!r}{self._own}; bodies: {_list(known)}")
+                raise CommandError(f"no free body {name!r}{self._own}; bodies: {', '.join(known) or 'none'}")
             _require_pose(f"body {name!r}: the pose", pose)
             self._require_near(f"body {name!r} is put", pose)
         return places
@@ -265,7 +265,7 @@ def require_snapshot(given: object) -> None:
         raise CommandError(f"a snapshot is what Simulation.snapshot returned; got {given!r}")
 
 
-def checked_positions(positions: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:
+def check_positions(positions: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:
     """Return a checked copy of given positions [m].
 
     Raises:
@@ -286,10 +286,6 @@ def checked_positions(positions: ArrayLike, shape: tuple[int, ...]) -> NDArray[n
 def _require_pose(what: str, pose: object) -> None:
     if not isinstance(pose, Pose):
         raise CommandError(f"{what} is {pose!r}; allowed: a Pose(translation, rotation)")
-
-
-def _list(names: Iterable[str]) -> str:
-    return ", ".join(names) or "none"
 
 
 LONGEST = 1e9

@@ -13,7 +13,7 @@ from gdfe_ros.actuators import Embedding
 from gdfe_ros.constraints import Handle
 from gdfe_ros.constraints.obstacle import NAME as SELF
 from gdfe_ros.constraints.obstacle import Obstacle, SelfContact
-from gdfe_ros.constraints.rigid_body import rigid_pairs
+from gdfe_ros.constraints.rigid_body import RigidBody, rigid_pairs
 from gdfe_ros.solver.contact.touch import Touch
 from gdfe_ros.step_result import StepResult
 
@@ -78,12 +78,15 @@ def contact_names(handles: Iterable[Handle], self_contact: SelfContact | None = 
     contacts of rigid bodies' points with obstacles and other rigid bodies, as in `rigid_pairs`. With ``self_contact``,
     the contact of the body with itself comes last.
     """
+    pairs = _contact_pairs(handles)
+    names = [thing.name if rigid is None else f"{rigid.name} on {thing.name}" for rigid, thing in pairs]
+    return names + [SELF] * (self_contact is not None)
+
+
+def _contact_pairs(handles: Iterable[Handle]) -> list[tuple[RigidBody | None, Obstacle]]:
+    """Return the two sides of each contact but self-contact, in the order of `contact_names`; None: the soft body."""
     touched = [handle for handle in handles if isinstance(handle, Obstacle)]
-    return (
-        [handle.name for handle in touched]
-        + [f"{rigid.name} on {other.name}" for rigid, other in rigid_pairs(touched)]
-        + [SELF] * (self_contact is not None)
-    )
+    return [(None, thing) for thing in touched] + list(rigid_pairs(touched))
 
 
 def contact_points(contacts: Mapping[str, Touch]) -> NDArray[np.void]:
@@ -101,10 +104,9 @@ def total_forces(points: Mapping[str, NDArray], handles: Iterable[Handle]) -> di
         points: contact points (k,) as `POINT`, or a dict from each of its fields to an array (k,).
         handles: the scene's handles.
     """
-    touched = [handle for handle in handles if isinstance(handle, Obstacle)]
-    pairs = [(None, thing) for thing in touched] + list(rigid_pairs(touched))
+    pairs = _contact_pairs(handles)
     forces = np.stack([points[push] + points[shear] for push, shear in zip(_PUSH, _SHEAR, strict=True)], axis=1)
-    totals = {thing.name: np.zeros(3) for thing in touched}
+    totals = {thing.name: np.zeros(3) for _, thing in pairs}
     for number, (rigid, thing) in enumerate(pairs):
         force = forces[points["contact"] == number].sum(axis=0, dtype=np.float64)
         totals[thing.name] -= force

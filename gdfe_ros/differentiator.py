@@ -14,7 +14,6 @@ from gdfe_ros.command import Orders
 from gdfe_ros.constraints import Pose
 from gdfe_ros.errors import ENDED, CommandError, GdfeError
 from gdfe_ros.scene.scene import Scene
-from gdfe_ros.solver.motion.flight import InternalStep
 from gdfe_ros.solver.motion.stepper import MotionStepper
 from gdfe_ros.solver.outcome import Deadline
 from gdfe_ros.solver.settings import Policy
@@ -162,13 +161,6 @@ class _Step(NamedTuple):
     commands: Mapping[str, float]
     duration: float
 
-    def again(
-        self, stepper: MotionStepper, observer: Callable[[InternalStep], None], deadline: Deadline | None
-    ) -> None:
-        """Repeat the step, and call ``observer`` in each of its internal steps."""
-        given = {"duration": self.duration, "deadline": deadline, "observer": observer}
-        stepper.step(self.start, self.targets, self.commands, **given)
-
 
 class MotionDifferentiator(Differentiator):
     """Derivatives of a motion: those of the last step, which is repeated for them, or of all steps since `follow`."""
@@ -220,12 +212,14 @@ class MotionDifferentiator(Differentiator):
 
     def _last_step_followed(self, state: State, parameters: Sequence[str] | None, interrupted: Interruption) -> Trail:
         """Repeat the last step, which led to ``state``, and return the trail with its derivatives."""
-        if self._last is None or self._last.found.positions is not state.positions:
+        last = self._last
+        if last is None or last.found.positions is not state.positions:
             raise GdfeError("no derivative: no step in motion led here; remedy: step first")
-        trail = self.derivatives.trail(self._last.start, parameters)
-        trail.begin(self._last.start)
+        trail = self.derivatives.trail(last.start, parameters)
+        trail.begin(last.start)
         deadline = Deadline(interrupted=interrupted) if interrupted else None
-        self._last.again(self._stepper, trail.observe, deadline)
+        given = {"duration": last.duration, "deadline": deadline, "observer": trail.observe}
+        self._stepper.step(last.start, last.targets, last.commands, **given)
         if deadline is not None and deadline.passed():
             raise GdfeError(ENDED)
         if not np.array_equal(trail.state.positions, state.positions):

@@ -62,18 +62,19 @@ def imported(name: str) -> ModuleType:
 
 
 @contextmanager
-def without_collection() -> Iterator[None]:
+def without_collection(*, keep: bool = True) -> Iterator[None]:
     """Disable Python's cyclic garbage collection inside the ``with`` block, e.g. during imports.
 
-    Nearly all objects that are created there exist until the process ends. They are excluded from later collections,
-    because a collection stops every thread.
+    Nearly all objects that are created there exist until the process ends. With ``keep``, all objects that exist at the
+    end of the block are excluded from later collections, because a collection stops every thread.
     """
     before = gc.isenabled()
     gc.disable()
     try:
         yield
     finally:
-        gc.freeze()
+        if keep:
+            gc.freeze()
         if before:
             gc.enable()
 

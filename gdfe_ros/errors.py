@@ -3,11 +3,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
 
 
 class GdfeError(Exception):
     """Base of every error that this package raises on purpose."""
+
+
+def show_point(place: Iterable[float]) -> str:
+    """Return a place as text for a message: ``(0.1, 0.02, 0)``, with four digits."""
+    return f"({', '.join(f'{value:.4g}' for value in place)})"
 
 
 ENDED = "the derivatives were ended before they were found"

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from gdfe_ros.actuators.embedding import Embedding
-from gdfe_ros.actuators.load import Gravity, Load
+from gdfe_ros.actuators.load import Load, total_gravity
 from gdfe_ros.errors import CommandError
 from gdfe_ros.mesh.operators import ShapeOperators
 from gdfe_ros.solver.motion.stepper import MotionStepper
@@ -70,8 +70,7 @@ def later_readings(
     """
     if state.ledger is None:
         raise CommandError("an inertial unit needs a body with mass; remedy: give the scene the key `dynamics`")
-    weights = (commands[load.name] * load.acceleration for load in loads if isinstance(load, Gravity))
-    gravity = sum(weights, start=np.zeros(3))
+    gravity = total_gravity(loads, commands)
 
     def read() -> dict[str, ImuReading]:
         motion = (state.positions, stepper.velocities(state), stepper.accelerations(state))

@@ -12,7 +12,6 @@ version that was not tested, kernels are plain functions of numba, which compile
 
 from __future__ import annotations
 
-import gc
 import hashlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -36,6 +35,7 @@ from numba.core.targetconfig import ConfigStack
 from numba.core.typed_passes import AnnotateTypes
 
 from gdfe_ros.compilations import compilations
+from gdfe_ros.entry import without_collection
 from gdfe_ros.file_lock import lock_file, unlock_file
 from gdfe_ros.quick_numba import plain, quick
 
@@ -236,24 +236,13 @@ def releasing(cache: LinkedCache | NullCache) -> Iterator[None]:
 
 
 @contextmanager
-def without_collection() -> Iterator[None]:
-    """Disable the search for cyclic garbage, which takes a fifth of a compilation's time and finds little."""
-    before = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if before:
-            gc.enable()
-
-
-@contextmanager
 def linking(compiled: object) -> Iterator[None]:
     """Compile ``compiled`` inside the ``with`` block: with `quick`, and with its calls of large kernels as symbols.
 
-    The linker resolves a symbol to the address of a kernel that is compiled or loaded by itself.
+    The linker resolves a symbol to the address of a kernel that is compiled or loaded by itself. The search for cyclic
+    garbage, which takes a fifth of a compilation's time and finds little, is off.
     """
-    with global_compiler_lock, quick():
+    with without_collection(keep=False), global_compiler_lock, quick():
         _compiling.append(compiled)
         try:
             yield
@@ -338,7 +327,7 @@ class LinkedDispatcher(CPUDispatcher):
     def compile(self, signature: Any) -> Any:
         """Compile for a signature, or load from the cache; return the entry point."""
         before = len(self.overloads)
-        with without_collection(), linking(self), releasing(self._cache):
+        with linking(self), releasing(self._cache):
             entry = super().compile(signature)
         if len(self.overloads) > before:
             result = next(reversed(self.overloads.values()))
@@ -365,7 +354,7 @@ class LinkedEntry(CFunc):
 
     def compile(self) -> None:
         """Compile, or load from the cache."""
-        with without_collection(), linking(self), releasing(self._cache):
+        with linking(self), releasing(self._cache):
             super().compile()
 
 

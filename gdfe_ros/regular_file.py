@@ -11,6 +11,7 @@ import errno
 import os
 import re
 import stat
+import threading
 from pathlib import Path
 
 LARGEST = 2 << 30
@@ -43,6 +44,25 @@ def read_text(path: Path, *, most: int = LARGEST, encoding: str = "utf-8") -> st
         UnicodeDecodeError: the file is not text.
     """
     return read_bytes(path, most=most).decode(encoding).replace("\r\n", "\n").replace("\r", "\n")
+
+
+def replace_file(path: Path, content: bytes) -> None:
+    """Write a file, whose folder is made if it is missing; if that fails or is killed, a former file stays whole.
+
+    The content is written under another name in the same folder, and the file is then renamed.
+
+    Raises:
+        OSError: the file cannot be written.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    written = path.with_name(f".{path.name}.{os.getpid()}.{threading.get_native_id()}")
+    try:
+        with written.open("xb") as file:
+            file.write(content)
+        os.replace(written, path)
+    except BaseException:
+        written.unlink(missing_ok=True)
+        raise
 
 
 def require_regular(path: Path, *, most: int = LARGEST) -> None:

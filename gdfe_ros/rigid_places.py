@@ -39,7 +39,7 @@ def put_rigid(stepper: MotionStepper, state: State, places: Mapping[str, Pose]) 
     slides, turns = handles.put(state.slides, state.turns, places)
     positions = state.positions.copy()
     positions[vertices] = handles.placed(state.base, slides, turns)[vertices]
-    found = _stopped(stepper, state.with_(slides=slides, turns=turns), vertices, positions)
+    found = _stop(stepper, state.with_(slides=slides, turns=turns), vertices, positions)
     require_free(body, found, places)
     return stepper.carried(release(stepper, found, vertices), state)
 
@@ -51,13 +51,11 @@ def carry_soft(
 
     The bodies have moved rigidly. The change of energy counts as work done on them.
     """
-    found = _stopped(stepper, state, vertices, positions)
+    found = _stop(stepper, state, vertices, positions)
     return stepper.carried(release(stepper, found, vertices), state)
 
 
-def _stopped(
-    stepper: MotionStepper, state: State, vertices: NDArray[np.int32], positions: NDArray[np.float64]
-) -> State:
+def _stop(stepper: MotionStepper, state: State, vertices: NDArray[np.int32], positions: NDArray[np.float64]) -> State:
     """Return ``state`` with ``vertices`` at their rows of ``positions`` (n, 3) [m] and without velocity.
 
     The vertices are all those of some free bodies, which have moved rigidly, so that strains are as before.
@@ -103,7 +101,7 @@ def require_free(body: Body, state: State, names: Collection[str]) -> None:
         raise OverlapError("; ".join(text for text in found if text))
 
 
-def moved_along(
+def move_along(
     body: Body, handles: HandleMotions, state: State, poses: Mapping[str, Pose]
 ) -> tuple[State, NDArray[np.float64]]:
     """Return a state with other commanded poses, and the positions (n, 3) [m] of the vertices that move along.

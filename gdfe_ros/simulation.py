@@ -13,13 +13,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from gdfe_ros.actuators.load import LOAD_FACTOR
 from gdfe_ros.arms.carriers import Carriers, Motions
-from gdfe_ros.command import Command, Orders, checked_positions, require_countable, require_snapshot, require_times
+from gdfe_ros.command import Command, Orders, check_positions, require_countable, require_snapshot, require_times
 from gdfe_ros.constraints import Pose
 from gdfe_ros.coupling.joint_coupling import JointCoupling
 from gdfe_ros.differentiator import make_differentiator
 from gdfe_ros.errors import CommandError, OverlapError
 from gdfe_ros.grip_reach import find_far_grips
-from gdfe_ros.rigid_places import carry_soft, moved_along, put_rigid, require_free
+from gdfe_ros.rigid_places import carry_soft, move_along, put_rigid, require_free
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.scene.soft_bodies import parts_of
 from gdfe_ros.scene.solvable import refuse_unsolvable
@@ -136,7 +136,7 @@ class Simulation(SceneReadings):
             raise CommandError(f"grips hold something: {', '.join(holding)}; remedy: let go first, command 0")
         motions = self._carriers.at_rest()
         poses = self._carriers.advance(motions, {}, 0.0, {}).poses
-        moved, positions = moved_along(self.stepper.body, self.stepper.equilibrium.handles, self.state, poses)
+        moved, positions = move_along(self.stepper.body, self.stepper.equilibrium.handles, self.state, poses)
         found = self.stepper.place(moved, positions)
         require_free(self.stepper.body, found, self._rigid)
         self.state, self._joints, self._cuts = self.stepper.carried(found, self.state), motions, {}
@@ -218,7 +218,7 @@ class Simulation(SceneReadings):
         march = None
         rests = rests or (bool(places) and self._rests(self._joints, targets, limited))
         if not rests and (dt or not moves):
-            march = self._stepped(before, limited, dt, limit)
+            march = self._advance(before, limited, dt, limit)
             self.state = march.state
             if march.simulated is not None and march.simulated < dt:
                 self._joints = self._carriers.part_way(before, self._joints, march.simulated / dt)
@@ -262,7 +262,7 @@ class Simulation(SceneReadings):
         """Return whether body and yielding joints are at rest, and would stay at rest at these commands."""
         return self._coupling.rests(motions, self._links) and self.stepper.rests(self.state, targets, commands)
 
-    def _stepped(self, before: Motions, commands: Mapping[str, float], dt: float, limit: Deadline | None) -> March:
+    def _advance(self, before: Motions, commands: Mapping[str, float], dt: float, limit: Deadline | None) -> March:
         """Make a step to the targets; ``before`` are the motions of the arms' motors before the step."""
         given = {"targets": self.targets, "commands": commands, "duration": dt, "deadline": limit}
         if not self._coupling:
@@ -287,7 +287,7 @@ class Simulation(SceneReadings):
             CommandError: the shape differs, a value is not finite, or a freely rotating handle is flattened so that its
                 rotation is undetermined; the state is unchanged.
         """
-        given = checked_positions(positions, self.mesh.vertices.shape)
+        given = check_positions(positions, self.mesh.vertices.shape)
         placed = np.concatenate([given - self.origin, self.state.positions[self.mesh.n_vertices :]])
         self.state = self.stepper.place(self.state, placed)
 

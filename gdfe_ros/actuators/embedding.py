@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
-from gdfe_ros.errors import MeshError
+from gdfe_ros.errors import MeshError, show_point
 from gdfe_ros.mesh.filling import reference_coordinates, trilinear_weights
 from gdfe_ros.mesh.mesh import Mesh
 from gdfe_ros.mesh.tetmesh import TetMesh
@@ -86,9 +86,8 @@ def embed(mesh: Mesh, points: ArrayLike, *, what: str, reach: float = SLACK) -> 
         if SLACK < beyond[best] <= reach:
             moved = max(moved, float(np.linalg.norm(weights[i] @ corners[cells[i]] - points[i])))
         elif not beyond[best] <= SLACK:
-            found = ", ".join(f"{value:.4g}" for value in weights[i] @ corners[cells[i]])
-            given = ", ".join(f"{value:.4g}" for value in points[i])
-            defects.append(f"point {i} at ({given}) m lies outside of the body; the body is near ({found}) m")
+            given, found = show_point(points[i]), show_point(weights[i] @ corners[cells[i]])
+            defects.append(f"point {i} at {given} m lies outside of the body; the body is near {found} m")
     if defects:
         raise MeshError(what, defects)
     return Embedding(np.ascontiguousarray(mesh.cells[cells], dtype=np.int32), weights, moved=moved)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.actuators.embedding import Embedding
-from gdfe_ros.mesh.filling import CORNERS, Filling, trilinear_weights
+from gdfe_ros.mesh.filling import CORNERS, Filling, trilinear_slopes, trilinear_weights
 from gdfe_ros.mesh.tet_faces import node_areas
 from gdfe_ros.mesh.tetrahedra import quadratic_slopes, quadratic_weights, simplex_rule
 
@@ -173,11 +173,9 @@ def gauss_points(
         yield from _tet_points(corners)
         return
     for point in GAUSS * CORNERS:
-        factors = 1.0 + CORNERS * point
-        local = 0.125 * CORNERS * np.roll(factors, -1, axis=1) * np.roll(factors, -2, axis=1)
-        volume = np.linalg.det(np.einsum("eai,aj->eij", corners, local))
+        volume = np.linalg.det(np.einsum("eai,aj->eij", corners, trilinear_slopes(point)))
         if filling is None:
-            yield volume, 0.125 * factors.prod(axis=1)[None]
+            yield volume, trilinear_weights(point)[None]
         else:
             yield filling.share * volume, trilinear_weights(filling.points(point[None])[:, 0])
 

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -107,10 +107,6 @@ class Arm:
             rotation = nearest_turn(quaternion_of(turn.tolist()), last.get(name, Pose()))
             found[name] = Pose(tuple(shift.tolist()), rotation)
         return found
-
-    def placed(self, q: Vector) -> Iterator[tuple[Joint, float]]:
-        """Return pairs of each commanded joint and its position in ``q`` (n,) [rad] or [m]."""
-        return zip(self.joints, q.tolist(), strict=True)
 
     def known_poses(self, q: Vector, last: Mapping[str, Pose]) -> dict[str, Pose]:
         """Return the ``last`` poses of an arm that has not moved; if a pose is missing, return those of `poses`."""

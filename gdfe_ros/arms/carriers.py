@@ -100,13 +100,12 @@ class Carriers:
         found, poses, cuts = {}, {}, {}
         for arm in self._arms:
             before = motions[arm.name]
-            if before.arrived and all(goals.get(joint.name, at) == at for joint, at in arm.placed(before.positions)):
+            pairs = zip(arm.joints, before.goals.tolist(), strict=True)
+            wanted = np.array([goals.get(joint.name, goal) for joint, goal in pairs], dtype=np.float64)
+            if before.arrived and np.array_equal(wanted, before.positions):
                 found[arm.name] = before
                 poses |= arm.known_poses(before.positions, last)
                 continue
-            wanted = before.goals.copy()
-            for i, joint in enumerate(arm.joints):
-                wanted[i] = goals.get(joint.name, wanted[i])
             found[arm.name], cut = arm.limits.advance(before, wanted, dt)
             poses |= arm.poses(found[arm.name].positions, last)
             for i, joint in enumerate(arm.joints):

@@ -5,21 +5,24 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from gdfe_ros.arms.arm import Arm, Visual
 from gdfe_ros.arms.description import Description, Geometry
 from gdfe_ros.arms.dynamics import LinkFrame
 from gdfe_ros.arms.meshes import Surface, convex_pieces
-from gdfe_ros.constraints import Handle, Pose
-from gdfe_ros.constraints.form import Box, Capsule, Cylinder, Form, Plane, Sphere, TriangleMesh, form_faces
-from gdfe_ros.constraints.obstacle import ArmLink, Obstacle
+from gdfe_ros.constraints import Handle
+from gdfe_ros.constraints.form import Form, TriangleMesh, form_faces
+from gdfe_ros.constraints.obstacle import ArmLink
 from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh import HexMesh
 from gdfe_ros.mesh.solid import Solid, make_solid
+
+if TYPE_CHECKING:
+    from gdfe_ros.constraints.overlap import Placed
 
 
 def touching_links(
@@ -123,17 +126,14 @@ def begins_inside(arm: Arm, handles: Sequence[Handle], mesh: HexMesh) -> Iterato
     """
     if not arm.links:
         return
-    from gdfe_ros.constraints.overlap import Placed  # loads numba
-
-    def placed(thing: Obstacle) -> Placed:
-        return Placed(thing, *thing.frame(Pose()))
+    from gdfe_ros.constraints.overlap import placed_at_rest  # loads numba
 
     robot = arm.dynamics.description
     surface = mesh.vertices[np.unique(mesh.surface())]
     mounted = robot.rigid_with(robot.root)
     remedy = "remedy: another `start`, another place of the arm (`at`), or leave the link out of `links`"
-    things = [placed(item) for item in handles if isinstance(item, Obstacle) and not isinstance(item, ArmLink)]
-    for piece in map(placed, arm.links):
+    things = placed_at_rest([each for each in handles if not isinstance(each, ArmLink)])
+    for piece in placed_at_rest(arm.links):
         depth = -float(piece.seen_from(surface)[0].min(initial=0.0))
         if depth > TOUCHING:
             yield f"link {piece.thing.link!r} begins {depth:.3g} m inside of the soft body; {remedy}"
@@ -144,34 +144,6 @@ def begins_inside(arm: Arm, handles: Sequence[Handle], mesh: HexMesh) -> Iterato
                 yield f"link {piece.thing.link!r} begins {depth:.3g} m inside of {where}; {remedy}"
 
 
-def _depth(one: object, other: object) -> float:
+def _depth(one: Placed, other: Placed) -> float:
     """Return the largest depth [m] of surface points of ``one`` obstacle inside the ``other``; 0 if none is inside."""
-    points = _points(one.thing)
-    if not len(points):
-        return 0.0
-    return -float(other.seen_from(one.world(points))[0].min(initial=0.0))
-
-
-def _points(thing: Obstacle) -> NDArray[np.float64]:
-    """Return points (k, 3) [m] of an obstacle's surface in the obstacle's frame; no points (0, 3) for a plane."""
-    match thing.form:
-        case Box() | Cylinder():
-            return thing.form.skin
-        case Sphere(radius):
-            return radius * _directions()
-        case Capsule(radius, length):
-            ends = np.array([0.0, 0.0, 0.5 * length])
-            return np.concatenate([radius * _directions() + end for end in (ends, -ends)])
-        case TriangleMesh(solid):
-            return np.concatenate([solid.vertices, solid.vertices[solid.triangles].mean(axis=1)])
-        case Plane():
-            return np.zeros((0, 3))
-
-
-def _directions() -> NDArray[np.float64]:
-    """Return unit vectors (k, 3) evenly spread over a sphere, by the golden angle."""
-    count = 64
-    z = 1.0 - (2.0 * np.arange(count) + 1.0) / count
-    turn = np.pi * (3.0 - np.sqrt(5.0)) * np.arange(count)
-    across = np.sqrt(1.0 - z**2)
-    return np.column_stack([across * np.cos(turn), across * np.sin(turn), z])
+    return -float(other.seen_from(one.world(one.thing.form.skin))[0].min(initial=0.0))

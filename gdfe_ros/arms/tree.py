@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from graphlib import CycleError, TopologicalSorter
 
 from gdfe_ros.arms.description import Joint
 from gdfe_ros.spelling import did_you_mean
@@ -40,21 +41,17 @@ def root_of(names: set[str], joints: Sequence[Joint]) -> tuple[str, list[str]]:
         text = f"the links {', '.join(roots)} have no parent; allowed: one, the base"
         found.append(f"{text}; remedy: joints between them")
     elif not several:
-        found += _cycles(names, joints)
+        found += _cycles(joints)
     return roots[0] if roots else "", found
 
 
-def _cycles(names: set[str], joints: Sequence[Joint]) -> list[str]:
+def _cycles(joints: Sequence[Joint]) -> list[str]:
     """Return a message for links that form a loop and are therefore not connected with the root."""
-    parents = {joint.child: joint.parent for joint in joints}
-    for name in sorted(names):
-        link, seen = name, []
-        while link in parents and link not in seen:
-            seen.append(link)
-            link = parents[link]
-        if link in seen:
-            loop = ", ".join(sorted(seen))
-            return [f"the links {loop} form a closed loop; remedy: remove the joint that closes it"]
+    try:
+        TopologicalSorter({joint.child: [joint.parent] for joint in joints}).prepare()
+    except CycleError as error:
+        loop = ", ".join(sorted(set(error.args[1])))
+        return [f"the links {loop} form a closed loop; remedy: remove the joint that closes it"]
     return []
 
 

@@ -41,11 +41,13 @@ class Shape(Keys):
     Attributes:
         kind: number of the shape in the kernels.
         samples: further numbers for the kernels.
+        skin: points of the surface (k, 3) [m]; a plane has none.
         rounding: distance [m] of the surface from the `corners`, or from the lines between them.
     """
 
     kind: ClassVar[int]
     samples: NDArray[np.float64] = np.zeros(0)
+    skin: NDArray[np.float64] = np.zeros((0, 3))
     rounding: float = 0.0
 
 
@@ -323,13 +325,13 @@ def form_faces(form: Sphere | Box | Capsule | Cylinder | TriangleMesh) -> NDArra
     """Return the corners (f, k, 3) [m] of the faces of a shape, in the shape's frame."""
     match form:
         case Sphere(radius):
-            return _turned(radius * np.sin(_polar()), radius * np.cos(_polar()))
+            return _revolve(radius * np.sin(_polar()), radius * np.cos(_polar()))
         case Capsule(radius, length):
             polar = np.concatenate([_polar()[: FACES_ALONG // 2 + 1], _polar()[FACES_ALONG // 2 :]])
             ends = np.repeat([0.5 * length, -0.5 * length], FACES_ALONG // 2 + 1)
-            return _turned(radius * np.sin(polar), radius * np.cos(polar) + ends)
+            return _revolve(radius * np.sin(polar), radius * np.cos(polar) + ends)
         case Cylinder(radius, length):
-            return _turned(np.array([0.0, radius, radius, 0.0]), 0.5 * length * np.array([1.0, 1.0, -1.0, -1.0]))
+            return _revolve(np.array([0.0, radius, radius, 0.0]), 0.5 * length * np.array([1.0, 1.0, -1.0, -1.0]))
         case Box(size):
             square = np.array([[-1.0, -1.0, 1.0], [1.0, -1.0, 1.0], [1.0, 1.0, 1.0], [-1.0, 1.0, 1.0]])
             sides = [np.roll(side, axis, axis=1) for axis in range(3) for side in (square, -square[::-1])]
@@ -342,7 +344,7 @@ def _polar() -> NDArray[np.float64]:
     return np.linspace(0.0, np.pi, FACES_ALONG + 1)
 
 
-def _turned(radii: NDArray[np.float64], heights: NDArray[np.float64]) -> NDArray[np.float64]:
+def _revolve(radii: NDArray[np.float64], heights: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the corners (q, 4, 3) [m] of the quads of a surface of revolution about z.
 
     Its profile has the ``radii`` at the ``heights`` [m].

@@ -47,14 +47,11 @@ def read_bag(source: Source, scene: Scene) -> Bag:
     if not match.compare:
         topics = ", ".join(sorted(reader.topics))
         raise GdfeError(f"bag {source.path}: nothing is compared; remedy: `compare` in a match file; topics: {topics}")
-    start = values.start([model for model in (*match.compare.values(), *match.commands.values()) if _is_topic(model)])
+    models = (*match.compare.values(), *match.commands.values())
+    start = values.start([each for each in models if isinstance(each, CompareModel | CommandModel)])
     tracks = tuple(_track(source, values, name, model, start) for name, model in match.commands.items())
     series = tuple(_series(source, scene, values, name, model, start) for name, model in match.compare.items())
     return series, tracks, None, ()
-
-
-def _is_topic(model: object) -> bool:
-    return isinstance(model, CompareModel | CommandModel)
 
 
 def _series(source: Source, scene: Scene, values: TopicValues, name: str, model: CompareModel, start: float) -> Series:

@@ -122,11 +122,10 @@ class TopicValues:
 
     def start(self, models: Sequence[CompareModel | CommandModel]) -> float:
         """Return the time [s] of the earliest message on the topics that the ``models`` name; 0 without topics."""
-        topics = [model.topic for model in models if model.topic]
-        for model in models:
-            if model.topic:
-                self._require(model.topic, f"bag {self._reader.path}", path=model.path)
-        return min((_stamp(log, message) for topic in topics for log, message in self._first(topic)), default=0.0)
+        named = [model for model in models if model.topic]
+        for model in named:
+            self._require(model.topic, f"bag {self._reader.path}", path=model.path)
+        return min((_stamp(*next(self._messages(model.topic))) for model in named), default=0.0)
 
     def of(
         self, model: CompareModel | CommandModel, where: str, *, pose: bool = False
@@ -180,9 +179,6 @@ class TopicValues:
     def _messages(self, topic: str) -> Any:
         for message in self._reader.messages([topic]):
             yield 1e-9 * message.log_time, self._decode(message.type, message.data)
-
-    def _first(self, topic: str) -> Any:
-        yield next(iter(self._messages(topic)))
 
     def _known(self, model: CompareModel | CommandModel) -> list[str]:
         """Return the names of all items in the messages of a topic, sorted."""

@@ -49,16 +49,19 @@ def residuals(
     own: Own,
     sigmas: Sequence[float],
     *,
+    quads: NDArray[np.int32],
     horizon: float = np.inf,
-    distances: SurfaceDistances | None = None,
 ) -> list[NDArray[np.float64]]:
-    """Return (simulated - measured) / sigma of each series, (m, c) or (m, p); NaN for values that are not compared."""
+    """Return (simulated - measured) / sigma of each series, (m, c) or (m, p); NaN for values that are not compared.
+
+    ``quads`` (f, 4) are the faces of the body's surface, with normals that point outwards.
+    """
     found = []
     for series, values, sigma in zip(
         recording.series, predicted(recording, trajectory, own, horizon=horizon), sigmas, strict=True
     ):
         if series.observable.kind is QuantityKind.SURFACE:
-            found.append(distances(values, series.values) / sigma)
+            found.append(surface_distances(values, series.values, quads) / sigma)
         else:
             found.append((values - series.values) / sigma)
     return found
@@ -107,35 +110,28 @@ def first_own(recording: Recording, trajectory: Trajectory) -> Own:
     return np.array([*own, *(after.mean(axis=0) - turn.apply(before.mean(axis=0)))])
 
 
-class SurfaceDistances:
-    """Distances of measured points from the simulated surface.
+def surface_distances(
+    positions: NDArray[np.float64], points: NDArray[np.float64], quads: NDArray[np.int32]
+) -> NDArray[np.float64]:
+    """Return the distances (m, p) [m] of points (m, p, 3) from the surface with vertices at (m, 3 n), all [m].
 
-    For each point, the face with the closest midpoint is chosen. The distance [m] is the distance of the point from
-    the plane of this face, positive inside the body.
-
-    Args:
-        quads: faces of the body's surface (f, 4), with normals that point outwards.
+    For each point, the face of ``quads`` (f, 4) with the closest midpoint is chosen. The distance is that of the point
+    from the plane of this face, positive inside the body.
     """
+    from scipy.spatial import cKDTree
 
-    def __init__(self, quads: NDArray[np.int32]) -> None:
-        self._quads = quads
-
-    def __call__(self, positions: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the distances (m, p) [m] of points (m, p, 3) from the surface with vertices at (m, 3 n), all [m]."""
-        from scipy.spatial import cKDTree
-
-        found = np.full(points.shape[:2], np.nan)
-        for row, (own, cloud) in enumerate(zip(positions, points, strict=True)):
-            sound = np.isfinite(cloud).all(axis=1)
-            if not np.isfinite(own).all() or not sound.any():
-                continue
-            corners = own.reshape(-1, 3)[self._quads]
-            normals = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
-            normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-            middles = corners.mean(axis=1)
-            _, nearest = cKDTree(middles).query(cloud[sound])
-            found[row, sound] = np.einsum("pi,pi->p", middles[nearest] - cloud[sound], normals[nearest])
-        return found
+    found = np.full(points.shape[:2], np.nan)
+    for row, (own, cloud) in enumerate(zip(positions, points, strict=True)):
+        sound = np.isfinite(cloud).all(axis=1)
+        if not np.isfinite(own).all() or not sound.any():
+            continue
+        corners = own.reshape(-1, 3)[quads]
+        normals = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
+        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+        middles = corners.mean(axis=1)
+        _, nearest = cKDTree(middles).query(cloud[sound])
+        found[row, sound] = np.einsum("pi,pi->p", middles[nearest] - cloud[sound], normals[nearest])
+    return found
 
 
 def _at(times: NDArray[np.float64], outputs: NDArray[np.float64], moments: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -94,11 +94,6 @@ class TableFile:
             except ValueError:
                 raise GdfeError(f"{self.path}: column {name!r}, row {place + 1}: {cell!r} is no number") from None
         return numbers * FACTORS[unit or self.units.get(name, "1")]
-
-    def mean(self, names: str | Sequence[str], unit: str | None) -> NDArray[np.float64]:
-        """Return the mean (m,) of one or several columns in SI units."""
-        columns = [names] if isinstance(names, str) else list(names)
-        return np.mean([self.column(name, unit) for name in columns], axis=0)
 
     def rows(self, ranges: Mapping[str, tuple[float, float]], every: int) -> NDArray[np.intp]:
         """Return the indices (k,) of every ``every``-th row whose columns are in the ``ranges``, in the file's units.
@@ -197,7 +192,8 @@ class CsvSource:
         labels, along = along_of(model, observable, where)
         columns = [model.column] if model.column else [model.columns[axis] for axis in AXES if axis in model.columns]
         values = np.stack([self._mean(column, model.unit) for column in columns], axis=1)
-        factor = scale_of(model.unit or self._unit_of(columns[0]))
+        first = columns[0] if isinstance(columns[0], str) else columns[0][0]
+        factor = scale_of(model.unit or self._table.units.get(first))
         sigma = model.sigma and model.sigma * factor
         return Series(name, observable, self.times, values, labels, along, sigma)
 
@@ -223,8 +219,7 @@ class CsvSource:
         columns = [self._mean(model.columns[axis], model.unit) if axis in model.columns else zero for axis in AXES]
         return Track(name, self.times, np.stack(columns, axis=1))
 
-    def _unit_of(self, column: str | tuple[str, ...]) -> str:
-        return self._table.units.get(column if isinstance(column, str) else column[0], "1")
-
     def _mean(self, names: str | tuple[str, ...], unit: str | None) -> NDArray[np.float64]:
-        return self._table.mean(names, unit)[self._rows]
+        """Return the mean (m,) of one or several columns in the chosen rows, in SI units."""
+        columns = (names,) if isinstance(names, str) else names
+        return np.mean([self._table.column(name, unit) for name in columns], axis=0)[self._rows]

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from gdfe_ros.errors import GdfeError
-from gdfe_ros.fitting.comparison import SurfaceDistances, first_own
+from gdfe_ros.fitting.comparison import first_own
 from gdfe_ros.fitting.csv_source import CsvSource
 from gdfe_ros.fitting.match import Source, find_sources
 from gdfe_ros.fitting.parameter import FittedParameter
@@ -21,7 +21,6 @@ from gdfe_ros.fitting.problem import FitPoint, FitProblem, Solved, require_motio
 from gdfe_ros.fitting.recording import (
     ROW,
     TIME,
-    QuantityKind,
     Recording,
     Schedule,
     make_schedule,
@@ -158,9 +157,8 @@ def fit_scene(
         raise GdfeError("every recording is held out: nothing is left to fit; remedy: hold out fewer")
     for recording in (*recordings, *held_out):
         require_motion(recording, scene.mesh.size)
-    surface = _surface(scene, [*recordings, *held_out])
-    simulations = Simulations(scene.source, client)
-    problem = FitProblem(simulations, parameters, recordings, surface=surface)
+    simulations, quads = Simulations(scene.source, client), scene.mesh.boundary.quads
+    problem = FitProblem(simulations, parameters, recordings, quads=quads)
     solved = solve(problem, moves=scene.dynamics is not None, loss=loss, told=told)
     known = confidence(problem, solved)
     require_bounds(problem, solved, known)
@@ -168,7 +166,7 @@ def fit_scene(
     fitted = matches(problem, solved.point)
     other = point = None
     if held_out:
-        other = FitProblem(simulations, parameters, held_out, surface=surface)
+        other = FitProblem(simulations, parameters, held_out, quads=quads)
         point = predict(other, solved.point.values)
     predicted = matches(other, point, held_out=True) if held_out else []
     return Fit(
@@ -204,11 +202,6 @@ def predict(problem: FitProblem, values: tuple[float, ...]) -> FitPoint:
         found = least_squares(lambda u: problem.stacked(trajectories, parts(u)), start, bounds=(low, high))
         own = parts(found.x)
     return FitPoint(values, tuple(own), tuple(trajectories))
-
-
-def _surface(scene: Scene, recordings: Sequence[Recording]) -> SurfaceDistances | None:
-    needed = any(series.observable.kind is QuantityKind.SURFACE for item in recordings for series in item.series)
-    return SurfaceDistances(scene.mesh.boundary.quads) if needed else None
 
 
 def _unconverged(point: FitPoint, problem: FitProblem) -> list[str]:

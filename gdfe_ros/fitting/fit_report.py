@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from gdfe_ros.analysis.report.charts import numbers_of
 from gdfe_ros.analysis.report.template import build_page, tabulate
 from gdfe_ros.bounded_text import quoted
+from gdfe_ros.errors import show_point
 from gdfe_ros.fitting.comparison import predicted, split
 from gdfe_ros.fitting.fit import Fit
 from gdfe_ros.fitting.problem import FitPoint, FitProblem
@@ -109,16 +110,12 @@ def own_rows(fit: Fit) -> list[tuple[str, str]]:
             shift, pose = split(recording, own)
             words = [f"time shift {1e3 * shift:.3g} ms"] if recording.shift_between is not None else []
             if recording.frame == 6:
-                words.append(f"rotation vector {_three(pose[0].as_rotvec())} rad")
+                words.append(f"rotation vector {show_point(pose[0].as_rotvec())} rad")
             if pose is not None:
-                words.append(f"translation {_three(pose[1])} m")
+                words.append(f"translation {show_point(pose[1])} m")
             if words:
                 rows.append((recording.name, ", ".join(words)))
     return rows
-
-
-def _three(values: NDArray[np.float64]) -> str:
-    return "(" + ", ".join(f"{value:.4g}" for value in values) + ")"
 
 
 @dataclass(frozen=True, eq=False)

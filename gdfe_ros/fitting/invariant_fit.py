@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -53,21 +53,19 @@ def invariant_candidates(
                 yield kind(**entry, **common), entry
         return
     if law is Law.GENT:
-        bounds, name = np.log(np.array(LIMITS) * x.max()), "jm"
-        make: Callable[[float, float], Material] = lambda mu, value: Gent(mu=mu, jm=value, **common)  # noqa: E731
+        kind, name, bounds = Gent, "jm", np.log(np.array(LIMITS) * x.max())
     else:
-        bounds, name = np.log(LOCKING), "lambda_m"
-        make = lambda mu, value: ArrudaBoyce(mu=mu, lambda_m=value, **common)  # noqa: E731
+        kind, name, bounds = ArrudaBoyce, "lambda_m", np.log(LOCKING)
 
     def modulus(value: float) -> tuple[float, float]:
         """Return the modulus [Pa] for a value of the other parameter, and the sum of squares."""
-        unit = make(1.0, value).stress_at(strain) * weights
+        unit = kind(mu=1.0, **{name: value}, **common).stress_at(strain) * weights
         mu = float(unit @ (stress * weights) / (unit @ unit))
         return mu, float(np.sum((mu * unit - stress * weights) ** 2))
 
     options = {"bounds": bounds, "method": "bounded", "options": {"xatol": 1e-10}}
     best = minimize_scalar(lambda log: modulus(np.exp(log))[1], **options)
     value = float(np.exp(best.x))
-    mu = modulus(value)[0]
-    if mu > 0.0:
-        yield make(mu, value), {"mu": mu, name: value}
+    entry = {"mu": modulus(value)[0], name: value}
+    if entry["mu"] > 0.0:
+        yield kind(**entry, **common), entry

@@ -238,13 +238,13 @@ def find_sources(data: Sequence[Path], match: Path | None) -> list[Source]:
     for name, entry in own.items():
         path = files.get(str(entry.get("file", name)))
         if path is not None:
-            sources.append(Source(name, path, _validated({**shared, **entry}, heading, f"recordings.{name}")))
+            sources.append(Source(name, path, _validate({**shared, **entry}, heading, f"recordings.{name}")))
     taken = {source.path for source in sources}
     rest = [path for path in data if path not in taken]
     if own and rest:
         text = f"no recording takes {', '.join(path.name for path in rest)}; recordings: {', '.join(own)}"
         raise MatchError(heading, [f"recordings: {text}; remedy: name it, or `file: {rest[0].name}` in one of them"])
-    return [*sources, *(Source(path.stem, path, _validated(shared, heading, "")) for path in rest)]
+    return [*sources, *(Source(path.stem, path, _validate(shared, heading, "")) for path in rest)]
 
 
 def _require_distinct(data: Sequence[Path]) -> None:
@@ -265,12 +265,12 @@ def _read(match: Path) -> tuple[dict[str, object], dict[str, dict[str, object]]]
     except (OSError, UnicodeDecodeError) as error:
         raise MatchError(heading, [f"cannot be read: {error}"]) from error
     shared = dict(parse_document(text, heading=heading).data)
-    _validated(shared, heading, "", kind=MatchModel)
+    _validate(shared, heading, "", kind=MatchModel)
     own = shared.pop("recordings", {})
     return shared, own
 
 
-def _validated(
+def _validate(
     data: dict[str, object], heading: str, place: str, *, kind: type[RecordingModel] = RecordingModel
 ) -> RecordingModel:
     try:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from gdfe_ros.errors import GdfeError
-from gdfe_ros.fitting.comparison import Own, SurfaceDistances, first_own, residuals
+from gdfe_ros.fitting.comparison import Own, first_own, residuals
 from gdfe_ros.fitting.parameter import FittedParameter
 from gdfe_ros.fitting.recording import POSITIONS, Recording
 from gdfe_ros.fitting.trajectory import (
@@ -56,7 +56,7 @@ class FitProblem:
         simulations: runs the simulations.
         parameters: parameters to fit.
         recordings: recordings to fit.
-        surface: function for distances from the surface; None if no cloud is compared with the surface.
+        quads: faces (f, 4) of the body's surface, with which clouds are compared.
 
     Attributes:
         sigmas: standard deviation of each series of each recording (`standard_deviations`).
@@ -69,10 +69,10 @@ class FitProblem:
         parameters: Sequence[FittedParameter],
         recordings: Sequence[Recording],
         *,
-        surface: SurfaceDistances | None = None,
+        quads: NDArray[np.int32],
     ) -> None:
         self.parameters, self.recordings = tuple(parameters), tuple(recordings)
-        self._simulations, self._surface = simulations, surface
+        self._simulations, self._quads = simulations, quads
         self.sigmas = standard_deviations(recordings)
         self.horizons = [np.inf] * len(self.recordings)
         self._known: tuple[tuple[object, ...], list[Trajectory | NotSimulatedError]] | None = None
@@ -150,10 +150,8 @@ class FitProblem:
         """Return d(residual)/d(unknown), shape (values, unknowns)."""
         here = self.point(unknowns)
         base = self.stacked(here.trajectories, here.own)
-        given = {"horizons": self.horizons}
-        changes = trajectory_columns(
-            self._simulations, self.recordings, self.parameters, here.values, here.trajectories, **given
-        )
+        given = self._simulations, self.recordings, self.parameters, here.values, here.trajectories
+        changes = trajectory_columns(*given, horizons=self.horizons)
         columns = []
         for change in changes:
             moved = [item.moved(by, 1e-3) for item, by in zip(here.trajectories, change, strict=True)]
@@ -169,7 +167,7 @@ class FitProblem:
         """Return (simulated - measured) / sigma for each recording and series; NaN for values that are not compared."""
         given = zip(self.recordings, point.trajectories, point.own, self.sigmas, self.horizons, strict=True)
         return [
-            residuals(recording, trajectory, own, sigmas, horizon=horizon, distances=self._surface)
+            residuals(recording, trajectory, own, sigmas, quads=self._quads, horizon=horizon)
             for recording, trajectory, own, sigmas, horizon in given
         ]
 

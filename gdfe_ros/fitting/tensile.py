@@ -115,7 +115,7 @@ def fit_tensile(
         >>> fit_tensile([0.1, 0.5, 1.0], [11.1e3, 53.0e3, 113.0e3], law=Law.NEO_HOOKEAN).material.young > 1e5
         True
     """
-    data = prepare(*_checked(strain, stress), slack=slack)
+    data = prepare(*_check(strain, stress), slack=slack)
     e, s, weights = data.strain, data.stress, _weights(data)
     if e.size < 2:
         raise GdfeError(f"{e.size} points are left of {np.size(strain)}; remedy: a smaller --slack")
@@ -138,7 +138,7 @@ def fit_tensile(
     return fit
 
 
-def _checked(strain: ArrayLike, stress: ArrayLike) -> tuple[Vector, Vector]:
+def _check(strain: ArrayLike, stress: ArrayLike) -> tuple[Vector, Vector]:
     """Return strains and stresses of the points with nonzero strain; raise GdfeError if they are no tensile test."""
     e, s = np.asarray(strain, dtype=np.float64), np.asarray(stress, dtype=np.float64)
     if e.ndim != 1 or e.shape != s.shape or not (np.isfinite(e).all() and np.isfinite(s).all()):

@@ -175,14 +175,14 @@ def trajectory_columns(
     """
     steps = [_step(parameter, value) for parameter, value in zip(parameters, values, strict=True)]
     pairs = list(zip(recordings, horizons, strict=True))
-    tasks = [(_changed(parameters, values, place, step), *pair) for place, step in enumerate(steps) for pair in pairs]
+    tasks = [(_change(parameters, values, place, step), *pair) for place, step in enumerate(steps) for pair in pairs]
     results = simulations.run(tasks)
     columns = []
     for place, step in enumerate(steps):
         changed, length = results[place * len(pairs) : (place + 1) * len(pairs)], step
         if any(isinstance(item, NotSimulatedError) for item in changed):
             length = -step
-            changed = simulations.run([(_changed(parameters, values, place, length), *pair) for pair in pairs])
+            changed = simulations.run([(_change(parameters, values, place, length), *pair) for pair in pairs])
         columns.append([_quotient(*both, length) for both in zip(require_simulated(changed), base, strict=True)])
     return columns
 
@@ -202,7 +202,7 @@ def _step(parameter: FittedParameter, value: float) -> float:
     return size if here <= 0.5 * (low + high) else -size
 
 
-def _changed(
+def _change(
     parameters: Sequence[FittedParameter], values: Sequence[float], place: int, step: float
 ) -> dict[str, float]:
     """Return dict from key to value, with the coordinate u of the parameter at ``place`` changed by ``step``."""

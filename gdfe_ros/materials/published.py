@@ -36,6 +36,29 @@ class PublishedSet:
     reference: str
 
 
+_Fit = tuple[float, float, float, str, float, float, float]
+
+
+def _yeoh_fits(reference: str, fits: dict[str, _Fit]) -> dict[str, PublishedSet]:
+    """Return a dict from name to each set that was fitted here to a tensile test of others.
+
+    Args:
+        reference: the tests.
+        fits: dict from material to the coefficients c10, c20, c30 [Pa] of Yeoh's law, the range of strains, the
+            relative misfit (root mean square) [%], and modulus [kPa] and misfit [%] of a neo-Hookean law.
+    """
+    return {
+        f"{material}_yeoh_tensile": PublishedSet(
+            material=material,
+            law=Yeoh(c10=c10, c20=c20, c30=c30, poisson=0.499),
+            strain=strain,
+            kind=f"own fit, relative rms {misfit} % (neo-Hookean mu={mu} kPa: {other} %)",
+            reference=reference,
+        )
+        for material, (c10, c20, c30, strain, misfit, mu, other) in fits.items()
+    }
+
+
 # fmt: off
 PUBLISHED: dict[str, PublishedSet] = {
     "ecoflex_00_10_yeoh_sorotoki": PublishedSet(
@@ -80,99 +103,43 @@ PUBLISHED: dict[str, PublishedSet] = {
     "mold_star_15_neo_hooke_hanging": PublishedSet(
         "mold_star_15", NeoHookean(young=150169.82, poisson=0.499, density=1080.0),
         "small, depth camera", "fitted by the authors", "Arnavaz et al. 2023, DiffCal, doi 10.1111/cgf.14720"),
-    "bodydouble_silk_yeoh_tensile": PublishedSet(
-        "bodydouble_silk", Yeoh(c10=54014.7, c20=5096.39, c30=-402.768, poisson=0.499),
-        "0.1..2.00", "own fit, relative rms 5.2 % (neo-Hookean mu=120.1 kPa: 12 %)", MARECHAL),
-    "dragon_skin_10_yeoh_tensile": PublishedSet(
-        "dragon_skin_10", Yeoh(c10=20631.9, c20=3503.07, c30=-153.855, poisson=0.499),
-        "0.1..2.00", "own fit, relative rms 1.7 % (neo-Hookean mu=49.33 kPa: 24 %)", MARECHAL),
-    "dragon_skin_20_yeoh_tensile": PublishedSet(
-        "dragon_skin_20", Yeoh(c10=55048.0, c20=11106.0, c30=-607.913, poisson=0.499),
-        "0.1..2.00", "own fit, relative rms 3.9 % (neo-Hookean mu=133.3 kPa: 25 %)", MARECHAL),
-    "dragon_skin_30_yeoh_tensile": PublishedSet(
-        "dragon_skin_30", Yeoh(c10=86244.1, c20=11471.2, c30=-562.353, poisson=0.499),
-        "0.1..2.00", "own fit, relative rms 2.1 % (neo-Hookean mu=201.3 kPa: 20 %)", MARECHAL),
-    "dragon_skin_fx_pro_slacker_yeoh_tensile": PublishedSet(
-        "dragon_skin_fx_pro_slacker", Yeoh(c10=1582.7, c20=-63.6018, c30=5.50079, poisson=0.499),
-        "0.1..2.00", "own fit, relative rms 6.5 % (neo-Hookean mu=2.979 kPa: 8 %)", MARECHAL),
-    "dragon_skin_fx_pro_yeoh_tensile": PublishedSet(
-        "dragon_skin_fx_pro", Yeoh(c10=13507.4, c20=1267.61, c30=-58.1233, poisson=0.499),
-        "0.1..2.00", "own fit, relative rms 2.3 % (neo-Hookean mu=30.64 kPa: 16 %)", MARECHAL),
-    "ecoflex_00_10_yeoh_tensile": PublishedSet(
-        "ecoflex_00_10", Yeoh(c10=3569.69, c20=167.02, c30=-3.41165, poisson=0.499),
-        "0.1..2.00", "own fit, relative rms 3.6 % (neo-Hookean mu=7.78 kPa: 12 %)", MARECHAL),
-    "ecoflex_00_30_yeoh_tensile": PublishedSet(
-        "ecoflex_00_30", Yeoh(c10=7156.83, c20=372.573, c30=-24.0781, poisson=0.499),
-        "0.1..2.00", "own fit, relative rms 4.1 % (neo-Hookean mu=15.42 kPa: 9 %)", MARECHAL),
-    "ecoflex_00_35_fast_yeoh_tensile": PublishedSet(
-        "ecoflex_00_35_fast", Yeoh(c10=12548.9, c20=937.401, c30=-37.8007, poisson=0.499),
-        "0.1..2.00", "own fit, relative rms 2.4 % (neo-Hookean mu=28.03 kPa: 15 %)", MARECHAL),
-    "ecoflex_00_50_yeoh_tensile": PublishedSet(
-        "ecoflex_00_50", Yeoh(c10=9687.69, c20=637.684, c30=-35.1511, poisson=0.499),
-        "0.1..2.00", "own fit, relative rms 3.4 % (neo-Hookean mu=21.3 kPa: 12 %)", MARECHAL),
-    "mold_star_16_fast_yeoh_tensile": PublishedSet(
-        "mold_star_16_fast", Yeoh(c10=40575.6, c20=3444.74, c30=-87.6729, poisson=0.499),
-        "0.1..2.00", "own fit, relative rms 1.0 % (neo-Hookean mu=91.95 kPa: 18 %)", MARECHAL),
-    "mold_star_20t_yeoh_tensile": PublishedSet(
-        "mold_star_20t", Yeoh(c10=53407.8, c20=4134.33, c30=-107.428, poisson=0.499),
-        "0.1..2.00", "own fit, relative rms 1.1 % (neo-Hookean mu=120.2 kPa: 16 %)", MARECHAL),
-    "platsil_gel_10_yeoh_tensile": PublishedSet(
-        "platsil_gel_10", Yeoh(c10=25323.0, c20=4923.48, c30=-275.609, poisson=0.499),
-        "0.1..2.00", "own fit, relative rms 3.0 % (neo-Hookean mu=61.12 kPa: 24 %)", MARECHAL),
-    "psycho_paint_yeoh_tensile": PublishedSet(
-        "psycho_paint", Yeoh(c10=58067.5, c20=3855.27, c30=-106.035, poisson=0.499),
-        "0.1..2.00", "own fit, relative rms 1.2 % (neo-Hookean mu=129.2 kPa: 15 %)", MARECHAL),
-    "rtv615_yeoh_tensile": PublishedSet("rtv615", Yeoh(c10=163529.0, c20=14177.7, c30=873.489, poisson=0.499),
-        "0.1..1.50", "own fit, relative rms 1.1 % (neo-Hookean mu=365.9 kPa: 18 %)", MARECHAL),
-    "rebound_25_yeoh_tensile": PublishedSet("rebound_25", Yeoh(c10=47085.3, c20=5514.56, c30=-209.378, poisson=0.499),
-        "0.1..2.00", "own fit, relative rms 1.4 % (neo-Hookean mu=109.1 kPa: 20 %)", MARECHAL),
-    "soloplast_150318_yeoh_tensile": PublishedSet(
-        "soloplast_150318", Yeoh(c10=31956.6, c20=2659.28, c30=-109.274, poisson=0.499),
-        "0.1..2.00", "own fit, relative rms 2.3 % (neo-Hookean mu=71.94 kPa: 16 %)", MARECHAL),
-    "sortaclear_40_yeoh_tensile": PublishedSet(
-        "sortaclear_40", Yeoh(c10=138157.0, c20=6109.52, c30=-66.9927, poisson=0.499),
-        "0.1..2.00", "own fit, relative rms 0.6 % (neo-Hookean mu=300.9 kPa: 12 %)", MARECHAL),
-    "wagnersil_20_nf_yeoh_tensile": PublishedSet(
-        "wagnersil_20_nf", Yeoh(c10=53802.7, c20=10304.5, c30=-409.701, poisson=0.499),
-        "0.1..2.00", "own fit, relative rms 1.7 % (neo-Hookean mu=130.2 kPa: 26 %)", MARECHAL),
-    "diabase_x60_yeoh_tensile": PublishedSet(
-        "diabase_x60", Yeoh(c10=939563.0, c20=-52400.2, c30=3380.86, poisson=0.499),
-        "0.28..1.72", "own fit, relative rms 1.0 % (neo-Hookean mu=1513 kPa: 11 %)", SOROFORGE),
-    "filaflex_60a_yeoh_tensile": PublishedSet(
-        "filaflex_60a", Yeoh(c10=966567.0, c20=-60762.9, c30=3489.99, poisson=0.499),
-        "0.28..1.88", "own fit, relative rms 1.8 % (neo-Hookean mu=1443 kPa: 15 %)", SOROFORGE),
-    "filaflex_70a_yeoh_tensile": PublishedSet(
-        "filaflex_70a", Yeoh(c10=1373330.0, c20=-94519.0, c30=5378.02, poisson=0.499),
-        "0.28..1.88", "own fit, relative rms 1.7 % (neo-Hookean mu=1965 kPa: 17 %)", SOROFORGE),
-    "hatchbox_tpu_yeoh_tensile": PublishedSet(
-        "hatchbox_tpu", Yeoh(c10=4484370.0, c20=-423479.0, c30=25602.7, poisson=0.499),
-        "0.28..1.97", "own fit, relative rms 6.0 % (neo-Hookean mu=5394 kPa: 24 %)", SOROFORGE),
-    "matterhacker_hq_tpu_yeoh_tensile": PublishedSet(
-        "matterhacker_hq_tpu", Yeoh(c10=3134630.0, c20=-352236.0, c30=25937.2, poisson=0.499),
-        "0.28..1.72", "own fit, relative rms 4.3 % (neo-Hookean mu=3804 kPa: 23 %)", SOROFORGE),
-    "cheetah_yeoh_tensile": PublishedSet("cheetah", Yeoh(c10=6222420.0, c20=-770198.0, c30=59809.8, poisson=0.499),
-        "0.28..1.72", "own fit, relative rms 6.2 % (neo-Hookean mu=7263 kPa: 24 %)", SOROFORGE),
-    "chinchilla_yeoh_tensile": PublishedSet(
-        "chinchilla", Yeoh(c10=1367030.0, c20=-88170.1, c30=4913.82, poisson=0.499),
-        "0.28..1.97", "own fit, relative rms 2.5 % (neo-Hookean mu=1990 kPa: 16 %)", SOROFORGE),
-    "eel_yeoh_tensile": PublishedSet("eel", Yeoh(c10=5191400.0, c20=-482560.0, c30=27777.6, poisson=0.499),
-        "0.28..1.99", "own fit, relative rms 6.1 % (neo-Hookean mu=6050 kPa: 25 %)", SOROFORGE),
-    "ninjaflex_yeoh_tensile": PublishedSet("ninjaflex", Yeoh(c10=2407080.0, c20=-201118.0, c30=12902.0, poisson=0.499),
-        "0.28..1.88", "own fit, relative rms 3.2 % (neo-Hookean mu=3267 kPa: 19 %)", SOROFORGE),
-    "overture_hs_tpu_yeoh_tensile": PublishedSet(
-        "overture_hs_tpu", Yeoh(c10=7067670.0, c20=-902204.0, c30=69401.2, poisson=0.499),
-        "0.28..1.72", "own fit, relative rms 6.4 % (neo-Hookean mu=7953 kPa: 25 %)", SOROFORGE),
-    "overture_tpu_yeoh_tensile": PublishedSet(
-        "overture_tpu", Yeoh(c10=4382420.0, c20=-445630.0, c30=30417.2, poisson=0.499),
-        "0.28..1.88", "own fit, relative rms 5.8 % (neo-Hookean mu=5429 kPa: 22 %)", SOROFORGE),
-    "pi_etpu_yeoh_tensile": PublishedSet("pi_etpu", Yeoh(c10=6188010.0, c20=-590011.0, c30=41575.6, poisson=0.499),
-        "0.28..1.79", "own fit, relative rms 6.1 % (neo-Hookean mu=8250 kPa: 20 %)", SOROFORGE),
-    "polymaker_tpu90_yeoh_tensile": PublishedSet(
-        "polymaker_tpu90", Yeoh(c10=3314180.0, c20=-324623.0, c30=19293.7, poisson=0.499),
-        "0.28..1.97", "own fit, relative rms 5.7 % (neo-Hookean mu=3809 kPa: 26 %)", SOROFORGE),
-    "sainsmart_tpu_yeoh_tensile": PublishedSet(
-        "sainsmart_tpu", Yeoh(c10=2716550.0, c20=-253475.0, c30=15148.9, poisson=0.499),
-        "0.28..1.97", "own fit, relative rms 5.8 % (neo-Hookean mu=3272 kPa: 24 %)", SOROFORGE),
+    **_yeoh_fits(MARECHAL, {
+        "bodydouble_silk": (54014.7, 5096.39, -402.768, "0.1..2.00", 5.2, 120.1, 12),
+        "dragon_skin_10": (20631.9, 3503.07, -153.855, "0.1..2.00", 1.7, 49.33, 24),
+        "dragon_skin_20": (55048.0, 11106.0, -607.913, "0.1..2.00", 3.9, 133.3, 25),
+        "dragon_skin_30": (86244.1, 11471.2, -562.353, "0.1..2.00", 2.1, 201.3, 20),
+        "dragon_skin_fx_pro_slacker": (1582.7, -63.6018, 5.50079, "0.1..2.00", 6.5, 2.979, 8),
+        "dragon_skin_fx_pro": (13507.4, 1267.61, -58.1233, "0.1..2.00", 2.3, 30.64, 16),
+        "ecoflex_00_10": (3569.69, 167.02, -3.41165, "0.1..2.00", 3.6, 7.78, 12),
+        "ecoflex_00_30": (7156.83, 372.573, -24.0781, "0.1..2.00", 4.1, 15.42, 9),
+        "ecoflex_00_35_fast": (12548.9, 937.401, -37.8007, "0.1..2.00", 2.4, 28.03, 15),
+        "ecoflex_00_50": (9687.69, 637.684, -35.1511, "0.1..2.00", 3.4, 21.3, 12),
+        "mold_star_16_fast": (40575.6, 3444.74, -87.6729, "0.1..2.00", 1.0, 91.95, 18),
+        "mold_star_20t": (53407.8, 4134.33, -107.428, "0.1..2.00", 1.1, 120.2, 16),
+        "platsil_gel_10": (25323.0, 4923.48, -275.609, "0.1..2.00", 3.0, 61.12, 24),
+        "psycho_paint": (58067.5, 3855.27, -106.035, "0.1..2.00", 1.2, 129.2, 15),
+        "rtv615": (163529.0, 14177.7, 873.489, "0.1..1.50", 1.1, 365.9, 18),
+        "rebound_25": (47085.3, 5514.56, -209.378, "0.1..2.00", 1.4, 109.1, 20),
+        "soloplast_150318": (31956.6, 2659.28, -109.274, "0.1..2.00", 2.3, 71.94, 16),
+        "sortaclear_40": (138157.0, 6109.52, -66.9927, "0.1..2.00", 0.6, 300.9, 12),
+        "wagnersil_20_nf": (53802.7, 10304.5, -409.701, "0.1..2.00", 1.7, 130.2, 26),
+    }),
+    **_yeoh_fits(SOROFORGE, {
+        "diabase_x60": (939563.0, -52400.2, 3380.86, "0.28..1.72", 1.0, 1513, 11),
+        "filaflex_60a": (966567.0, -60762.9, 3489.99, "0.28..1.88", 1.8, 1443, 15),
+        "filaflex_70a": (1373330.0, -94519.0, 5378.02, "0.28..1.88", 1.7, 1965, 17),
+        "hatchbox_tpu": (4484370.0, -423479.0, 25602.7, "0.28..1.97", 6.0, 5394, 24),
+        "matterhacker_hq_tpu": (3134630.0, -352236.0, 25937.2, "0.28..1.72", 4.3, 3804, 23),
+        "cheetah": (6222420.0, -770198.0, 59809.8, "0.28..1.72", 6.2, 7263, 24),
+        "chinchilla": (1367030.0, -88170.1, 4913.82, "0.28..1.97", 2.5, 1990, 16),
+        "eel": (5191400.0, -482560.0, 27777.6, "0.28..1.99", 6.1, 6050, 25),
+        "ninjaflex": (2407080.0, -201118.0, 12902.0, "0.28..1.88", 3.2, 3267, 19),
+        "overture_hs_tpu": (7067670.0, -902204.0, 69401.2, "0.28..1.72", 6.4, 7953, 25),
+        "overture_tpu": (4382420.0, -445630.0, 30417.2, "0.28..1.88", 5.8, 5429, 22),
+        "pi_etpu": (6188010.0, -590011.0, 41575.6, "0.28..1.79", 6.1, 8250, 20),
+        "polymaker_tpu90": (3314180.0, -324623.0, 19293.7, "0.28..1.97", 5.7, 3809, 26),
+        "sainsmart_tpu": (2716550.0, -253475.0, 15148.9, "0.28..1.97", 5.8, 3272, 24),
+    }),
     "natural_rubber_ogden_treloar": PublishedSet(
         "natural_rubber", Ogden(mu=(369941.495, 1251.5, 16157.977), alpha=(1.463, 5.512, -1.855), poisson=0.499),
         "stretch to 7.6/4.4/5.0", "fit to the test to the three modes together, relative rms 4.3 %", "Treloar 1944"),

@@ -46,13 +46,12 @@ def read_blocks(path: Path, heading: str) -> list[Block]:
     Raises:
         MeshError: the file is no text, has data before the first keyword, or includes a file that is not there.
     """
-    included: list[Path] = []
-    return list(_blocks(path, heading, included))
+    return list(_blocks(path, heading, []))
 
 
 def _blocks(path: Path, heading: str, included: list[Path]) -> Iterator[Block]:
     block: Block | None = None
-    for number, line in _joined_lines(path, heading):
+    for number, line in _join_lines(path, heading):
         if not line.startswith("*"):
             if block is None:
                 text = f"line {number} is {line[:40]!r}, before the first keyword"
@@ -75,13 +74,13 @@ def _blocks(path: Path, heading: str, included: list[Path]) -> Iterator[Block]:
         if block.keyword == "INCLUDE":
             yield from _blocks(other, heading, included)
         else:
-            lines = _joined_lines(other, heading)
+            lines = _join_lines(other, heading)
             block.rows.extend([part.strip() for part in line.split(",")] for _, line in lines)
     if block is not None:
         yield block
 
 
-def _joined_lines(path: Path, heading: str) -> Iterator[tuple[int, str]]:
+def _join_lines(path: Path, heading: str) -> Iterator[tuple[int, str]]:
     """Yield the number and the text of each line without comments; keyword lines that end in a comma are joined."""
     try:
         text = read_bytes(path, most=LARGEST).decode("utf-8-sig", errors="replace")

@@ -195,7 +195,7 @@ class _Reader:
         places = [self._instance(owner, block).sets[key]] if owner else [sets]
         if everywhere and not owner and not item.isdigit():
             parts = [self._assembly, *self._instances.values()]
-            places = [part.sets[key] for part in parts if _named(part.sets[key], item)] or [sets]
+            places = [part.sets[key] for part in parts if _find_set(part.sets[key], item)] or [sets]
         for there in places:
             found = [int(item)] if item.isdigit() else self._members(there, item, block)
             there.setdefault(block.name(key), []).extend(found)
@@ -208,7 +208,7 @@ class _Reader:
         return known[owner.upper()]
 
     def _members(self, sets: dict[str, list[int]], name: str, block: Block) -> list[int]:
-        ids = _named(sets, name)
+        ids = _find_set(sets, name)
         if ids is None:
             raise self._defect(f"line {block.line}: the set {name!r} is not there; remedy: define it before this line")
         return list(ids)
@@ -230,9 +230,9 @@ class _Reader:
                 placed.append(("", self._flat))
         if self._assembly.elements:
             self._remarks.append(f"{len(self._assembly.elements)} elements of the assembly itself are left out")
-        return self._joined(placed)
+        return self._join(placed)
 
-    def _joined(self, placed: list[tuple[str, _Part]]) -> RawMesh:
+    def _join(self, placed: list[tuple[str, _Part]]) -> RawMesh:
         """Return the mesh of several named parts, of which each is also a set of cells, or of one."""
         points, cells, cell_sets, point_sets = [np.zeros((0, 3))], {}, {}, {}
         left_out: dict[str, int] = {}
@@ -279,7 +279,7 @@ class _Reader:
         return places
 
 
-def _named(sets: dict[str, list[int]], name: str) -> list[int] | None:
+def _find_set(sets: dict[str, list[int]], name: str) -> list[int] | None:
     """Return the set with a name, whose case does not count; None if there is no such set."""
     return next((ids for key, ids in sets.items() if key.upper() == name.strip('"').upper()), None)
 

@@ -36,13 +36,13 @@ def assemble(parts: Mapping[str, MeshPart]) -> HexMesh:
     }
     skin = None
     if any(mesh.skin is not None for mesh in meshes):
-        skin = Outside.joined([mesh.outside for mesh in meshes], vertices, cells)
+        skin = Outside.join([mesh.outside for mesh in meshes], vertices, cells)
     touching = [
         (mesh.touching, first_vertex, first_cell)
         for mesh, first_vertex, first_cell in zip(meshes, vertices, cells, strict=False)
         if mesh.touching is not None
     ]
-    touching = Touching.joined(touching) if touching else None
+    touching = Touching.join(touching) if touching else None
     return replace(join(*meshes), skin=skin, touching=touching, parts=numbered)
 
 
@@ -79,19 +79,13 @@ def merge_vertices(mesh: Mesh) -> Mesh:
         mesh: a mesh with finite vertices.
     """
     pairs = coincident_pairs(mesh.vertices, COINCIDENT * mesh.size)
-    group = vertex_pieces(pairs, mesh.n_vertices)
-    _, leaders, number = np.unique(group, return_index=True, return_inverse=True)
-    order = np.argsort(leaders)
-    rank = np.empty_like(order)
-    rank[order] = np.arange(len(order))
-    new = rank[number]
+    number = vertex_pieces(pairs, mesh.n_vertices)
+    first = np.unique(number, return_index=True)[1]
     return replace(
         mesh,
-        vertices=mesh.vertices[leaders[order]],
-        cells=new[mesh.cells],
-        cell_sets=mesh.cell_sets,
-        vertex_sets={name: new[ids] for name, ids in mesh.vertex_sets.items()},
-        filling=mesh.filling,
+        vertices=mesh.vertices[first],
+        cells=number[mesh.cells],
+        vertex_sets={name: number[ids] for name, ids in mesh.vertex_sets.items()},
         **_BARE,
     )
 
@@ -108,14 +102,14 @@ def join(*meshes: Mesh) -> Mesh:
         meshes[0],
         vertices=np.concatenate([mesh.vertices for mesh in meshes]),
         cells=np.concatenate([mesh.cells + start for mesh, start in zip(meshes, vertex_start, strict=False)]),
-        cell_sets=_united([mesh.cell_sets for mesh in meshes], cell_start),
-        vertex_sets=_united([mesh.vertex_sets for mesh in meshes], vertex_start),
-        filling=Filling.joined([mesh.filling or Filling.whole(mesh.n_cells) for mesh in meshes]) if filled else None,
+        cell_sets=_unite([mesh.cell_sets for mesh in meshes], cell_start),
+        vertex_sets=_unite([mesh.vertex_sets for mesh in meshes], vertex_start),
+        filling=Filling.join([mesh.filling or Filling.whole(mesh.n_cells) for mesh in meshes]) if filled else None,
         **_BARE,
     )
 
 
-def _united(sets: list[Mapping[str, NDArray[np.int32]]], starts: NDArray[np.int64]) -> dict[str, NDArray[np.int64]]:
+def _unite(sets: list[Mapping[str, NDArray[np.int32]]], starts: NDArray[np.int64]) -> dict[str, NDArray[np.int64]]:
     names = dict.fromkeys(name for some in sets for name in some)
     return {
         name: np.concatenate([some[name] + start for some, start in zip(sets, starts, strict=False) if name in some])
@@ -130,7 +124,7 @@ _Surface = TypeVar("_Surface", Outside, Touching)
 _BACK = np.array([-1.0, 1.0, 1.0])
 
 
-def mirrored(mesh: Mesh, axis: int) -> Mesh:
+def mirror(mesh: Mesh, axis: int) -> Mesh:
     """Return a mesh reflected at the plane through the origin that is perpendicular to an axis.
 
     Vertices, cells and sets keep their numbers. The nodes of each cell, and of each face of its skin, change their
@@ -145,8 +139,8 @@ def mirrored(mesh: Mesh, axis: int) -> Mesh:
     filling = mesh.filling
     if filling is not None:
         filling = Filling(filling.share, filling.centre * _BACK, filling.spread)
-    skin = None if mesh.skin is None else _reversed(mesh.skin)
-    touching = None if mesh.touching is None else replace(_reversed(mesh.touching), surface=skin)
+    skin = None if mesh.skin is None else _reverse(mesh.skin)
+    touching = None if mesh.touching is None else replace(_reverse(mesh.touching), surface=skin)
     return replace(
         mesh,
         vertices=mesh.vertices * signs,
@@ -157,7 +151,7 @@ def mirrored(mesh: Mesh, axis: int) -> Mesh:
     )
 
 
-def _reversed(surface: _Surface) -> _Surface:
+def _reverse(surface: _Surface) -> _Surface:
     """Return a surface whose faces have the opposite orientation."""
     faces: NDArray[np.int32] = np.ascontiguousarray(surface.faces[:, ::-1])
     return replace(surface, faces=faces)

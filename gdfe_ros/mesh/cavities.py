@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gdfe_ros.errors import show_point
 from gdfe_ros.mesh.faces import corners_of, enclosed_volume, turned, vertex_pieces
 from gdfe_ros.mesh.mesh import Mesh
 from gdfe_ros.mesh.overlap import find_self_cuts
@@ -30,13 +31,11 @@ class Cavity:
     Attributes:
         quads: vertex ids, shape (q, 4) or (q, 6), int32, normals out of the cavity, into the material: pressure in
             the cavity pushes along them.
-        cells: cell to which each quad belongs, shape (q,), int32.
         volume: undeformed volume of the cavity [m^3], > 0.
         center: mean of the surface's vertices [m], shape (3,).
     """
 
     quads: NDArray[np.int32]
-    cells: NDArray[np.int32]
     volume: float
     center: NDArray[np.float64]
 
@@ -47,7 +46,7 @@ def find_cavities(mesh: Mesh) -> list[Cavity]:
     The boundary consists of closed pieces with normals out of the material. A piece with a negative enclosed volume
     bounds a cavity.
     """
-    quads, owners = mesh.boundary.quads, mesh.boundary.cells
+    quads = mesh.boundary.quads
     piece = surface_pieces(mesh.vertices, corners_of(quads))
     found = []
     for number in range(int(piece.max(initial=-1)) + 1):
@@ -56,7 +55,7 @@ def find_cavities(mesh: Mesh) -> list[Cavity]:
         volume = inside_volume(mesh.vertices, inner)
         if volume > 0:
             center = mesh.vertices[np.unique(inner)].mean(axis=0)
-            found.append(Cavity(inner, owners[own], volume, center))
+            found.append(Cavity(inner, volume, center))
     return sorted(found, key=lambda cavity: (-cavity.volume, tuple(cavity.center)))
 
 
@@ -74,7 +73,7 @@ def skin_cavities(mesh: Mesh) -> list[Cavity]:
     number = shell_numbers(len(points), triangles)
     closed = [is_closed(triangles[number == shell]) for shell in range(number.max(initial=-1) + 1)]
     kept = np.array(closed, dtype=bool)[number]
-    owners, triangles, number = mesh.skin.cells[kept], triangles[kept], number[kept]
+    triangles, number = triangles[kept], number[kept]
     found = []
     for shell, depth in zip(np.unique(number), shells(points, triangles).depths, strict=True):
         own = number == shell
@@ -83,9 +82,7 @@ def skin_cavities(mesh: Mesh) -> list[Cavity]:
         if volume < 0.0:
             quads, volume = quads[:, [2, 1, 0, 0]], -volume
         if depth % 2:
-            found.append(
-                Cavity(np.ascontiguousarray(quads), owners[own], volume, points[np.unique(quads)].mean(axis=0))
-            )
+            found.append(Cavity(np.ascontiguousarray(quads), volume, points[np.unique(quads)].mean(axis=0)))
     return sorted(found, key=lambda cavity: (-cavity.volume, tuple(cavity.center)))
 
 
@@ -167,16 +164,14 @@ def misplaced_cavities(
         crossed = mine[cuts.cut]
         crossed[crossed] = ~find_self_cuts(own, ids).cut[cuts.cut[mine]]
         if crossed.any():
-            x, y, z = cuts.places[crossed][0]
             text = "the air is partly outside: its surface cuts or touches that of the body or of other air"
-            found[number] = f"{text}, e.g. near ({x:.4g}, {y:.4g}, {z:.4g}) m; {_REMEDY}"
+            found[number] = f"{text}, e.g. near {show_point(cuts.places[crossed][0])} m; {_REMEDY}"
             continue
         _, first = np.unique(shell_numbers(len(own), ids), return_index=True)
         corners = own[ids[first, 0]]
         outside = corners[~inside(corners, points, joined[~mine])]
         if len(outside):
-            x, y, z = outside[0]
-            text = f"the air is outside of the body's material at ({x:.4g}, {y:.4g}, {z:.4g}) m"
+            text = f"the air is outside of the body's material at {show_point(outside[0])} m"
             found[number] = f"{text}; {_REMEDY}"
     return found
 

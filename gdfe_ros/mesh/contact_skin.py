@@ -11,7 +11,7 @@ from scipy import sparse
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
-from gdfe_ros.errors import MeshError
+from gdfe_ros.errors import MeshError, show_point
 from gdfe_ros.mesh.filling import trilinear_weights
 from gdfe_ros.mesh.mesh import HexMesh
 from gdfe_ros.mesh.outside import hang
@@ -110,9 +110,9 @@ class SkinPoints:
         vertex, weight = own[point, corner], self.weights[point, corner]
         order = np.lexsort((point, self.kinds[point], -np.round(weight, 9), vertex))
         first = order[np.unique(vertex[order], return_index=True)[1]]
-        return self._completed(self._cornered(np.unique(point[first])))
+        return self._complete(self._take_corners(np.unique(point[first])))
 
-    def _cornered(self, chosen: NDArray[np.intp]) -> NDArray[np.intp]:
+    def _take_corners(self, chosen: NDArray[np.intp]) -> NDArray[np.intp]:
         """Return the chosen points; each corner of the skin replaces the nearest chosen point if this point is close.
 
         A chosen point that is a corner is not replaced.
@@ -128,7 +128,7 @@ class SkinPoints:
                 found[near[0]] = corner
         return np.unique(found)
 
-    def _completed(self, chosen: NDArray[np.intp]) -> NDArray[np.intp]:
+    def _complete(self, chosen: NDArray[np.intp]) -> NDArray[np.intp]:
         """Return the chosen points and further points; each skin point is within `FARTHEST` of a returned point."""
         limits = FARTHEST[self.kinds] * self.sizes
         near = cKDTree(self.places[chosen]).query(self.places, k=min(NEAR, len(chosen)))[1]
@@ -273,10 +273,10 @@ def touch_by_skin(mesh: HexMesh, points: NDArray[np.float64], triangles: NDArray
 def _require_closed(points: NDArray[np.float64], triangles: NDArray[np.int64]) -> None:
     leaks = open_edges(triangles)
     if len(leaks):
-        x, y, z = points[leaks[0]].mean(axis=0)
+        place = show_point(points[leaks[0]].mean(axis=0))
         text = (
             f"contact needs a closed skin. At {len(leaks)} edges of this skin the second triangle is missing or faces "
-            f"the other direction, first at ({x:.4g}, {y:.4g}, {z:.4g}) m; remedy: close the holes "
+            f"the other direction, first at {place} m; remedy: close the holes "
             "(MeshLab: Close Holes, Blender: 3D-Print toolbox), or set contact: false, then the skin is only drawn"
         )
         raise MeshError("skin", [text])
@@ -305,10 +305,9 @@ def _require_covered(
     missed = missed[(away[missed] > BARE) | ~inside(centres[missed], points, triangles)]
     if len(missed):
         worst = missed[np.argmax(away[missed])]
-        x, y, z = centres[worst]
         text = (
             f"{len(missed)} cells at the boundary are left outside of the skin, or are far from it, so that contact "
-            f"would not see them. The farthest cell, at ({x:.4g}, {y:.4g}, {z:.4g}) m, is "
+            f"would not see them. The farthest cell, at {show_point(centres[worst])} m, is "
             f"{away[worst] * edges[worst]:.3g} m away; allowed: the length of its edges, {edges[worst]:.3g} m; "
             "remedy: a skin of the whole body (check scale and place of the file), or contact: false, then the "
             "skin is only drawn"

@@ -137,7 +137,7 @@ def turned(faces: NDArray[np.int32]) -> NDArray[np.int32]:
 def vertex_pieces(cells: NDArray[np.integer], count: int) -> NDArray[np.int32]:
     """Return the number, from 0, of the connected piece to which each of ``count`` vertices belongs, (count,) int32.
 
-    Each row of ``cells`` (m, c) connects its vertices.
+    Each row of ``cells`` (m, c) connects its vertices. Pieces are numbered in the order of their first vertices.
     """
     row, column = np.repeat(cells[:, 0], cells.shape[1] - 1), cells[:, 1:].ravel()
     graph = coo_array((np.ones(len(row), dtype=np.int8), (row, column)), shape=(count, count))

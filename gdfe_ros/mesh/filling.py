@@ -112,7 +112,7 @@ class Filling:
         return cls(np.ones(count), np.zeros((count, 3)), np.ones((count, 3)))
 
     @classmethod
-    def joined(cls, fillings: Sequence[Filling]) -> Filling:
+    def join(cls, fillings: Sequence[Filling]) -> Filling:
         """Return the concatenation of several fillings."""
         return cls(*(np.concatenate([getattr(each, item.name) for each in fillings]) for item in fields(cls)))
 

@@ -185,7 +185,7 @@ def tube(
     ends = [np.linspace(0, cap, cap_cells + 1)] * bool(cap)
     middle = np.linspace(cap, length - cap, along + 1)
     planes = np.unique(np.concatenate([*ends, middle, *(length - end[::-1] for end in ends)]))
-    pieces = [_mapped(grid(np.linspace(inner, outer, radial + 1), angles, planes), _along_x)]
+    pieces = [_map(grid(np.linspace(inner, outer, radial + 1), angles, planes), _along_x)]
     for end in ends:
         pieces += [_plug(inner, around, end), _plug(inner, around, length - end[::-1])]
     mesh = merge_vertices(join(*pieces))
@@ -232,7 +232,7 @@ def ring(radius: float, section: Sequence[float], cells: Sequence[int], *, angle
     sets = {"inner": r == r.min(), "outer": r == r.max()}
     if not full:
         sets |= {"start": turn == 0, "end": turn == angles[-1]}
-    mesh = _with_sets(_mapped(flat, lambda r, turn, z: (r * np.cos(turn), r * np.sin(turn), z)), **sets)
+    mesh = _with_sets(_map(flat, lambda r, turn, z: (r * np.cos(turn), r * np.sin(turn), z)), **sets)
     return merge_vertices(mesh) if full else mesh
 
 
@@ -255,7 +255,7 @@ def sphere(inner: float, outer: float, cells: Sequence[int]) -> HexMesh:
     if outer <= inner:
         raise MeshError("cannot mesh this sphere", [f"sphere.outer = {outer!r}: allowed: more than {inner!r}"])
     angles = np.linspace(-np.pi / 4, np.pi / 4, cells[0] + 1)
-    face = _mapped(grid(angles, angles, np.linspace(inner, outer, cells[1] + 1)), _blown_up)
+    face = _map(grid(angles, angles, np.linspace(inner, outer, cells[1] + 1)), _blow_up)
     faces = []
     for axes in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
         turned = face.vertices[:, axes]
@@ -269,7 +269,7 @@ def _plug(radius: float, around: int, planes: NDArray[np.float64]) -> HexMesh:
     """Mesh a solid cylinder along x: a square core, and a ring around it with ``around`` cells at its rim."""
     side = around // 4
     core = np.tan(np.linspace(-np.pi / 4, np.pi / 4, side + 1)) * _CORE * radius
-    square = _mapped(grid(core, core, planes), lambda y, z, x: (x, y, z))
+    square = _map(grid(core, core, planes), lambda y, z, x: (x, y, z))
     rows = np.linspace(0, 1, max(1, around // 8) + 1)
 
     def between(share: NDArray, turn: NDArray, x: NDArray) -> tuple[ArrayLike, ...]:
@@ -277,7 +277,7 @@ def _plug(radius: float, around: int, planes: NDArray[np.float64]) -> HexMesh:
         reach = (1 - share) * _CORE / np.maximum(abs(y), abs(z)) + share
         return x, radius * reach * y, radius * reach * z
 
-    return join(square, _mapped(grid(rows, _full_turn(around), planes), between))
+    return join(square, _map(grid(rows, _full_turn(around), planes), between))
 
 
 def _full_turn(around: int) -> NDArray[np.float64]:
@@ -289,13 +289,13 @@ def _along_x(r: NDArray, turn: NDArray, x: NDArray) -> tuple[ArrayLike, ...]:
     return x, r * np.cos(turn), r * np.sin(turn)
 
 
-def _blown_up(u: NDArray, v: NDArray, r: NDArray) -> tuple[ArrayLike, ...]:
+def _blow_up(u: NDArray, v: NDArray, r: NDArray) -> tuple[ArrayLike, ...]:
     x, y = np.tan(u), np.tan(v)
     scale = r / np.sqrt(x**2 + y**2 + 1)
     return scale * x, scale * y, scale
 
 
-def _mapped(mesh: HexMesh, mapping: Map) -> HexMesh:
+def _map(mesh: HexMesh, mapping: Map) -> HexMesh:
     return HexMesh(np.stack(np.broadcast_arrays(*mapping(*mesh.vertices.T)), axis=1), mesh.cells)
 
 

@@ -11,7 +11,6 @@ import re
 from collections.abc import Iterator
 from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import replace
-from enum import Enum
 from importlib import import_module
 from importlib.util import find_spec
 from io import StringIO
@@ -43,13 +42,6 @@ _ENDS = {_GMSH: [b"$EndElements", b"$ENDELM"], _XML: [b"</VTKFile>"]}
 _FORMATS = {_GMSH: "gmsh", _LEGACY: "vtk", _XML: "vtu"}
 
 
-class Doubt(Enum):
-    """What may be missing in the content that meshio has read."""
-
-    CELLS = "cells"
-    GROUPS = "groups"
-
-
 def read_file(path: Path, heading: str) -> RawMesh:
     """Return the content of a mesh file.
 
@@ -67,9 +59,9 @@ def read_file(path: Path, heading: str) -> RawMesh:
     raw = _by_meshio(path, kind, heading)
     if kind is None:
         return raw
-    if raw is not None and not (doubt := _doubt(raw, path, kind)):
+    if raw is not None and _is_whole(raw, path, kind):
         return raw
-    if raw is not None and doubt is Doubt.GROUPS and find_spec("gmsh") is None:
+    if raw is not None and kind == _GMSH and find_spec("gmsh") is None:
         text = "elements with several physical groups are in the first one only"
         raw.remarks.append(f"{text}; remedy: pip install 'gdfe_ros[cad]', or give each group a name")
         return raw
@@ -120,8 +112,8 @@ def _by_meshio(path: Path, kind: str | None, heading: str) -> RawMesh | None:
     )
 
 
-def _doubt(raw: RawMesh, path: Path, kind: str) -> Doubt | None:
-    """Return what of a file may be missing in meshio's content; None if it is complete.
+def _is_whole(raw: RawMesh, path: Path, kind: str) -> bool:
+    """Return whether meshio's content is certainly all of a file of gmsh or VTK.
 
     meshio leaves out cells of kinds that it does not know, and all but the first physical group of an element, unless
     the file has version 4.1 and the groups have names.
@@ -134,11 +126,9 @@ def _doubt(raw: RawMesh, path: Path, kind: str) -> Doubt | None:
             (int(tag), block.dim) for block, tags in zip(raw.cells, data, strict=False) for tag in np.unique(tags)
         }
         version = content[:HEAD].partition(b"$MeshFormat")[2].split()[:1]
-        if version == [b"4"] or (version == [b"4.1"] and not groups <= named):
-            return Doubt.GROUPS
-        return None
+        return version != [b"4"] and (version != [b"4.1"] or groups <= named)
     found = _XML_COUNT.findall(content) if kind == _XML else _LEGACY_COUNT.findall(content)
-    return None if sum(map(int, found)) == sum(len(block.data) for block in raw.cells) > 0 else Doubt.CELLS
+    return sum(map(int, found)) == sum(len(block.data) for block in raw.cells) > 0
 
 
 def _by_library(path: Path, kind: str, heading: str) -> RawMesh:
@@ -157,12 +147,12 @@ def _by_library(path: Path, kind: str, heading: str) -> RawMesh:
             if (raw := _by_meshio(target, _GMSH if kind == _GMSH else _XML, heading)) is None:
                 raise MeshError(heading, ["its content does not fit its kind"])
         except MeshError as error:
-            defects = [f"cannot be read as {kind}: {text}" for text in map(_remedied, error.defects)]
+            defects = [f"cannot be read as {kind}: {text}" for text in map(_add_remedy, error.defects)]
             raise MeshError(heading, defects) from error
     return raw
 
 
-def _remedied(text: str) -> str:
+def _add_remedy(text: str) -> str:
     return text if "remedy" in text else f"{text}; remedy: export it again"
 
 
@@ -215,7 +205,7 @@ def examine_mesh(
     path = Path(path)
     heading = f"mesh {path}"
     raw = read_file(path, heading)
-    defects = _unsuited(raw, first_order)
+    defects = [*_wrong_kinds(raw, first_order), *_nothing_solid(raw), *_damaged(raw)]
     if defects:
         raise MeshError(heading, defects)
     mesh = _solid_mesh(raw, heading)
@@ -229,24 +219,20 @@ def examine_mesh(
     return mesh, defects + check_mesh(mesh).defects
 
 
-def _counts(raw: RawMesh, kinds: tuple[str, ...] = ()) -> dict[str, int]:
-    """Return a dict from kind of cell to number of cells, of all kinds or only of the given ``kinds``."""
+def _counts(raw: RawMesh) -> dict[str, int]:
+    """Return a dict from kind of cell to number of cells."""
     counts: dict[str, int] = {}
     for block in raw.cells:
-        if len(block.data) and (not kinds or block.type in kinds):
+        if len(block.data):
             counts[block.type] = counts.get(block.type, 0) + len(block.data)
     return counts
-
-
-def _unsuited(raw: RawMesh, first_order: bool) -> list[str]:
-    """Return a line of text for each reason why a file gives no mesh."""
-    return [*_wrong_kinds(raw, first_order), *_nothing_solid(raw), *_damaged(raw)]
 
 
 def _wrong_kinds(raw: RawMesh, first_order: bool) -> Iterator[str]:
     """Yield a line for each kind of cell that cannot be used, and a line for kinds that cannot be used together."""
     solid = {kind: n for kind, n in _counts(raw).items() if _remedy(kind)}
-    tets, hexes = _counts(raw, _TETRAHEDRA), [kind for kind in solid if kind.startswith("hexahedron")]
+    tets = [kind for kind in solid if kind in _TETRAHEDRA]
+    hexes = [kind for kind in solid if kind.startswith("hexahedron")]
     sound = {*_TETRAHEDRA, "hexahedron", *(hexes if first_order else ())}
     for kind in (kind for kind in solid if kind not in sound):
         allowed = "8-vertex hexahedra, or tetrahedra with 4 or 10 nodes"

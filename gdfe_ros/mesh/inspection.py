@@ -20,7 +20,7 @@ from gdfe_ros.mesh.quality import QualityReport, check_mesh
 from gdfe_ros.mesh.shells import Shells, shells
 from gdfe_ros.mesh.surface_findings import SurfaceFindings, cheaper_hexahedra, solid_findings, surface_findings
 from gdfe_ros.mesh.tetmesh import TetMesh
-from gdfe_ros.mesh.tetrahedralise import STEP_SUFFIXES, solid_facts, step_bounds, step_facts, step_surface
+from gdfe_ros.mesh.tetrahedralise import STEP_SUFFIXES, show_spans, solid_facts, step_bounds, step_facts, step_surface
 from gdfe_ros.mesh.voxels import SUFFIXES, examine_surface
 from gdfe_ros.mesh.walls import default_size, flat_walls, wall_cells
 
@@ -151,9 +151,8 @@ def _air(facts: list[tuple[str, str]]) -> list[str]:
 def _extent(vertices: NDArray[np.float64]) -> list[tuple[str, str]]:
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     size = math.hypot(*(high - low))
-    spans = ", ".join(f"{axis} {a:.4g} to {b:.4g}" for axis, a, b in zip("xyz", low, high, strict=True))
     unit = guess_unit(size) if np.isfinite(size) and size > 0 else "unknown"
-    return [("bounds", spans), ("unit, a guess from the size", unit)]
+    return [("bounds", show_spans(low, high)), ("unit, a guess from the size", unit)]
 
 
 def _quality(quality: QualityReport) -> list[tuple[str, str]]:

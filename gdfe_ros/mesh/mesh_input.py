@@ -11,7 +11,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
@@ -26,11 +26,12 @@ LARGEST = 500_000_000
 """Largest size of a mesh file [bytes]."""
 
 
-def require_file(path: Path, heading: str) -> None:
-    """Raise an error under ``heading`` if a path is no regular file, or a too large one.
+def require_file(path: Path, heading: str, *, suffixes: Collection[str] = ()) -> None:
+    """Raise an error under ``heading`` if a path is no regular file, a too large one, or one of another kind.
 
     Raises:
-        MeshError: the path is a folder, a pipe or a device, or there is nothing, or the file is too large.
+        MeshError: the path is a folder, a pipe or a device, or there is nothing, or the file is too large, or has none
+            of the ``suffixes``, if any are given.
     """
     if defect := defect_of(path):
         raise MeshError(heading, [f"no file can have this path: {defect}"])
@@ -42,6 +43,8 @@ def require_file(path: Path, heading: str) -> None:
         require_regular(path, most=LARGEST)
     except OSError as error:
         raise MeshError(heading, [f"{error}; remedy: the path of a mesh file"]) from error
+    if suffixes and path.suffix.lower() not in suffixes:
+        raise MeshError(heading, [f"unknown kind of file {path.suffix!r}; allowed: {', '.join(suffixes)}"])
 
 
 LEAST, EACH_MEGABYTE = 5.0, 5.0

@@ -55,7 +55,7 @@ def facts(request: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     """Return number and names of solids, number of surfaces, volume [m^3] and bounds [m] of a STEP file."""
     import gmsh
 
-    solids = _imported(gmsh, request)
+    solids = _import(gmsh, request)
     return {
         "solids": np.array(len(solids)),
         "surfaces": np.array(len(gmsh.model.getEntities(2))),
@@ -74,7 +74,7 @@ def facets(request: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     import gmsh
 
     size = float(request["size"])
-    solids = _united(gmsh, _imported(gmsh, request))
+    solids = _unite(gmsh, _import(gmsh, request))
     gmsh.option.setNumber("Mesh.MeshSizeMax", size)
     gmsh.option.setNumber("Mesh.MeshSizeMin", FACETS_FINEST * size)
     gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", FACETS_AROUND)
@@ -99,7 +99,7 @@ def _nodes(gmsh) -> tuple[np.ndarray, np.ndarray]:
     return coordinates.reshape(-1, 3), number
 
 
-def _united(gmsh, solids: list[tuple[int, int]]) -> list[tuple[int, int]]:
+def _unite(gmsh, solids: list[tuple[int, int]]) -> list[tuple[int, int]]:
     """Give solids that touch a common face between them; return the (dimension, tag) of each solid."""
     if len(solids) > 1:
         gmsh.model.occ.fragment(solids[:1], solids[1:])
@@ -107,7 +107,7 @@ def _united(gmsh, solids: list[tuple[int, int]]) -> list[tuple[int, int]]:
     return gmsh.model.getEntities(3)
 
 
-def _imported(gmsh, request: dict[str, np.ndarray]) -> list[tuple[int, int]]:
+def _import(gmsh, request: dict[str, np.ndarray]) -> list[tuple[int, int]]:
     """Load a STEP file into gmsh, in metres; return gmsh's (dimension, tag) of each solid."""
     gmsh.initialize()
     gmsh.option.setNumber("General.Terminal", 0)
@@ -122,7 +122,7 @@ def from_step(request: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     import gmsh
 
     size = float(request["size"])
-    solids = _imported(gmsh, request)
+    solids = _import(gmsh, request)
     if not solids:
         return {"defect": np.array("there is no solid in it; remedy: export the body as a solid, not as surfaces")}
     low, high = np.split(np.array(gmsh.model.getBoundingBox(-1, -1)), 2)
@@ -143,7 +143,7 @@ def from_step(request: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         "HighOrderOptimize": 1,
     }.items():
         gmsh.option.setNumber(f"Mesh.{name}", value)
-    _united(gmsh, solids)
+    _unite(gmsh, solids)
     gmsh.model.mesh.generate(3)
     return {**_gmsh_cells(gmsh), "diagonal": np.array(diagonal)}
 

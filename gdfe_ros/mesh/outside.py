@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from gdfe_ros.errors import MeshError
+from gdfe_ros.errors import MeshError, show_point
 from gdfe_ros.mesh.faces import Faces
 from gdfe_ros.mesh.filling import SETTLED, reference_coordinates, trilinear_weights
 from gdfe_ros.mesh.shells import cone_volumes
@@ -56,7 +56,7 @@ class Outside:
         return cls(local.reshape(drawn.shape).astype(np.int32), owners, ids[:, None].astype(np.int32), weights)
 
     @classmethod
-    def joined(cls, outsides: Sequence[Outside], vertices: Sequence[int], cells: Sequence[int]) -> Outside:
+    def join(cls, outsides: Sequence[Outside], vertices: Sequence[int], cells: Sequence[int]) -> Outside:
         """Return several surfaces as one, with triangles as faces and eight vertices for each point.
 
         Args:
@@ -166,10 +166,10 @@ def _too_far(
     """
     away = np.where(far, cKDTree(vertices).query(points)[0], 0.0)
     worst = int(np.argmax(away))
-    where = ", ".join(f"{value:.4g}" for value in points[worst])
     edge = np.linalg.norm(corners[worst, 1] - corners[worst, 0])
     return (
-        f"{far.sum()} of {len(points)} vertices lie far outside of the cells; the farthest, at ({where}) m, is "
-        f"{away[worst]:.3g} m away from their vertices; allowed: the edge of a cell, {edge:.3g} m there; remedy: check "
-        "scale and place of the file, use cells of another size, or make a sharp tip blunt"
+        f"{far.sum()} of {len(points)} vertices lie far outside of the cells; the farthest, at "
+        f"{show_point(points[worst])} m, is {away[worst]:.3g} m away from their vertices; allowed: the edge of a cell, "
+        f"{edge:.3g} m there; remedy: check scale and place of the file, use cells of another size, or make a sharp "
+        "tip blunt"
     )

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from gdfe_ros.errors import show_point
 from gdfe_ros.mesh.faces import corners_of
 from gdfe_ros.mesh.mesh import Mesh
 from gdfe_ros.mesh.shells import BoxTree
@@ -200,7 +201,7 @@ class SelfCuts:
         if self.pairs == 0:
             return []
         some = self.places[_far_apart(self.places, LISTED)]
-        where = ", ".join(f"({x:.4g}, {y:.4g}, {z:.4g})" for x, y, z in some)
+        where = ", ".join(map(show_point, some))
         return [
             f"the surface cuts itself: {self.pairs} pairs of its triangles cut each other or lie on each other, e.g. "
             f"near {where} m; remedy: unite overlapping parts in the CAD program (Boolean union; Blender: 3D-Print "

@@ -2,9 +2,9 @@
 """Meshes and surfaces as text in a scene, and a cache of computed meshes on disk.
 
 The key of the cache is a digest of the content from which a mesh is computed. It also depends on the sources of
-`gdfe_ros.mesh`, numpy's version and the machine's architecture, so that other versions never read the file. A file is
-first written under a temporary name and then renamed, so that concurrent processes never read an incomplete file. It
-starts with the digest of its content. If a power cut or a full disk has truncated the file, the mesh is computed again.
+`gdfe_ros.mesh`, numpy's version and the machine's architecture, so that other versions never read the file. Files are
+replaced as a whole, so that concurrent processes never read an incomplete file. A file starts with the digest of its
+content. If a power cut or a full disk has truncated the file, the mesh is computed again.
 """
 
 from __future__ import annotations
@@ -19,7 +19,6 @@ from dataclasses import fields
 from functools import lru_cache
 from io import BytesIO
 from pathlib import Path
-from tempfile import NamedTemporaryFile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +27,7 @@ from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh.filling import Filling
 from gdfe_ros.mesh.mesh import HexMesh, Mesh
 from gdfe_ros.mesh.tetmesh import TetMesh
+from gdfe_ros.regular_file import replace_file
 
 _CELL_SET, _VERTEX_SET, _FILLING = "cell_set:", "vertex_set:", "filling:"
 _VERTICES, _TRIANGLES, _SLASH = "vertices:", "triangles:", "\\"
@@ -74,7 +74,7 @@ def unpack_robot(text: str) -> tuple[str, dict[str, tuple[NDArray[np.float64], N
     Raises:
         MeshError: the text is damaged, or is not a packed robot.
     """
-    with _undamaged("robot"):
+    with _refuse_damage("robot"):
         arrays = {key.replace(_SLASH, "/"): array for key, array in _unpack(text).items()}
         uris = [key.removeprefix(_VERTICES) for key in arrays if key.startswith(_VERTICES)]
         surfaces = {uri: (arrays[_VERTICES + uri], arrays[_TRIANGLES + uri]) for uri in uris}
@@ -87,7 +87,7 @@ def unpack_mesh(text: str) -> Mesh:
     Raises:
         MeshError: the text is damaged, or is not a packed mesh.
     """
-    with _undamaged("mesh"):
+    with _refuse_damage("mesh"):
         return mesh_of(_unpack(text))
 
 
@@ -110,7 +110,7 @@ def unpack_surface(text: str) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     Raises:
         MeshError: the text is damaged, or is not a packed surface.
     """
-    with _undamaged("surface"):
+    with _refuse_damage("surface"):
         arrays = _unpack(text)
         return arrays["vertices"], arrays["triangles"]
 
@@ -130,7 +130,7 @@ def _unpack(text: str) -> dict[str, NDArray]:
 
 
 @contextmanager
-def _undamaged(what: str) -> Iterator[None]:
+def _refuse_damage(what: str) -> Iterator[None]:
     """Convert any error that a damaged text causes in this context to MeshError."""
     try:
         yield
@@ -172,15 +172,7 @@ def keep(key: str, arrays: Mapping[str, NDArray]) -> None:
     np.savez(buffer, **arrays)
     content, folder = buffer.getvalue(), _folder()
     with suppress(OSError):
-        folder.mkdir(parents=True, exist_ok=True)
-        with NamedTemporaryFile(dir=folder, suffix=".part", delete=False) as file:
-            try:
-                file.write(hashlib.sha256(content).digest() + content)
-                file.close()
-                os.replace(file.name, folder / f"{key}.npz")
-            except OSError:
-                Path(file.name).unlink(missing_ok=True)
-                raise
+        replace_file(folder / f"{key}.npz", hashlib.sha256(content).digest() + content)
         _tidy(folder)
 
 

@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 import gdfe_ros.mesh.tetmesh as tetmesh
-from gdfe_ros.errors import MeshError
-from gdfe_ros.mesh.faces import enclosed_volume, vertex_pieces
+from gdfe_ros.errors import MeshError, show_point
+from gdfe_ros.mesh.cavities import inside_volume
+from gdfe_ros.mesh.faces import vertex_pieces
 from gdfe_ros.mesh.filling import CORNERS as REFERENCE_CORNERS
 from gdfe_ros.mesh.filling import trilinear_slopes
 from gdfe_ros.mesh.mesh import HexMesh, Mesh
-from gdfe_ros.mesh.tet_faces import six_node_volume
 
 #: Vertices closer than this fraction of the mesh size coincide.
 COINCIDENT = 1e-7
@@ -75,10 +75,10 @@ def check_mesh(mesh: Mesh) -> QualityReport:
     if defects:
         none = np.zeros(0)
         return QualityReport(none, none, none, 0, defects)
-    finite = np.isfinite(mesh.vertices).all(axis=1)
-    defects += _named("vertices with a coordinate that is not finite", ~finite, "repair the file")
-    repeated = (np.diff(np.sort(mesh.cells, axis=1), axis=1) == 0).any(axis=1)
-    defects += _named("cells that name a vertex twice", repeated, "re-mesh there, such cells are degenerate")
+    infinite = np.flatnonzero(~np.isfinite(mesh.vertices).all(axis=1))
+    defects += _tell("vertices with a coordinate that is not finite", infinite, "repair the file")
+    repeated = np.flatnonzero((np.diff(np.sort(mesh.cells, axis=1), axis=1) == 0).any(axis=1))
+    defects += _tell("cells that name a vertex twice", repeated, "re-mesh there, such cells are degenerate")
     with np.errstate(invalid="ignore", over="ignore"):
         if isinstance(mesh, HexMesh):
             jacobian, volumes = scaled_jacobians(mesh), cell_volumes(mesh)
@@ -88,8 +88,8 @@ def check_mesh(mesh: Mesh) -> QualityReport:
         shortest, longest = lengths.min(axis=1), lengths.max(axis=1)
         aspect = np.divide(longest, shortest, out=np.full_like(longest, np.inf), where=shortest > 0)
     if not defects:
-        misshapen = _misshapen(mesh, jacobian, volumes)
-        defects += misshapen + _overlaps(mesh, upright=not misshapen) + _vertex_defects(mesh)
+        misshapen = _find_misshapen(mesh, jacobian, volumes)
+        defects += misshapen + _find_overlaps(mesh, upright=not misshapen) + _vertex_defects(mesh)
         defects += [] if defects else _other_volume(mesh, volumes)
     parts = int(vertex_pieces(mesh.cells, mesh.n_vertices).max()) + 1
     return QualityReport(jacobian, aspect, volumes, parts, defects)
@@ -120,11 +120,11 @@ def list_ids(ids: NDArray[np.integer]) -> str:
 def _broken_indices(mesh: Mesh) -> list[str]:
     if mesh.n_cells == 0 or mesh.n_vertices == 0:
         return [f"{mesh.n_vertices} vertices and {mesh.n_cells} cells; allowed: at least one cell"]
-    wrong = ((mesh.cells < 0) | (mesh.cells >= mesh.n_vertices)).any(axis=1)
-    return _named(f"cells that name vertices outside 0 to {mesh.n_vertices - 1}", wrong, "repair the file")
+    wrong = np.flatnonzero(((mesh.cells < 0) | (mesh.cells >= mesh.n_vertices)).any(axis=1))
+    return _tell(f"cells that name vertices outside 0 to {mesh.n_vertices - 1}", wrong, "repair the file")
 
 
-def _misshapen(mesh: Mesh, jacobian: NDArray[np.float64], volumes: NDArray[np.float64]) -> list[str]:
+def _find_misshapen(mesh: Mesh, jacobian: NDArray[np.float64], volumes: NDArray[np.float64]) -> list[str]:
     inside_out = (jacobian < -FLAT) & (volumes < 0)
     folded = (jacobian < -FLAT) & ~inside_out
     flat = np.abs(jacobian) <= FLAT
@@ -133,26 +133,22 @@ def _misshapen(mesh: Mesh, jacobian: NDArray[np.float64], volumes: NDArray[np.fl
         return [f"every cell is inside out; remedy: swap {swap} of each cell"]
     lowest = f" (scaled Jacobian down to {jacobian.min():.3g}; allowed: > 0)"
     return (
-        _named("cells that are inside out", inside_out, "order their vertices as VTK does", mesh)
-        + _named("cells that are folded at a corner" + lowest, folded, "re-mesh there", mesh)
-        + _named("cells that are flat (no volume at a corner)", flat, "re-mesh there", mesh)
+        _tell("cells that are inside out", np.flatnonzero(inside_out), "order their vertices as VTK does", mesh)
+        + _tell("cells that are folded at a corner" + lowest, np.flatnonzero(folded), "re-mesh there", mesh)
+        + _tell("cells that are flat (no volume at a corner)", np.flatnonzero(flat), "re-mesh there", mesh)
     )
 
 
-def _overlaps(mesh: Mesh, *, upright: bool) -> list[str]:
+def _find_overlaps(mesh: Mesh, *, upright: bool) -> list[str]:
     """Return texts on cells that overlap others; ``upright`` is whether no cell is inverted or flat."""
     _, first = np.unique(np.sort(mesh.cells, axis=1), axis=0, return_index=True)
-    again = np.ones(mesh.n_cells, dtype=bool)
-    again[first] = False
-    if again.any():
-        return _named("cells that repeat another cell", again, "remove them")
-    crowded = np.zeros(mesh.n_cells, dtype=bool)
-    crowded[mesh.boundary.crowded] = True
-    folded = np.zeros(mesh.n_cells, dtype=bool)
-    folded[mesh.boundary.folded if upright else []] = True
-    return _named("cells that share a face with two or more others", crowded, "re-mesh there") + _named(
+    if len(first) < mesh.n_cells:
+        again = np.setdiff1d(np.arange(mesh.n_cells), first)
+        return _tell("cells that repeat another cell", again, "remove them")
+    faces = mesh.boundary
+    return _tell("cells that share a face with two or more others", faces.crowded, "re-mesh there") + _tell(
         "cells that lie on the same side of the face that they share with another cell, and overlap it",
-        folded,
+        faces.folded if upright else (),
         "re-mesh there; meshers that fill a surface make no such cells",
         mesh,
     )
@@ -160,9 +156,7 @@ def _overlaps(mesh: Mesh, *, upright: bool) -> list[str]:
 
 def _other_volume(mesh: Mesh, volumes: NDArray[np.float64]) -> list[str]:
     """Return a text if the boundary encloses another volume than the cells have."""
-    faces = mesh.boundary.quads
-    inside = (enclosed_volume if isinstance(mesh, HexMesh) else six_node_volume)(mesh.vertices, faces)
-    whole = float(volumes.sum())
+    inside, whole = inside_volume(mesh.vertices, mesh.boundary.quads), float(volumes.sum())
     if abs(inside - whole) <= SAME_VOLUME * whole:
         return []
     text = f"the cells have a volume of {whole:.6g} m^3, but their boundary encloses {inside:.6g} m^3"
@@ -170,14 +164,11 @@ def _other_volume(mesh: Mesh, volumes: NDArray[np.float64]) -> list[str]:
 
 
 def _vertex_defects(mesh: Mesh) -> list[str]:
-    used = np.zeros(mesh.n_vertices, dtype=bool)
-    used[mesh.cells] = True
-    pairs = coincident_pairs(mesh.vertices, COINCIDENT * mesh.size)
-    twin = np.zeros(mesh.n_vertices, dtype=bool)
-    twin[pairs] = True
-    return _named("vertices that no cell uses", ~used, "remove them") + _named(
+    unused = np.flatnonzero(np.bincount(mesh.cells.ravel(), minlength=mesh.n_vertices) == 0)
+    twins = np.unique(coincident_pairs(mesh.vertices, COINCIDENT * mesh.size))
+    return _tell("vertices that no cell uses", unused, "remove them") + _tell(
         f"vertices at the same place as another (within {COINCIDENT:g} of the size)",
-        twin,
+        twins,
         "merge them (`mesh: {file: ..., merge: true}`), or the body comes apart there",
     )
 
@@ -209,18 +200,14 @@ def coincident_pairs(points: NDArray[np.float64], tolerance: float) -> NDArray[n
     return np.sort(np.concatenate(pairs), axis=1) if pairs else np.zeros((0, 2), dtype=np.int64)
 
 
-def _named(what: str, mask: NDArray[np.bool_], remedy: str, mesh: Mesh | None = None) -> list[str]:
-    """Return a list with one text that names the marked items of a kind; the list is empty if no item is marked.
+def _tell(what: str, ids: NDArray[np.integer], remedy: str, mesh: Mesh | None = None) -> list[str]:
+    """Return a list with one text that names the items of a kind with these ids; empty without items.
 
-    If the items are cells of ``mesh``, the text also has the centroid of the first marked cell.
+    If the items are cells of ``mesh``, the text also has the centroid of the first cell.
     """
-    ids = np.flatnonzero(mask)
     if len(ids) == 0:
         return []
-    place = ""
-    if mesh is not None:
-        x, y, z = mesh.centroids[ids[0]]
-        place = f", the first near ({x:.4g}, {y:.4g}, {z:.4g})"
+    place = "" if mesh is None else f", the first near {show_point(mesh.centroids[ids[0]])}"
     return [f"{len(ids)} {what}: {list_ids(ids)}{place}; remedy: {remedy}"]
 
 

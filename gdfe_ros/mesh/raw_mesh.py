@@ -82,7 +82,7 @@ def named_sets(raw: RawMesh, starts: dict[int, int]) -> tuple[Sets, Sets]:
     for name, data in raw.point_data.items():
         for value in _groups(np.asarray(data)):
             vertices[f"{name}_{value}"].append(np.flatnonzero(np.asarray(data) == value))
-    return _joined(cells), _joined(vertices)
+    return _join(cells), _join(vertices)
 
 
 def _block_groups(raw: RawMesh) -> Iterator[tuple[str, int, NDArray[np.int64]]]:
@@ -124,5 +124,5 @@ def _groups(data: NDArray[np.generic]) -> list[int]:
     return values if len(values) <= MOST_GROUPS else []
 
 
-def _joined(found: dict[str, list[NDArray[np.int64]]]) -> Sets:
+def _join(found: dict[str, list[NDArray[np.int64]]]) -> Sets:
     return {name: np.unique(np.concatenate(ids)).astype(np.int32) for name, ids in found.items()}

@@ -143,25 +143,25 @@ def _select(mesh: Mesh, where: Where, *, of_cells: bool) -> NDArray[np.int32]:
             first = part.first_cell if of_cells else part.first_vertex
             return _select(part.mesh, where.inner, of_cells=of_cells) + np.int32(first)
         case Where(any=tuple(places)):
-            return united(_select(mesh, place, of_cells=of_cells) for place in places)
+            return unite(_select(mesh, place, of_cells=of_cells) for place in places)
         case Where(face=Side() as side):
             there = at_end(mesh.vertices, side, FACE_SLACK * mesh.size)
             return _ids(there[mesh.cells].any(axis=1) if of_cells else there)
         case Where(box=None, sphere=None):
-            vertices, cells = _listed(mesh, where)
+            vertices, cells = _list(mesh, where)
             if of_cells:
                 return _ids(np.isin(mesh.cells, vertices).all(axis=1)) if cells is None else cells
             return np.unique(mesh.cells[cells]) if vertices is None else vertices
     return _ids(inside_of(mesh, mesh.centroids if of_cells else mesh.vertices, where))
 
 
-def _listed(mesh: Mesh, where: Where) -> tuple[NDArray[np.int32] | None, NDArray[np.int32] | None]:
+def _list(mesh: Mesh, where: Where) -> tuple[NDArray[np.int32] | None, NDArray[np.int32] | None]:
     """Return the vertices and the cells that a selection by ids or by a set lists; None where it lists none."""
     match where:
         case Where(vertices=tuple(ids)):
-            return _checked(ids, mesh.n_vertices, "vertex"), None
+            return _check(ids, mesh.n_vertices, "vertex"), None
         case Where(cells=tuple(ids)):
-            return None, _checked(ids, mesh.n_cells, "cell")
+            return None, _check(ids, mesh.n_cells, "cell")
     found = mesh.vertex_sets.get(where.set), mesh.cell_sets.get(where.set)
     if found[0] is None and found[1] is None:
         known = sorted({*mesh.cell_sets, *mesh.vertex_sets})
@@ -208,7 +208,7 @@ def part_of(mesh: Mesh, name: str) -> MeshPart:
     raise MeshError("the selection does not fit the mesh", [f"mesh {name!r} does not exist; {known}"])
 
 
-def united(selected: Iterable[NDArray[np.int32]]) -> NDArray[np.int32]:
+def unite(selected: Iterable[NDArray[np.int32]]) -> NDArray[np.int32]:
     """Return the sorted union of several selections."""
     return np.unique(np.concatenate([np.zeros(0, np.int32), *selected])).astype(np.int32)
 
@@ -237,7 +237,7 @@ def _ids(mask: NDArray[np.bool_]) -> NDArray[np.int32]:
     return np.flatnonzero(mask).astype(np.int32)
 
 
-def _checked(ids: tuple[int, ...], count: int, noun: str) -> NDArray[np.int32]:
+def _check(ids: tuple[int, ...], count: int, noun: str) -> NDArray[np.int32]:
     wrong = [i for i in ids if not 0 <= i < count]
     if wrong:
         raise MeshError(
@@ -256,7 +256,7 @@ def select_skin(mesh: Mesh, where: Where) -> NDArray[np.int32]:
         MeshError: the selection is by ids, sets or the name of a mesh; these refer to cells and not to a skin.
     """
     points = mesh.skin.at(mesh.vertices)
-    return _whole_faces(mesh.skin.faces, where, lambda place: _ids(_chosen(mesh, points, place)))
+    return _whole_faces(mesh.skin.faces, where, lambda place: _ids(_choose(mesh, points, place)))
 
 
 def select_touching(mesh: Mesh, where: Where) -> NDArray[np.int32]:
@@ -271,9 +271,9 @@ def select_touching(mesh: Mesh, where: Where) -> NDArray[np.int32]:
         part, first = part_of(mesh, where.mesh).mesh, sum(len(each.corners) for each in _before(mesh, where.mesh))
         return np.zeros(0, np.int32) if part.touching is None else select_touching(part, where.inner) + np.int32(first)
     if where.any is not None:
-        return united(select_touching(mesh, place) for place in where.any)
+        return unite(select_touching(mesh, place) for place in where.any)
     points, ends = mesh.touching.at(mesh.vertices), mesh.outside.at(mesh.vertices)
-    return _ids(_chosen(mesh, np.concatenate([points, ends]), where)[: len(points)])
+    return _ids(_choose(mesh, np.concatenate([points, ends]), where)[: len(points)])
 
 
 def select_touching_faces(mesh: Mesh, where: Where) -> NDArray[np.int32]:
@@ -294,7 +294,7 @@ def _before(mesh: Mesh, name: str) -> list[Touching]:
     return [each for each in before if each is not None]
 
 
-def _chosen(mesh: Mesh, points: NDArray[np.float64], where: Where) -> NDArray[np.bool_]:
+def _choose(mesh: Mesh, points: NDArray[np.float64], where: Where) -> NDArray[np.bool_]:
     """Return whether each of ``points`` (k, 3) [m] of a skin is selected."""
     if where.mesh is None and where.face is not None:
         return at_end(points, where.face, FACE_SLACK * mesh.size)

@@ -62,6 +62,12 @@ def cone_volumes(vertices: NDArray[np.float64], triangles: NDArray[np.integer]) 
     return np.einsum("ti,ti->t", a, np.cross(b, c)) / 6.0
 
 
+def doubled_areas(corners: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return twice the area vectors (t, 3) [m^2] of triangles with ``corners`` (t, 3, 3) [m], and their lengths."""
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    return across, np.linalg.norm(across, axis=1)
+
+
 def shell_numbers(n: int, triangles: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return the number (t,) of the shell to which each triangle belongs, in the order of `Shells`.
 
@@ -216,8 +222,7 @@ class BoxTree:
         A triangle is flat if its height above its longest edge, divided by the surface's diagonal, is at most ``flat``.
         """
         corners = vertices[triangles]
-        across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        doubled = np.linalg.norm(across, axis=1)
+        across, doubled = doubled_areas(corners)
         longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
         order = np.flatnonzero(doubled > flat * float(np.linalg.norm(np.ptp(vertices, axis=0))) * longest)
         order = order[cKDTree(corners[order].mean(axis=1), leafsize=LEAF).indices]
@@ -231,15 +236,15 @@ def _boxes(corners: NDArray[np.float64]) -> NDArray[np.float64]:
         leaves *= 2
     padded = np.tile(np.array([np.inf, -np.inf])[:, None], (LEAF * leaves, 1, 3))
     padded[: len(corners), 0], padded[: len(corners), 1] = corners.min(axis=1), corners.max(axis=1)
-    levels = [_united(padded, LEAF)]
+    levels = [_unite(padded, LEAF)]
     while len(levels[-1]) > 1:
-        levels.append(_united(levels[-1], 2))
+        levels.append(_unite(levels[-1], 2))
     boxes = np.concatenate(levels[::-1])
     boxes[boxes[:, 1, 0] < boxes[:, 0, 0]] = np.inf
     return np.ascontiguousarray(boxes)
 
 
-def _united(boxes: NDArray[np.float64], count: int) -> NDArray[np.float64]:
+def _unite(boxes: NDArray[np.float64], count: int) -> NDArray[np.float64]:
     """Return the boxes around each ``count`` consecutive boxes."""
     groups = boxes.reshape(-1, count, 2, 3)
     return np.stack([groups[:, :, 0].min(axis=1), groups[:, :, 1].max(axis=1)], axis=1)

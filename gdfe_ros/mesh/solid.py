@@ -71,7 +71,7 @@ def make_solid(
         fitting = cell * (count.prod() / MOST_POINTS) ** (1 / 3)
         text = f"cell = {cell:g} m gives a grid of {count.prod():.3g} points; allowed: up to {MOST_POINTS:.3g}"
         raise MeshError(where, [f"{text}; remedy: a cell of at least {fitting:.2g} m"])
-    solid = _measured(vertices.tobytes(), triangles.tobytes(), cell)
+    solid = _measure(vertices.tobytes(), triangles.tobytes(), cell)
     share = float((solid.distances < 0.0).sum()) * cell**3 / shells(vertices, triangles).volume
     if abs(share - 1.0) > VOLUME_ERROR:
         remedy = "remedy: a smaller cell, at most half the thinnest wall; parts that overlap must be made one"
@@ -92,7 +92,7 @@ def require_outward(vertices: NDArray[np.float64], triangles: NDArray[np.int64],
 
 
 @lru_cache(maxsize=8)
-def _measured(vertex_bytes: bytes, triangle_bytes: bytes, cell: float) -> Solid:
+def _measure(vertex_bytes: bytes, triangle_bytes: bytes, cell: float) -> Solid:
     from gdfe_ros.mesh.triangle_kernels import nearest_distances  # scenes without such obstacles load without numba
 
     vertices = np.frombuffer(vertex_bytes).reshape(-1, 3)

@@ -8,6 +8,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from gdfe_ros.errors import show_point
+
 
 def number_edges(ends: NDArray[np.integer]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return the different rows (e, 2) of ``ends`` (k, 2), in ascending order, and the index (k,) of each row in them.
@@ -66,10 +68,10 @@ def winding_defects(vertices: NDArray[np.float64], triangles: NDArray[np.integer
     edges = disagreeing_edges(triangles)
     if len(edges) == 0:
         return []
-    x, y, z = vertices[edges[0]].mean(axis=0)
+    place = show_point(vertices[edges[0]].mean(axis=0))
     return [
         f"the triangles on both sides of {len(edges)} edges are wound in opposite directions, so that inside and "
-        f"outside are not known there, the first at ({x:.4g}, {y:.4g}, {z:.4g}) m; remedy: wind them alike (MeshLab: "
+        f"outside are not known there, the first at {place} m; remedy: wind them alike (MeshLab: "
         "Re-Orient all faces coherently, Blender: Recalculate Outside)"
     ]
 

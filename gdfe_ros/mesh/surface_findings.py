@@ -8,12 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gdfe_ros.errors import show_point
 from gdfe_ros.mesh.contact_skin import out_of_material
 from gdfe_ros.mesh.mesher_process import MOST_CELLS, expected_cells
 from gdfe_ros.mesh.overlap import SelfCuts, find_self_cuts
-from gdfe_ros.mesh.shells import cone_volumes, shell_numbers
+from gdfe_ros.mesh.shells import cone_volumes, doubled_areas, shell_numbers
 from gdfe_ros.mesh.surface_edges import disagreeing_edges, is_closed, odd_edges, winding_defects
-from gdfe_ros.mesh.walls import FLATTEST, LEAST_FRACTION, Walls, cells_at_walls, find_walls, measured
+from gdfe_ros.mesh.walls import FLATTEST, LEAST_FRACTION, Walls, cells_at_walls, find_solid_walls, find_walls, measured
 
 ACROSS = 4
 """Hexahedra across the thinnest part. A clamped bar with these is 1.4 % too stiff (test/solver/tetrahedra)."""
@@ -40,8 +41,7 @@ def cheaper_hexahedra(
         thinnest: least thickness of a wall [m].
     """
     corners = vertices[triangles]
-    areas = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    lengths = np.linalg.norm(areas, axis=1)
+    areas, lengths = doubled_areas(corners)
     solid = lengths > 0.0
     corners, normals = corners[solid], np.abs(areas[solid] / lengths[solid, None])
     volume = abs(float(cone_volumes(vertices, triangles).sum()))
@@ -123,8 +123,8 @@ class SurfaceFindings:
         thickness = self.walls.thickness
         worst = self.walls.thinnest
         if np.isfinite(thickness[worst]):
-            x, y, z = self.walls.places[worst]
-            found.append(("thinnest wall", f"{thickness[worst]:.3g} m near ({x:.4g}, {y:.4g}, {z:.4g}) m"))
+            place = show_point(self.walls.places[worst])
+            found.append(("thinnest wall", f"{thickness[worst]:.3g} m near {place} m"))
         name = f"surface at walls thinner than {self.size:.3g} m"
         return [*found, (name, f"{self.walls.fraction(thickness < self.size):.1%}")]
 
@@ -136,11 +136,11 @@ class SurfaceFindings:
         """
         found = winding_defects(self.vertices, self.triangles) + self.cuts.defects
         if self._has_thin_walls and self._cells > MOST_CELLS:
-            x, y, z = self.walls.places[self.walls.thinnest]
+            place = show_point(self.walls.places[self.walls.thinnest])
             found.append(
-                f"walls are too thin for cells of any size, the thinnest {self._thinnest:.3g} m near ({x:.4g}, "
-                f"{y:.4g}, {z:.4g}) m. Cells as small as that would be about {self._cells:.2g} tetrahedra; allowed: up "
-                f"to {MOST_CELLS:g}; remedy: thicker walls, or check the unit"
+                f"walls are too thin for cells of any size, the thinnest {self._thinnest:.3g} m near {place} m. Cells "
+                f"as small as that would be about {self._cells:.2g} tetrahedra; allowed: up to {MOST_CELLS:g}; remedy: "
+                "thicker walls, or check the unit"
             )
         return found
 
@@ -201,9 +201,9 @@ def solid_findings(
 ) -> SurfaceFindings:
     """Examine the facets of a STEP file's solids, as `tetrahedralise.step_surface` returns them."""
     _, once = np.unique(np.sort(triangles, axis=1), axis=0, return_index=True)
-    walls = [find_walls(vertices, triangles[solid == k], spacing=size) for k in range(int(solid.max()) + 1)]
+    walls = find_solid_walls(vertices, triangles, solid, spacing=size)
     cuts = find_self_cuts(vertices, triangles[once], touch=FACETED)
-    return SurfaceFindings(vertices, triangles[once], size, cuts, Walls.joined(walls), OUTWARD)
+    return SurfaceFindings(vertices, triangles[once], size, cuts, walls, OUTWARD)
 
 
 def _normals(vertices: NDArray[np.float64], triangles: NDArray[np.int64], outward: NDArray[np.int64]) -> str:

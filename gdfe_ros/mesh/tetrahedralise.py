@@ -14,15 +14,15 @@ from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh.assembly import keep_cells
 from gdfe_ros.mesh.contact_skin import out_of_material
 from gdfe_ros.mesh.mesh_input import require_file, run_mesher
-from gdfe_ros.mesh.mesher_process import too_many
+from gdfe_ros.mesh.mesher_process import MOST_CELLS, too_many
 from gdfe_ros.mesh.overlap import find_self_cuts
 from gdfe_ros.mesh.packing import keep, key_of, mesh_arrays, mesh_of, recall, under
-from gdfe_ros.mesh.shells import cone_volumes, shells
+from gdfe_ros.mesh.shells import cone_volumes, doubled_areas, shells
 from gdfe_ros.mesh.surface_edges import is_closed, winding_defects
 from gdfe_ros.mesh.tetmesh import TetMesh, raised, scaled_jacobians
 from gdfe_ros.mesh.tetrahedra import EDGES
 from gdfe_ros.mesh.voxels import examine_surface
-from gdfe_ros.mesh.walls import Walls, find_walls, wall_sizes
+from gdfe_ros.mesh.walls import Walls, find_solid_walls, find_walls, wall_sizes
 
 STEP_SUFFIXES = (".step", ".stp")
 FACETS_ALONG = 30.0
@@ -45,7 +45,7 @@ def step_facts(path: str | Path) -> list[tuple[str, str]]:
     return [
         ("kind", "STEP, to be filled with `mesh: {tets: {step: ...}}`"),
         ("solids, surfaces", f"{int(raw['solids'])}, {int(raw['surfaces'])}"),
-        ("bounds in metres", _spans(*raw["bounds"])),
+        ("bounds in metres", show_spans(*raw["bounds"])),
         ("volume", f"{float(raw['volume']):.6g} m^3"),
     ]
 
@@ -67,13 +67,14 @@ def solid_facts(
         found, points = shells(vertices, own), vertices[np.unique(own)]
         inner = [volume for volume, depth in zip(found.volumes, found.depths, strict=True) if depth % 2]
         cavities = f"cavities {', '.join(f'{volume:.4g}' for volume in sorted(inner, reverse=True))} m^3"
-        spans = _spans(points.min(axis=0), points.max(axis=0))
+        spans = show_spans(points.min(axis=0), points.max(axis=0))
         text = f"{found.volume:.4g} m^3, {cavities if inner else 'no cavity'}, {spans}"
         facts.append((f"solid {k + 1} {str(name).rpartition('/')[2]}".rstrip(), text))
     return facts
 
 
-def _spans(low: NDArray[np.float64], high: NDArray[np.float64]) -> str:
+def show_spans(low: NDArray[np.float64], high: NDArray[np.float64]) -> str:
+    """Return the extents of a box between two corners (3,) as text: ``x 0 to 0.1, y ...``."""
     return ", ".join(f"{axis} {a:.4g} to {b:.4g}" for axis, a, b in zip("xyz", low, high, strict=True))
 
 
@@ -103,14 +104,6 @@ def step_surface(path: str | Path) -> tuple[NDArray[np.float64], NDArray[np.int6
     return raw["vertices"], raw["triangles"], raw["solid"]
 
 
-def step_walls(path: str | Path, *, spacing: float) -> Walls:
-    """Return the thickness of the walls of each solid of a STEP file, at places with a distance of ``spacing`` [m]."""
-    vertices, triangles, solid = step_surface(path)
-    return Walls.joined(
-        [find_walls(vertices, triangles[solid == k], spacing=spacing) for k in range(int(solid.max()) + 1)]
-    )
-
-
 ENVELOPE = 1e-3
 """Largest distance between fTetWild's surface and the file's surface, divided by the diagonal of the body."""
 NARROW = 0.1
@@ -136,16 +129,15 @@ def from_step(path: str | Path, *, size: float, least_size: float | None = None)
         MeshError: the file cannot be meshed; the error names the reason.
     """
     path, heading = Path(path), f"step {path}"
-    require_file(path, heading)
-    if path.suffix.lower() not in STEP_SUFFIXES:
-        raise MeshError(heading, [f"unknown kind of file {path.suffix!r}; allowed: {', '.join(STEP_SUFFIXES)}"])
+    require_file(path, heading, suffixes=STEP_SUFFIXES)
     key = key_of(b"step", path.read_bytes(), *_sizes_key(size, least_size))
-    if found := _cached(key):
+    if found := _recall_mesh(key):
         return found
     request = {"path": str(path.resolve()), "size": size}
     if least_size is not None:
-        request |= _refined(step_walls(path, spacing=least_size), step_bounds(path), size, least_size, heading)
-    return _kept(key, _curved(run_mesher("step", request, heading)))
+        walls = find_solid_walls(*step_surface(path), spacing=least_size)
+        request |= _refine(walls, step_bounds(path), size, least_size, heading)
+    return _keep_mesh(key, _curve(run_mesher("step", request, heading)))
 
 
 def from_surface(
@@ -181,7 +173,7 @@ def from_surface(
     if defects:
         raise MeshError(heading, defects)
     key = key_of(b"surface", vertices.tobytes(), triangles.tobytes(), *_sizes_key(size, least_size))
-    if found := _cached(key):
+    if found := _recall_mesh(key):
         return found
     cuts = find_self_cuts(vertices, triangles)
     for text in [*winding_defects(vertices, triangles), *cuts.defects]:
@@ -191,16 +183,14 @@ def from_surface(
     request = {"vertices": vertices, "triangles": triangles, "size": size}
     request["epsilon"] = min(ENVELOPE, NARROW * (least_size or size) / diagonal)
     if least_size is not None:
-        walls, bounds = (
-            find_walls(vertices, triangles, spacing=least_size),
-            np.array([vertices.min(0), vertices.max(0)]),
-        )
-        request |= _refined(walls, bounds, size, least_size, heading)
+        walls = find_walls(vertices, triangles, spacing=least_size)
+        bounds = np.array([vertices.min(0), vertices.max(0)])
+        request |= _refine(walls, bounds, size, least_size, heading)
     raw = run_mesher("surface", request, heading)
     if len(raw["cells"]) == 0:
         raise MeshError(heading, [_nothing_inside(vertices, triangles, request["epsilon"] * diagonal, closed)])
     mesh = raised(raw["vertices"], raw["cells"])
-    return _kept(key, keep_cells(mesh, np.ones(mesh.n_cells, dtype=bool)))
+    return _keep_mesh(key, keep_cells(mesh, np.ones(mesh.n_cells, dtype=bool)))
 
 
 def _nothing_inside(vertices: NDArray[np.float64], triangles: NDArray[np.int64], envelope: float, closed: bool) -> str:
@@ -210,8 +200,7 @@ def _nothing_inside(vertices: NDArray[np.float64], triangles: NDArray[np.int64],
     """
     if not closed:
         return "no tetrahedron is inside: the surface encloses nothing; remedy: close it, see `gdfe inspect`"
-    a, b, c = np.moveaxis(vertices[triangles], 1, 0)
-    area = 0.5 * float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
+    area = 0.5 * float(doubled_areas(vertices[triangles])[1].sum())
     thickness = 2.0 * shells(vertices, triangles).volume / area
     return (
         f"no tetrahedron is inside: the surface is closed, but its walls are too thin for the size. They are about "
@@ -236,9 +225,9 @@ def _sizes_key(size: float, least_size: float | None) -> list[bytes]:
     return [repr(size).encode(), *([] if least_size is None else [repr(least_size).encode()])]
 
 
-def _refined(
+def _refine(
     walls: Walls, bounds: NDArray[np.float64], size: float, least_size: float, heading: str
-) -> dict[str, NDArray]:
+) -> dict[str, NDArray | float]:
     """Return the entries of a mesher's request for small cells at thin walls.
 
     Raises:
@@ -248,12 +237,13 @@ def _refined(
         text = f"least_size = {least_size:g} m; allowed: up to size = {size:g} m"
         raise MeshError(heading, [f"{text}; remedy: a smaller least_size"])
     field = wall_sizes(walls, size=size, least_size=least_size, bounds=bounds)
-    if field.too_many:
-        raise MeshError(heading, field.too_many)
-    return {**field.request(), "least_size": np.array(least_size)}
+    if field.cells > MOST_CELLS:
+        text = f"least_size gives about {field.cells:.2g} tetrahedra at thin walls; allowed: up to {MOST_CELLS:g}"
+        raise MeshError(heading, [f"{text}; remedy: a larger least_size"])
+    return {"start": field.start, "spacing": field.spacing, "sizes": field.sizes, "least_size": least_size}
 
 
-def _curved(raw: dict[str, NDArray]) -> TetMesh:
+def _curve(raw: dict[str, NDArray]) -> TetMesh:
     """Return the mesh from a mesher's arrays; the curved edges of cells below `STRAIGHTENED` are straightened."""
     sets = under(raw, "cell:"), under(raw, "vertex:")
     mesh = TetMesh(raw["vertices"], raw["cells"], *sets)
@@ -264,13 +254,13 @@ def _curved(raw: dict[str, NDArray]) -> TetMesh:
     return keep_cells(mesh, np.ones(mesh.n_cells, dtype=bool))
 
 
-def _cached(key: str) -> TetMesh | None:
+def _recall_mesh(key: str) -> TetMesh | None:
     """Return the mesh that is stored under a key; None if there is none."""
     found = recall(key)
     return None if found is None else mesh_of(found)
 
 
-def _kept(key: str, mesh: TetMesh) -> TetMesh:
+def _keep_mesh(key: str, mesh: TetMesh) -> TetMesh:
     """Store a mesh under a key, and return the mesh."""
     keep(key, mesh_arrays(mesh))
     return mesh

@@ -32,7 +32,7 @@ class Touching:
     surface: Outside
 
     @classmethod
-    def joined(cls, parts: Sequence[tuple[Touching, int, int]]) -> Touching:
+    def join(cls, parts: Sequence[tuple[Touching, int, int]]) -> Touching:
         """Return the contact points and surfaces of several meshes as one.
 
         Each item of ``parts`` has the contact points of one mesh, and the indices of this mesh's first vertex and first
@@ -45,7 +45,7 @@ class Touching:
             np.concatenate([one.weights for one in each]),
             np.concatenate([one.faces + np.int32(first) for one, first in zip(each, before, strict=True)]),
             np.concatenate([one.vertices + np.int32(first) for one, first in zip(each, vertices, strict=True)]),
-            Outside.joined([one.surface for one in each], vertices, cells),
+            Outside.join([one.surface for one in each], vertices, cells),
         )
 
     def at(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.errors import MeshError
+from gdfe_ros.errors import MeshError, show_point
 from gdfe_ros.mesh.assembly import keep_cells
 from gdfe_ros.mesh.cavities import find_cavities
 from gdfe_ros.mesh.filling import Filling
@@ -246,9 +246,7 @@ def _read(path: Path, heading: str, suffixes: tuple[str, ...]) -> tuple[NDArray[
         library = import_module("trimesh")
     except ImportError as error:
         raise MeshError(heading, ["trimesh is not installed; remedy: pip install 'gdfe_ros[mesh]'"]) from error
-    require_file(path, heading)
-    if path.suffix.lower() not in suffixes:
-        raise MeshError(heading, [f"unknown kind of file {path.suffix!r}; allowed: {', '.join(suffixes)}"])
+    require_file(path, heading, suffixes=suffixes)
     try:
         with redirect_stdout(StringIO()), redirect_stderr(StringIO()), np.errstate(all="ignore"):
             surface = library.load(path, force="mesh", process=False)
@@ -305,10 +303,9 @@ def _open_edges(vertices: NDArray[np.float64], triangles: NDArray[np.int64]) -> 
     odd = odd_edges(triangles)
     if len(odd) == 0:
         return []
-    x, y, z = vertices[odd[0]].mean(axis=0)
     return [
         f"the surface is open: {len(odd)} edges belong to an odd number of triangles, the first at "
-        f"({x:.4g}, {y:.4g}, {z:.4g}) in the file's unit; remedy: close the holes (MeshLab: "
+        f"{show_point(vertices[odd[0]].mean(axis=0))} in the file's unit; remedy: close the holes (MeshLab: "
         "Close Holes, Blender: 3D-Print toolbox) or export it as a solid"
     ]
 

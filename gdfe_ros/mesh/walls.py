@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from gdfe_ros.mesh.mesher_process import MOST_CELLS, expected_cells
+from gdfe_ros.errors import show_point
+from gdfe_ros.mesh.mesher_process import expected_cells
 from gdfe_ros.mesh.overlap import TOUCH
-from gdfe_ros.mesh.shells import BoxTree
+from gdfe_ros.mesh.shells import BoxTree, doubled_areas
 from gdfe_ros.mesh.surface_edges import refine
 from gdfe_ros.mesh.tet_faces import facets
 from gdfe_ros.mesh.tetmesh import TetMesh
@@ -40,7 +41,7 @@ class Walls:
     corners: NDArray[np.float64]
 
     @classmethod
-    def joined(cls, several: Sequence[Walls]) -> Walls:
+    def join(cls, several: Sequence[Walls]) -> Walls:
         """Return the walls of several bodies together."""
         return cls(*(np.concatenate([getattr(one, item.name) for one in several]) for item in fields(cls)))
 
@@ -66,10 +67,17 @@ def find_walls(vertices: NDArray[np.float64], triangles: NDArray[np.integer], *,
         triangles: vertex ids of a closed surface with normals out of the material, shape (t, 3).
         spacing: distance of neighbouring places [m]; it is enlarged if there would be more than `MOST_RAYS` places.
     """
-    a, b, c = np.moveaxis(vertices[triangles], 1, 0)
-    area = 0.5 * float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
+    area = 0.5 * float(doubled_areas(vertices[triangles])[1].sum())
     points, parts = refine(vertices, triangles, max(spacing, (2.0 * area / MOST_RAYS) ** 0.5))
     return thickness_at(points[parts], vertices, triangles)[0]
+
+
+def find_solid_walls(
+    vertices: NDArray[np.float64], triangles: NDArray[np.int64], solid: NDArray[np.int64], *, spacing: float
+) -> Walls:
+    """Measure the walls of several solids, each by itself; ``solid`` (t,) is the number of each triangle's solid."""
+    numbers = range(int(solid.max()) + 1)
+    return Walls.join([find_walls(vertices, triangles[solid == k], spacing=spacing) for k in numbers])
 
 
 def thickness_at(
@@ -84,8 +92,7 @@ def thickness_at(
     from gdfe_ros.mesh.triangle_kernels import first_hits  # loads numba
 
     tolerance = TOUCH * float(np.linalg.norm(np.ptp(vertices, axis=0)))
-    across = np.cross(starts[:, 1] - starts[:, 0], starts[:, 2] - starts[:, 0])
-    doubled = np.linalg.norm(across, axis=1)
+    across, doubled = doubled_areas(starts)
     solid = doubled > tolerance**2
     starts, outward, areas = starts[solid], across[solid] / doubled[solid, None], 0.5 * doubled[solid]
     tree = BoxTree.of(vertices, triangles)
@@ -123,10 +130,10 @@ def flat_walls(mesh: TetMesh) -> list[str]:
     if fraction < LEAST_FRACTION:
         return []
     worst = int(np.argmax(flatness))
-    thickness, (x, y, z) = walls.thickness[worst], walls.places[worst]
+    thickness = walls.thickness[worst]
     return [
         f"{fraction:.0%} of the surface is at walls that are thin for their cells, the worst {thickness:.3g} m thick "
-        f"near ({x:.4g}, {y:.4g}, {z:.4g}) m. {measured(float(flatness[worst]))}; remedy: a smaller `size`, or "
+        f"near {show_point(walls.places[worst])} m. {measured(float(flatness[worst]))}; remedy: a smaller `size`, or "
         f"`least_size: {thickness:.2g}` beside `size`, which makes small cells only at thin walls"
     ]
 
@@ -172,20 +179,6 @@ class SizeField:
     spacing: float
     sizes: NDArray[np.float64]
     cells: float
-
-    @property
-    def too_many(self) -> list[str]:
-        """A list with the text of a defect if a mesh would have too many cells; empty if not."""
-        if self.cells <= MOST_CELLS:
-            return []
-        return [
-            f"least_size gives about {self.cells:.2g} tetrahedra at thin walls; allowed: up to {MOST_CELLS:g}; "
-            "remedy: a larger least_size"
-        ]
-
-    def request(self) -> dict[str, NDArray]:
-        """Return the arrays of a request to a mesher."""
-        return {"start": self.start, "spacing": np.array(self.spacing), "sizes": self.sizes}
 
 
 def default_size(bounds: NDArray[np.float64]) -> float:

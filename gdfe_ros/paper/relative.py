@@ -184,7 +184,7 @@ class RelativeEquilibrium:
             captured = np.empty_like(self._rest)
             capture_shapes(x, operators.shape, captured)
             # Stored without growth, so that it grows and shrinks with the element.
-            shapes = ShapeState(captured=self._stretched(captured, operators, back=True), strain=strain, omega=omega)
+            shapes = ShapeState(captured=self._stretch(captured, operators, back=True), strain=strain, omega=omega)
         else:
             reason = problem.deadline.reason if late else f"stopped after {problem.limit} iterations"
             message = (
@@ -234,7 +234,7 @@ class RelativeEquilibrium:
         x[unknowns.prescribed] = predicted.base[unknowns.prescribed]
         u = np.vstack([predicted.positions[unknowns.free], predicted.slides * unknowns.slides])
         gradient, step, none = np.zeros_like(u), np.zeros_like(u), np.zeros((0, 3))
-        rest, captured = self._stretched(self._rest, operators), self._stretched(start.shapes.captured, operators)
+        rest, captured = self._stretch(self._rest, operators), self._stretch(start.shapes.captured, operators)
         anderson, estimate = Anderson(), np.inf
         for iteration in range(problem.limit + 1):
             place(u.ravel(), frame, unknowns, x)
@@ -282,9 +282,7 @@ class RelativeEquilibrium:
             message=message,
         )
 
-    def _stretched(
-        self, shapes: NDArray[np.float64], operators: Operators, *, back: bool = False
-    ) -> NDArray[np.float64]:
+    def _stretch(self, shapes: NDArray[np.float64], operators: Operators, *, back: bool = False) -> NDArray[np.float64]:
         """Apply the growth of the elements to ``shapes`` (m, 8, 3), or remove it if ``back``; return the shapes."""
         cells = self._actuation.growths.cells
         if not len(cells):

@@ -128,7 +128,7 @@ def build_probes(draft: Draft, mesh: HexMesh | None, report: Defects) -> dict[st
     for name, place in draft.probes.items() if mesh is not None else ():
         part, point = (place.mesh, place.at) if isinstance(place, PlaceModel) else (None, place)
         with report.entry("probes", name):
-            found[name] = _embedded(mesh, part, [point])
+            found[name] = _embed(mesh, part, [point])
     return found
 
 
@@ -162,7 +162,7 @@ def _cable(value: CableModel, mesh: HexMesh, common: dict) -> Cable:
     anchors = np.zeros((count, 3))
     for part, own in groups.items():
         places = [getattr(value.points[number], "at", value.points[number]) for number in own]
-        found = _embedded(mesh, part, places, "points", reach=HALF_A_CELL[mesh.nodes])
+        found = _embed(mesh, part, places, "points", reach=HALF_A_CELL[mesh.nodes])
         corners[own], weights[own] = found.corners, found.weights
         moved.append(found.moved)
     if world:
@@ -201,7 +201,7 @@ def _grip(value: GripModel, mesh: HexMesh, common: dict, *, handles: Sequence[Ha
 
 
 def _point(name: str, value: PointLoadModel, mesh: HexMesh) -> PointLoad:
-    return PointLoad(name=name, point=_embedded(mesh, value.mesh, [value.at], "at"), force=np.array(value.force))
+    return PointLoad(name=name, point=_embed(mesh, value.mesh, [value.at], "at"), force=np.array(value.force))
 
 
 def _surface(name: str, value: SurfaceLoadModel, mesh: HexMesh) -> SurfaceLoad:
@@ -228,7 +228,7 @@ def _pressure(name: str, value: PressureLoadModel, mesh: HexMesh) -> PressureLoa
     return PressureLoad(name=name, quads=turned(faces), pressure=value.pressure)
 
 
-def _embedded(mesh: HexMesh, part: str | None, points: object, key: str = "", *, reach: float = SLACK) -> Embedding:
+def _embed(mesh: HexMesh, part: str | None, points: object, key: str = "", *, reach: float = SLACK) -> Embedding:
     """Return the material points at given positions (p, 3) [m].
 
     If ``part`` names one of several meshes, the points are in this mesh, and the positions are in its frame. ``key`` is

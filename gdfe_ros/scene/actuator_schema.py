@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Discriminator, Field, Tag, model_validator
@@ -103,7 +104,7 @@ class CableModel(DriveModel):
 
     @model_validator(mode="after")
     def _points_apart(self) -> CableModel:
-        if len(self.points) < 2 or any(a == b for a, b in zip(self.points, self.points[1:], strict=False)):
+        if any(a == b for a, b in pairwise(self.points)):
             raise ValueError("points: give two or more; consecutive points must differ")
         if all(isinstance(point, AnchorModel) for point in self.points):
             raise ValueError("points: all are in the world; give at least one point of a body")

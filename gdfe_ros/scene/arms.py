@@ -141,10 +141,10 @@ class _Builder:
                 ) from error
         limits = {name: item.model_dump(exclude_none=True) for name, item in model.limits.items()}
         robot = parse_urdf(self._text, where=where, prefix=model.prefix, limits=limits, velocity=model.velocity)
-        joints = {name: self._limited(joint) for name, joint in robot.joints.items()}
+        joints = {name: self._limit(joint) for name, joint in robot.joints.items()}
         return replace(robot, joints=joints)
 
-    def _limited(self, joint: Joint) -> Joint:
+    def _limit(self, joint: Joint) -> Joint:
         """Return a joint with a limit of its acceleration: its own, or the arm's, or the one that `SPIN_UP` gives."""
         limits = joint.limits
         if limits is None or np.isfinite(limits.acceleration):

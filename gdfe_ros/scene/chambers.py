@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from gdfe_ros.actuators import Chamber, Embedding
 from gdfe_ros.actuators.load import corner_areas
 from gdfe_ros.constraints import Handle
+from gdfe_ros.errors import show_point
 from gdfe_ros.mesh import HexMesh, select_faces
 from gdfe_ros.mesh.cavities import Cavity, close_on, find_cavities, inside_volume, skin_cavities
 from gdfe_ros.mesh.faces import turned
@@ -44,7 +45,7 @@ def chamber(value: ChamberModel, mesh: HexMesh, common: dict, *, handles: Sequen
         return _named_chamber(mesh, turned(select(select_faces, mesh, value.where, "boundary face")), handles, common)
     body = "the body" if part is None else f"mesh {value.mesh!r}"
     lack = f"{body} has no closed cavity; remedy: name its faces by `where`; `gdfe inspect` shows leaks"
-    cavity = _chosen(value, find_cavities(within), body, lack)
+    cavity = _choose(value, find_cavities(within), body, lack)
     return Chamber(quads=cavity.quads + np.int32(first), **common)
 
 
@@ -57,7 +58,7 @@ def _lined_chamber(value: ChamberModel, mesh: HexMesh, first: int, common: dict)
         text = "with cut cells, its pressure acts on the skin; remedy: `skin: {file: ...}` with the mesh's surface, "
         raise Unfit("", f"{text}or cells: whole", value=NO_VALUE)
     lack = "the skin has no closed shell within another one; remedy: a skin with the chamber's walls, closed"
-    points, quads = on_skin(mesh.skin, _chosen(value, skin_cavities(mesh), "the skin", lack).quads)
+    points, quads = on_skin(mesh.skin, _choose(value, skin_cavities(mesh), "the skin", lack).quads)
     return Chamber(quads=quads, points=replace(points, corners=points.corners + first), **common)
 
 
@@ -70,7 +71,7 @@ def on_skin(skin: Outside, quads: NDArray[np.int32]) -> tuple[Embedding, NDArray
     return Embedding(skin.corners[used], skin.weights[used]), local.reshape(quads.shape).astype(np.int32)
 
 
-def _chosen(value: ChamberModel, cavities: Sequence[Cavity], body: str, lack: str) -> Cavity:
+def _choose(value: ChamberModel, cavities: Sequence[Cavity], body: str, lack: str) -> Cavity:
     """Return the cavity to which an entry refers; raise `Unfit` if it refers to none or to several.
 
     ``body`` is the name of the body in messages, and ``lack`` the message for a body without cavities.
@@ -100,9 +101,9 @@ def _named_chamber(mesh: HexMesh, quads: NDArray[np.int32], handles: Sequence[Ha
         holder[handle.vertices] = 0 if handle.fixed and handle.slide is None else number + 1
     plates, leaks = close_on(quads, holder)
     if len(leaks):
-        x, y, z = mesh.vertices[leaks[0]].mean(axis=0)
+        place = show_point(mesh.vertices[leaks[0]].mean(axis=0))
         text = (
-            f"these {len(quads)} faces leak at {len(leaks)} edges, the first at ({x:.4g}, {y:.4g}, {z:.4g}) m between "
+            f"these {len(quads)} faces leak at {len(leaks)} edges, the first at {place} m between "
             f"vertices {list_ids(np.unique(leaks))}; remedy: select every face of the chamber, close its ends, or hold "
             "each open end by one handle"
         )

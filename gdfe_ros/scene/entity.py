@@ -126,7 +126,7 @@ def _soft(data: Mapping[str, Any], where: str) -> Entity:
     made_of = {"": material}
     if materials is not None:
         entry["regions"] = data.get("regions")
-        made_of = _used(materials, entry["regions"], where)
+        made_of = _keep_used(materials, entry["regions"], where)
     elif "regions" in data:
         raise SceneError(
             where, ["it has material and regions; remedy: `materials` with `regions`, or `material` alone"]
@@ -137,7 +137,7 @@ def _soft(data: Mapping[str, Any], where: str) -> Entity:
     return Entity(**found, origin=np.zeros(3), axes=np.eye(3))
 
 
-def _used(materials: Mapping[str, Any], regions: Any, where: str) -> dict[str, Any]:
+def _keep_used(materials: Mapping[str, Any], regions: Any, where: str) -> dict[str, Any]:
     """Return the materials that regions name; the others would stay in the scene when the body leaves it.
 
     Raises:
@@ -185,7 +185,7 @@ def with_body(scene: Scene, name: str, entity: Entity, *, origin: NDArray[np.flo
     if taken := [each for each in given.values() if each in scene.materials]:
         raise SceneError(f"scene {scene.name}", [f"material {taken[0]!r} exists; remedy: another name for the body"])
     if "regions" in entry:
-        entry["regions"] = [_renamed(region, given) for region in entry["regions"]]
+        entry["regions"] = [_rename(region, given) for region in entry["regions"]]
     elif given:
         entry["material"] = next(iter(given.values()))
     overrides = {f"materials.{given[own]}": material for own, material in (entity.materials or {}).items()}
@@ -214,7 +214,7 @@ def _require_fitting(scene: Scene, name: str, *, reads: bool) -> None:
         raise SceneError(f"body {name}", defects)
 
 
-def _renamed(region: Any, names: Mapping[str, str]) -> Any:
+def _rename(region: Any, names: Mapping[str, str]) -> Any:
     """Return a region with the name of its material in the scene; what is no region is reported by the loader."""
     if not isinstance(region, dict) or not isinstance(region.get("material"), str):
         return region
@@ -241,11 +241,12 @@ def _from_urdf(text: str, where: str) -> Entity:
         text = f"it has the links {names}; allowed: one link, because only rigid bodies can join a scene"
         raise ArmError(where, [f"{text}; remedy for a robot: `arm` in the scene file"])
     link = next(iter(robot.links.values()))
-    element = ElementTree.fromstring(text)
-    inertial = element.find("link/inertial")
-    if inertial is None or not float(inertial.find("mass").get("value")) > 0.0:
+    element = ElementTree.fromstring(robot.text)  # this text declares its prefixes
+    stated = element.find("link/inertial/mass")
+    mass = 0.0 if stated is None else float(stated.get("value"))
+    if not mass > 0.0:
         raise ArmError(where, [f'link {link.name!r} has no mass; remedy: <inertial> with <mass value="0.05"/>'])
-    shape, mass = _only_shape(link, where), float(inertial.find("mass").get("value"))
+    shape = _only_shape(link, where)
     entry = {type(shape.form).__name__.lower(): asdict(shape.form), "mass": mass}
     friction = element.find("gazebo/mu1")
     if friction is not None:
@@ -260,7 +261,7 @@ def _from_urdf(text: str, where: str) -> Entity:
         entry=entry,
         origin=shape.origin,
         axes=shape.axes,
-        remark=_remark(inertial.find("inertia"), mass * (form.moments.sum() - form.moments)),
+        remark=_remark(element.find("link/inertial/inertia"), mass * (form.moments.sum() - form.moments)),
     )
 
 

@@ -12,7 +12,7 @@ from gdfe_ros.materials import Material
 from gdfe_ros.materials.fibre_layer import FibreLayer
 from gdfe_ros.mesh import Mesh, select_faces
 from gdfe_ros.mesh.cavities import inside_volume, surface_pieces
-from gdfe_ros.mesh.faces import corners_of
+from gdfe_ros.mesh.faces import corners_of, group_faces
 from gdfe_ros.mesh.fibres import fibre_points, perpendicular_faces
 from gdfe_ros.scene.builder import select
 from gdfe_ros.scene.material_schema import FibreLayerModel, Wall
@@ -46,7 +46,9 @@ def _layer(name: str, model: FibreLayerModel, mesh: Mesh) -> FibreLayer:
         raise Unfit("", f"{text}; remedy: a mesh of hexahedra or tetrahedra, e.g. mesh: {{tets: ...}}", value=NO_VALUE)
     faces = _wall(mesh, model.wall)
     if model.where is not None:
-        faces = faces[np.isin(_keys(faces), _keys(select(select_faces, mesh, model.where, "boundary face")))]
+        chosen = select(select_faces, mesh, model.where, "boundary face")
+        group, _ = group_faces(corners_of(np.concatenate([faces, chosen])))
+        faces = faces[np.isin(group[: len(faces)], group[len(faces) :])]
     if not len(faces):
         other = Wall.INNER if model.wall is Wall.OUTER else Wall.OUTER
         text = f"no face of the {model.wall.value} wall is there; remedy: wall: {other.value}, or `where`"
@@ -70,9 +72,3 @@ def _wall(mesh: Mesh, wall: Wall) -> NDArray[np.int32]:
         own = piece == number
         kept |= own & ((inside_volume(mesh.vertices, faces[own]) > 0.0) is (wall is Wall.OUTER))
     return faces[kept]
-
-
-def _keys(faces: NDArray[np.int32]) -> NDArray[np.void]:
-    """Return one comparable value for each face."""
-    rows = np.ascontiguousarray(np.sort(faces, axis=1))
-    return rows.view([("", rows.dtype)] * rows.shape[1]).ravel()

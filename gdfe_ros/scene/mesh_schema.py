@@ -13,7 +13,7 @@ from pydantic import Field, model_validator
 from scipy.spatial.transform import Rotation
 
 from gdfe_ros.mesh import HexMesh, Mesh, TetMesh
-from gdfe_ros.mesh.assembly import mirrored
+from gdfe_ros.mesh.assembly import mirror
 from gdfe_ros.mesh.contact_skin import touch_by_skin
 from gdfe_ros.mesh.importer import read_mesh
 from gdfe_ros.mesh.mesh import MeshPart
@@ -222,7 +222,7 @@ class MeshModel(Choice):
 
     def reflect(self, mesh: Mesh) -> Mesh:
         """Return a mesh from `build`, with its skin; reflected if `mirror` is given."""
-        return mesh if self.mirror is None else mirrored(mesh, "xyz".index(self.mirror))
+        return mesh if self.mirror is None else mirror(mesh, "xyz".index(self.mirror))
 
 
 class PlacedMeshModel(MeshModel):

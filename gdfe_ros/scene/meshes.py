@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from gdfe_ros.errors import MeshError
+from gdfe_ros.errors import MeshError, show_point
 from gdfe_ros.mesh import Mesh, TetMesh, require_sound
 from gdfe_ros.mesh.assembly import assemble
 from gdfe_ros.mesh.mesh import MeshPart
@@ -47,10 +47,10 @@ class BodyStore:
     """
 
     def __init__(self, model: MeshModel, skin: SkinModel | None) -> None:
-        slow = skin is not None or model.voxels is not None
-        content = [_content(each) for each in (model, skin) if each is not None]
         # A mesh file may include other files, whose contents are not known here.
-        self._key = None if not slow or model.file is not None or None in content else key_of(*content)
+        slow = model.file is None and (skin is not None or model.voxels is not None)
+        content = [_content(each) for each in (model, skin) if each is not None] if slow else [None]
+        self._key = None if None in content else key_of(*content)
 
     def recall(self) -> tuple[Mesh, Texts] | None:
         """Return the cached body and its texts; None if they are not cached."""
@@ -77,8 +77,8 @@ class BodyStore:
 
 def _content(model: MeshModel | SkinModel) -> bytes | None:
     """Return an entry and the contents of its files as bytes; None if a file cannot be read."""
-    exclude = {"skin", "mirror", "at", "rotation_deg"} & type(model).model_fields.keys()
-    text = [json.dumps(model.model_dump(mode="json", exclude=exclude), sort_keys=True).encode()]
+    own = model.model_dump(mode="json", exclude={"skin", "mirror", "at", "rotation_deg"})
+    text = [json.dumps(own, sort_keys=True).encode()]
     for path in _paths(model):
         try:
             text.append(read_bytes(path, most=LARGEST))
@@ -149,14 +149,14 @@ def _body(
     ``paths`` are the key paths of the mesh and of its skin. Entries with embedded files are added to ``carried``.
     """
     store = BodyStore(model, skin)
-    mesh, texts = store.recall() or _computed(model, skin, store, paths, report)
+    mesh, texts = store.recall() or _compute(model, skin, store, paths, report)
     for path, text in zip(paths, texts, strict=True):
         if text is not None:
             carried[path] = without(report.value_at(path, plain=False), *_OF_FILES) | {"embedded": text}
     return None if mesh is None else model.reflect(mesh)
 
 
-def _computed(
+def _compute(
     model: MeshModel, skin: SkinModel | None, store: BodyStore, paths: tuple[KeyPath, KeyPath], report: Defects
 ) -> tuple[Mesh | None, Texts]:
     """Return a mesh with its skin, which ``store`` keeps, and both as texts; the arguments are those of `_body`."""
@@ -193,10 +193,9 @@ def require_apart(
             continue
         found = find_overlap(placed[first], placed[second])
         if found is not None:
-            x, y, z = found.point
             text = (
                 f"mesh {second!r} lies in mesh {first!r} initially, {found.depth:.3g} m deep or more near "
-                f"({x:.4g}, {y:.4g}, {z:.4g}) m; remedy: move or turn one of them, by at and rotation_deg"
+                f"{show_point(found.point)} m; remedy: move or turn one of them, by at and rotation_deg"
             )
             report.add((section, second, "at"), text)
 

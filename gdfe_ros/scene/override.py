@@ -29,16 +29,15 @@ def apply_override(document: Document, key: str, value: Any, report: Defects) ->
         return
     current: Any = document.data
     for i, part in enumerate(parts):
-        last = i == len(parts) - 1
+        last, reached = i == len(parts) - 1, ".".join(map(str, parts[:i]))
         if isinstance(current, list):
             if not (part.isdecimal() and int(part) < len(current)):
-                reached = _join(parts[:i])
                 text = f"{reached} is a list; allowed: an index 0 to {len(current) - 1}"
                 report.add(("override", key), text, value=part)
                 return
             parts[i] = part = int(part)
         elif not isinstance(current, dict):
-            report.add(("override", key), f"{_join(parts[:i])} is {current!r} and has no keys")
+            report.add(("override", key), f"{reached} is {current!r} and has no keys")
             return
         if last and value is None and isinstance(current, dict):
             current.pop(part, None)
@@ -66,10 +65,6 @@ def override_words(overrides: Mapping[str, Any]) -> list[str]:
     return [
         f"{key}={value if isinstance(value, str) else json.dumps(_plain(value))}" for key, value in overrides.items()
     ]
-
-
-def _join(parts: list[str | int]) -> str:
-    return ".".join(map(str, parts))
 
 
 def _plain(value: Any) -> Any:

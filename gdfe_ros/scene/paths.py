@@ -33,7 +33,7 @@ def resolve_path(value: Any, info: ValidationInfo) -> Path:
     if not isinstance(value, str):
         raise ValueError("allowed is the path of a file, relative to the folder of the scene")
     if value.startswith(INSTALLED):
-        path = _installed(*value.removeprefix(INSTALLED).partition("/")[::2])
+        path = _locate(*value.removeprefix(INSTALLED).partition("/")[::2])
     elif folder is None and not Path(value).is_absolute():
         raise ValueError("a scene given as text has no folder: give a full path")
     else:
@@ -43,7 +43,7 @@ def resolve_path(value: Any, info: ValidationInfo) -> Path:
     return path
 
 
-def _installed(package: str, path: str) -> Path:
+def _locate(package: str, path: str) -> Path:
     """Return the path of a file of an installed package."""
     if not _PACKAGE.fullmatch(package):  # its name is a part of a command that the user may paste
         allowed = "allowed: the name of a Python package, and / with the path of its file"

@@ -82,7 +82,7 @@ def _of_scheme(scene: Scene, scheme: Scheme) -> list[str]:
 def _slipping(scene: Scene) -> list[str]:
     """Return remarks on a scene with friction if its time scheme does not damp contact oscillations; else empty."""
     dynamics = scene.dynamics
-    if dynamics is None or not _beats(dynamics):
+    if dynamics is None or dynamics.radius <= Dynamics.rho_inf:  # it damps the fastest oscillations
         return []
     names = [handle.name for handle in scene.handles if isinstance(handle, Obstacle) and handle.friction > 0.0]
     names += ["self_contact"] * (scene.self_contact is not None and scene.self_contact.friction > 0.0)
@@ -97,11 +97,6 @@ def _slipping(scene: Scene) -> list[str]:
         "with friction 0.38 and at 29 mm/s with 0.45, but stood still with bdf2; remedy: dynamics.scheme: bdf2, or "
         "generalised_alpha with rho_inf 0"
     ]
-
-
-def _beats(dynamics: Dynamics) -> bool:
-    """Return whether the time scheme damps the fastest oscillations little or not at all."""
-    return dynamics.radius > Dynamics.rho_inf
 
 
 def _converted(mesh: Mesh) -> list[str]:
@@ -144,16 +139,8 @@ def unsolvable(scene: Scene, policy: Policy) -> list[tuple[tuple[str, ...], str]
         (("dynamics", "scheme"), _ringing(scene)),
         (("bodies",), _inside(scene) if moving else _still(scene)),
         (cut, _beside(scene) if cut else ""),
-        (("mesh",), _skinned(mesh)),
     ]
     return [(key, text) for key, text in found if text]
-
-
-def _skinned(mesh: Mesh | None) -> str:
-    """Return a message about the skin of a body of tetrahedra; empty if there is none."""
-    if not isinstance(mesh, TetMesh) or mesh.skin is None:
-        return ""
-    return "a body of tetrahedra cannot have a skin yet; remedy: leave it out, or use voxels"
 
 
 def cut_key(mesh: Mesh) -> tuple[str, ...]:
@@ -173,7 +160,7 @@ def cut_key(mesh: Mesh) -> tuple[str, ...]:
 def _contrast(materials: Mapping[str, Material], cell_material: NDArray[np.int32]) -> str:
     """Return a message if the ratio of the materials' moduli is too large; empty if not."""
     names = list(materials)
-    moduli = {names[i]: materials[names[i]].young0 for i in np.unique(cell_material) if names[i] in materials}
+    moduli = {names[i]: materials[names[i]].young0 for i in np.unique(cell_material)}
     if not moduli:
         return ""
     soft, hard = min(moduli, key=moduli.__getitem__), max(moduli, key=moduli.__getitem__)

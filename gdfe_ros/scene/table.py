@@ -6,7 +6,7 @@ from __future__ import annotations
 import csv
 import math
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -52,9 +52,9 @@ class TableColumn:
     place: int
     factor: float
 
-    def value(self, row: Sequence[str], number: Callable[[str], float | None]) -> float | None:
+    def value(self, row: Sequence[str]) -> float | None:
         """Return the value in SI units in a row; None if there is no number."""
-        found = number(row[self.place]) if self.place < len(row) else None
+        found = _number(row[self.place]) if self.place < len(row) else None
         return None if found is None else self.factor * found
 
 
@@ -83,15 +83,15 @@ def find_columns(
     stresses = _matching(titles, _STRESS)
     strains = [place for place in _matching(titles, _STRAIN) if place not in stresses]
     remarks: list[str] = []
-    strain = _chosen(strains, titles, units, STRAIN_UNITS, "strain", remarks)
-    stress = _chosen(stresses, titles, units, STRESS_UNITS, "stress", remarks)
+    strain = _choose(strains, titles, units, STRAIN_UNITS, "strain", remarks)
+    stress = _choose(stresses, titles, units, STRESS_UNITS, "stress", remarks)
     if stress is None and (forces := _matching(titles, _FORCE)) and (area := _sizes(above).get("area")):
-        force = _chosen(forces, titles, units, FORCE_UNITS, "force", remarks)
+        force = _choose(forces, titles, units, FORCE_UNITS, "force", remarks)
         stress = TableColumn(force.place, force.factor / area)
         remarks.append(f"stress is {titles[force.place]!r} over the area of {area:.4g} m^2")
     extensions = [place for place in _matching(titles, _EXTENSION) if place not in strains]
     if strain is None and extensions and (length := _sizes(above).get("length")):
-        extension = _chosen(extensions, titles, units, LENGTH_UNITS, "extension", remarks)
+        extension = _choose(extensions, titles, units, LENGTH_UNITS, "extension", remarks)
         strain = TableColumn(extension.place, extension.factor / length)
         remarks.append(f"strain is {titles[extension.place]!r} over the length of {length:.4g} m")
     return None if strain is None or stress is None else (strain, stress, remarks)
@@ -102,7 +102,7 @@ def _matching(titles: Sequence[str], pattern: re.Pattern[str]) -> list[int]:
     return [place for place, title in enumerate(titles) if pattern.search(title.lower())]
 
 
-def _chosen(
+def _choose(
     places: Sequence[int],
     titles: Sequence[str],
     units: Sequence[str],
@@ -230,9 +230,7 @@ def _parse(text: str) -> StressTable:
     strain, stress, remarks = _columns_at(rows, begin)
     remarks += [f"the table of results in line {rows[place][0]} is left out" for place in places if place != begin]
     begin += 2 if begin + 1 < len(rows) and is_unit_row(rows[begin + 1][1]) else 1
-    points = [
-        _Point(line, strain.value(row, _number), stress.value(row, _number), row) for line, row in rows[begin:end]
-    ]
+    points = [_Point(line, strain.value(row), stress.value(row), row) for line, row in rows[begin:end]]
     return _table(points, remarks)
 
 

@@ -32,17 +32,17 @@ COARSEST = 0.25
 
 def build_obstacles(draft: Draft, mesh: HexMesh | None, carried: Carried, report: Defects) -> tuple[Obstacle, ...]:
     """Return the valid obstacles."""
-    return tuple(_made(draft.obstacles, "obstacles", mesh, carried, report))
+    return tuple(_make(draft.obstacles, "obstacles", mesh, carried, report))
 
 
 def build_bodies(draft: Draft, mesh: HexMesh | None, carried: Carried, report: Defects) -> tuple[RigidBody, ...]:
     """Return the valid rigid bodies; their vertices follow those of the mesh."""
     first = mesh.n_vertices if mesh is not None else 0
-    made = enumerate(_made(draft.bodies, "bodies", mesh, carried, report))
+    made = enumerate(_make(draft.bodies, "bodies", mesh, carried, report))
     return tuple(body.numbered(first + 4 * place) for place, body in made)
 
 
-def _made(
+def _make(
     models: Mapping[str, ObstacleModel | BodyModel],
     section: str,
     mesh: HexMesh | None,
@@ -92,7 +92,7 @@ def build_self_contact(
     with report.entry("self_contact"):
         if model.where is not None:
             chosen = select(_touching_faces, mesh, model.where, "boundary face")
-            faces = np.concatenate([_renumbered(chosen, mesh, whole), _beside(faces, mesh, whole)])
+            faces = np.concatenate([_renumber(chosen, mesh, whole), _beside(faces, mesh, whole)])
         lined = faces[:, 0] >= whole.n_vertices
         triangles = faces[lined, :3] - np.int32(whole.n_vertices)
         parts = {name: part.first_vertex for name, part in whole.parts.items()}
@@ -101,7 +101,7 @@ def build_self_contact(
     return None
 
 
-def _renumbered(faces: NDArray[np.int32], mesh: HexMesh, whole: HexMesh) -> NDArray[np.int32]:
+def _renumber(faces: NDArray[np.int32], mesh: HexMesh, whole: HexMesh) -> NDArray[np.int32]:
     """Return faces of ``mesh`` with the numbers that its contact points have in ``whole``."""
     return np.where(faces < mesh.n_vertices, faces, faces + np.int32(whole.n_vertices - mesh.n_vertices))
 

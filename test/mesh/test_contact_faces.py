@@ -10,7 +10,7 @@ import pytest
 import trimesh
 
 from gdfe_ros.mesh import HexMesh
-from gdfe_ros.mesh.assembly import mirrored
+from gdfe_ros.mesh.assembly import mirror
 from gdfe_ros.mesh.contact_skin import touch_by_skin
 from gdfe_ros.mesh.outside import carry_skin
 from gdfe_ros.mesh.surface_edges import edge_counts
@@ -58,7 +58,7 @@ def test_they_are_closed_and_fill_the_skin(surface: trimesh.Trimesh, cell: float
     assert np.unique(mesh.touching.faces).tolist() == list(range(len(mesh.touching.corners)))
     wanted = BALL.volume - BALL.volume * 0.6**3 if surface is HOLLOW else surface.volume
     assert volume_of(mesh) == pytest.approx(wanted, rel=within)
-    assert volume_of(mirrored(mesh, 0)) == pytest.approx(wanted, rel=within)
+    assert volume_of(mirror(mesh, 0)) == pytest.approx(wanted, rel=within)
     edges = mesh.touching.at(mesh.vertices)[mesh.touching.faces]
     assert np.linalg.norm(edges - np.roll(edges, 1, axis=1), axis=2).max() < 2.5 * cell
 

@@ -9,7 +9,7 @@ import trimesh
 
 from gdfe_ros import Simulation
 from gdfe_ros.mesh import bar, check_mesh
-from gdfe_ros.mesh.assembly import mirrored
+from gdfe_ros.mesh.assembly import mirror
 from gdfe_ros.mesh.generators import finger
 from gdfe_ros.mesh.quality import cell_volumes
 from gdfe_ros.mesh.tetmesh import divided
@@ -37,14 +37,14 @@ program:
 def test_a_reflected_mesh_is_sound(axis: int) -> None:
     """Reflected cells keep their volumes, faces look outward, and two reflections give the first mesh."""
     mesh = finger((0.1, 0.02, 0.02), joints=2, gap=0.004, web=0.005, cell=0.005, taper=0.7)
-    other = mirrored(mesh, axis)
+    other = mirror(mesh, axis)
     assert not check_mesh(other).defects
     np.testing.assert_allclose(cell_volumes(other), cell_volumes(mesh), rtol=1e-12)
     corners = other.vertices[other.surface()]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 3] - corners[:, 0])
     outwards = np.einsum("qi,qi->q", normals, corners[:, 0])
     assert outwards.sum() > 0.0
-    again = mirrored(other, axis)
+    again = mirror(other, axis)
     assert np.array_equal(again.vertices, mesh.vertices)
     assert np.array_equal(again.cells, mesh.cells)
 
@@ -53,11 +53,11 @@ def test_a_reflected_mesh_is_sound(axis: int) -> None:
 def test_reflected_tetrahedra_are_sound(axis: int) -> None:
     """Reflected tetrahedra keep edge nodes on their edges and no cell is inverted; two reflections give the first."""
     mesh = divided(bar((0.1, 0.02, 0.03), (4, 2, 2)))
-    other = mirrored(mesh, axis)
+    other = mirror(mesh, axis)
     assert not check_mesh(other).defects
     ends = other.vertices[other.cells[:, [[0, 1], [1, 2], [2, 0], [0, 3], [1, 3], [2, 3]]]]
     np.testing.assert_allclose(other.vertices[other.cells[:, 4:]], ends.mean(axis=2), atol=1e-15)
-    assert np.array_equal(mirrored(other, axis).cells, mesh.cells)
+    assert np.array_equal(mirror(other, axis).cells, mesh.cells)
 
 
 @pytest.fixture

@@ -68,7 +68,7 @@ def test_a_hexahedron_with_another_order_of_a_face_is_found() -> None:
 
 def test_the_volume_of_the_cells_is_that_of_their_boundary(monkeypatch: pytest.MonkeyPatch) -> None:
     """Cells whose boundary encloses another volume are a defect."""
-    monkeypatch.setattr("gdfe_ros.mesh.quality.enclosed_volume", lambda *_: 1e-5)
+    monkeypatch.setattr("gdfe_ros.mesh.quality.inside_volume", lambda *_: 1e-5)
     (defect,) = check_mesh(BAR).defects
     assert defect.startswith("the cells have a volume of 2e-05 m^3, but their boundary encloses 1e-05 m^3; remedy")
 

@@ -10,7 +10,8 @@ import pytest
 
 from gdfe_ros.mesh.cavities import NO_CAVITY
 from gdfe_ros.mesh.inspection import inspect_file
-from gdfe_ros.mesh.tetrahedralise import solid_facts, step_facts, step_surface, step_walls
+from gdfe_ros.mesh.tetrahedralise import solid_facts, step_facts, step_surface
+from gdfe_ros.mesh.walls import find_solid_walls
 
 
 def test_the_facts_of_a_step_file(step: Path) -> None:
@@ -48,7 +49,7 @@ def test_a_file_without_cavity_gets_a_remark(step: Path, layered: Path, hollow: 
 
 def test_each_solid_has_its_own_walls(layered: Path) -> None:
     """A layer of 2 mm that is bonded to a plate of 8 mm is a wall of 2 mm, on both of its sides."""
-    walls = step_walls(layered, spacing=0.002)
+    walls = find_solid_walls(*step_surface(layered), spacing=0.002)
     up = np.abs(walls.places[:, 2] - 0.008) < 1e-9
     assert set(np.round(walls.thickness[up], 6)) == {0.002, 0.008}
     assert walls.fraction(np.isclose(walls.thickness, 0.002)) == pytest.approx(800 / 2400, rel=0.01)

@@ -35,6 +35,12 @@ def test_a_urdf_becomes_a_body_at_its_collision_shape() -> None:
     assert body.form.volume == pytest.approx(math.pi * 0.02**2 * 0.08)
 
 
+def test_undeclared_prefixes_are_read() -> None:
+    """A URDF with a prefix that it does not declare, as ROS' own parser allows, is the same body as without it."""
+    given, plain = read_entity(_CAN.replace("<mass ", '<mass drake:odd="1" ')), read_entity(_CAN)
+    assert (given.name, given.entry, given.remark) == (plain.name, plain.entry, plain.remark)
+
+
 def test_moments_of_another_body_are_told() -> None:
     """Moments of inertia that a homogeneous can does not have are told with both values; equal ones are not."""
     hollow = _URDF.format(across=0.1 * (0.02**2 / 2 + 0.08**2 / 12), along=0.1 * 0.02**2)
