@@ -15,7 +15,6 @@ published forces are L / h.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -39,8 +38,7 @@ class Pressing(NamedTuple):
     """The points of all contacts that press at the end of a step.
 
     Attributes:
-        chosen: (k,) their numbers among the near points of all contacts.
-        ends: (t + 1,) the first of them that belongs to each of t contacts, and their number.
+        parts: each contact with such points, their place among all of them, and their numbers among its near points.
         axes: (k, 3, 3) unit normals and tangents.
         vertices: (k, c) vertices that move the points.
         blocks: (k, c, 3, 3) derivatives of gaps and slips with respect to these vertices.
@@ -49,8 +47,7 @@ class Pressing(NamedTuple):
         soft, friction, restitution: (k,) compliances of springs [m/N], and coefficients.
     """
 
-    chosen: NDArray[np.int64]
-    ends: NDArray[np.int64]
+    parts: list[tuple[ContactTerm, slice, NDArray[np.int64]]]
     axes: Array
     vertices: NDArray[np.int32]
     blocks: Array
@@ -64,19 +61,18 @@ class Pressing(NamedTuple):
     def of(cls, held: HeldLoads, positions: Array, before: State) -> Pressing:
         """Return the points that press at ``positions`` (n, 3) [m] after the state ``before``."""
         field = held.gather()
-        on = np.flatnonzero(field.stencils.held[:, 0] > 0.0)
-        axes, first, led = np.empty((len(on), 3, 3)), *np.zeros((2, len(on), 3))
+        on, parts = np.flatnonzero(field.stencils.held[:, 0] > 0.0), []
+        axes, held_along, led = np.empty((len(on), 3, 3)), *np.zeros((2, len(on), 3))
         blocks = np.empty((len(on), field.stencils.ends.shape[1], 3, 3))
-        find_pressing(positions, field.surfaces, field.owner, field.stencils, on, axes, first, blocks)
-        ends, vertices = (
-            np.searchsorted(on, [first for first, _ in held.parts] + [len(field.owner)]),
-            field.stencils.ends,
-        )
+        find_pressing(positions, field.surfaces, field.owner, field.stencils, on, axes, held_along, blocks)
+        for contact, (first, last) in zip(held.contacts, held.parts, strict=True):
+            begin, end = np.searchsorted(on, (first, last))
+            if end > begin:
+                own, numbers = slice(begin, end), on[begin:end] - first
+                parts.append((contact, own, numbers))
+                led[own] = np.einsum("kai,ki->ka", axes[own], contact.led(positions, before)[numbers])
         more = field.stencils.soft[on], field.friction[on], field.restitution[on]
-        found = cls(on, ends, axes, vertices[on], blocks, led, first, *more)
-        for contact, own in _each(held, found):
-            led[own] = contact.led(positions, before)[on[own] - held.parts[held.contacts.index(contact)][0]]
-        return found._replace(led=np.einsum("kai,ki->ka", axes, led))
+        return cls(parts, axes, field.stencils.ends[on], blocks, led, held_along, *more)
 
 
 class ContactImpulses:
@@ -151,23 +147,20 @@ class ContactImpulses:
         left = solve_laws(w, speeds.ravel(), part.friction, impulses, self.EXACT * scale, self.FAINT * scale)
         slips = (speeds.ravel() + w @ impulses).reshape(-1, 3)[:, 1:] - came[:, 1:]
         pulls, impulses = np.zeros_like(velocity), impulses.reshape(-1, 3)
-        now = self._told(held, part, impulses, slips, now, left if left > self.SETTLED * scale else 0.0)
+        now = self._told(part, impulses, slips, now, left if left > self.SETTLED * scale else 0.0)
         pull(impulses, *given, pulls.reshape(-1))
-        return self._mass.accelerate(pulls, x), _publish(held, part, impulses / h, before, now)
+        return self._mass.accelerate(pulls, x), _publish(part, impulses / h, before, now)
 
-    def _told(self, held: HeldLoads, part: Pressing, impulses: Array, slips: Array, now: State, left: float) -> State:
+    def _told(self, part: Pressing, impulses: Array, slips: Array, now: State, left: float) -> State:
         """Return ``now`` with sentences about grips that slip, and about laws that are violated by ``left`` [m/s].
 
         ``impulses`` (k, 3) [N s] and changes ``slips`` (k, 2) [m/s] of the slip speeds are those of all points.
         """
-        texts, pressing = [now.summary.message], []
-        for contact, own in _each(held, part):
-            pressing.append(contact.name)
-            texts.append(self._find_slip(contact, part, own, impulses[own], slips[own]))
+        grips = (self._find_slip(contact, part, own, impulses[own], slips[own]) for contact, own, _ in part.parts)
+        texts = [now.summary.message, *grips]
         if left:
-            names = ", ".join(pressing)
-            text = f"the impulses of the contacts {names} leave {left:.3g} m/s; remedy: a smaller dynamics.step"
-            texts.append(text)
+            names = ", ".join(contact.name for contact, _, _ in part.parts)
+            texts.append(f"the impulses of the contacts {names} leave {left:.3g} m/s; remedy: a smaller dynamics.step")
         converged = now.summary.converged and not left
         return now.with_(summary=changed(now.summary, converged=converged, message=outcome.join(*texts)))
 
@@ -194,25 +187,16 @@ class ContactImpulses:
         return f"{text}, and about {needed:.4g} would hold it"
 
 
-def _each(held: HeldLoads, part: Pressing) -> Iterator[tuple[ContactTerm, slice]]:
-    """Yield each contact that has pressing points, and their numbers among all pressing points."""
-    for contact, first, last in zip(held.contacts, part.ends[:-1], part.ends[1:], strict=True):
-        if last > first:
-            yield contact, slice(first, last)
-
-
-def _publish(held: HeldLoads, part: Pressing, forces: Array, before: State, now: State) -> State:
+def _publish(part: Pressing, forces: Array, before: State, now: State) -> State:
     """Return ``now`` with the mean forces (k, 3) [N] of the points in the contacts' states and in the reactions.
 
     The work of obstacles on rigid bodies, which no reaction contains, is added to the ledger.
     """
-    terms, reactions, work, owners = dict(now.terms), dict(now.summary.reactions), now.ledger.work, held.parts
+    terms, reactions, work = dict(now.terms), dict(now.summary.reactions), now.ledger.work
     rubs = np.einsum("ka,kai->ki", forces[:, 1:], part.axes[:, 1:])
-    firsts = {contact.name: first for contact, (first, _) in zip(held.contacts, owners, strict=True)}
-    for contact, own in _each(held, part):
+    for contact, own, numbers in part.parts:
         pushes, shears, name = np.zeros(contact.count), np.zeros((contact.count, 3)), contact.name
-        at = part.chosen[own] - firsts[name]
-        pushes[at], shears[at] = forces[own, 0], rubs[own]
+        pushes[numbers], shears[numbers] = forces[own, 0], rubs[own]
         terms[name] = contact.add_mean_forces(before.terms[name], terms[name], pushes, shears)
         if contact.on_body:
             reactions[name] = contact.wrench(now.positions, terms[name])
