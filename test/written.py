@@ -3,7 +3,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
+
+import numpy as np
 
 from gdfe_ros import Command, Simulation
 from gdfe_ros.scene import Scene, scene_from_text
@@ -27,3 +30,10 @@ def advance(simulation: Simulation, *command: Command, count: int = 1, **options
         result = simulation.step(*command, **options)
         assert result.converged, result.message
     return result
+
+
+def trace(
+    simulation: Simulation, count: int, measure: Callable[[StepResult], Any], *command: Command, **options: Any
+) -> np.ndarray:
+    """Make equal steps, each of which must converge; return an array of ``measure`` of each result."""
+    return np.array([measure(advance(simulation, *command, **options)) for _ in range(count)])

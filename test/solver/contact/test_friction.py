@@ -11,7 +11,7 @@ import pytest
 
 from gdfe_ros import Command, Pose, Simulation
 from gdfe_ros.scene.loader import scene_from_text
-from test.written import advance
+from test.written import advance, trace
 
 G = 9.81
 DRAGGED = """
@@ -36,11 +36,7 @@ def tilted(
 
 def ways(simulation: Simulation, steps: int) -> np.ndarray:
     """Return the slab's mean displacement (steps,) [m] along the slope after each step."""
-    found = []
-    for _ in range(steps):
-        result = advance(simulation)
-        found.append(result.positions[:, 0].mean())
-    return np.array(found)
+    return trace(simulation, steps, lambda result: result.positions[:, 0].mean())
 
 
 @pytest.mark.parametrize("friction", [0.1, 0.3, 0.5])
