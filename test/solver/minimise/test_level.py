@@ -56,11 +56,14 @@ def _free_rows(unknowns: tuple) -> NDArray[np.float64]:
     return np.concatenate([np.zeros(0), *unknowns.slides, *turns])
 
 
-@pytest.mark.parametrize("tip", TIPS.values(), ids=TIPS)
-def test_it_is_the_derivative_of_the_gradient(tip: str) -> None:
-    """The assembled tangent equals differences of the undeformed body's gradient, including rigid rows."""
-    level, tangent, products, free = _level(tip, 0.0)
+@pytest.mark.parametrize(
+    ("tip", "stretch"), [*((tip, 0.0) for tip in TIPS.values()), ("", 0.1)], ids=[*TIPS, "a stretched shape"]
+)
+def test_it_is_the_derivative_of_the_gradient(tip: str, stretch: float) -> None:
+    """The assembled tangent equals differences of the gradient, including rigid rows, at rest and stretched."""
+    level, tangent, products, free = _level(tip, stretch)
     matrix, rng = whole_tangent(level, tangent), np.random.default_rng(0)
+    assert tangent.shift == 0.0
     for _ in range(3):
         direction = rng.standard_normal(len(free)) * free
         exact = products(direction)
@@ -76,17 +79,6 @@ def test_its_factor_solves(tip: str) -> None:
     level.solve(right, found)
     left = free * (whole_tangent(level, tangent) @ found) - right
     np.testing.assert_allclose(left, 0.0, atol=1e-2 * np.abs(right).max())  # the factor is kept in single precision
-
-
-def test_it_follows_a_stretched_shape() -> None:
-    """The tangent of the stretched strip differs from the initial one and is still the gradient's derivative."""
-    level, tangent, products, free = _level("", 0.1)
-    assert tangent.shift == 0.0
-    direction = np.random.default_rng(2).standard_normal(len(free))
-    exact = products(direction)
-    np.testing.assert_allclose(whole_tangent(level, tangent) @ direction, exact, atol=1e-5 * np.abs(exact).max())
-    at_rest, tangent_at_rest, *_ = _level("", 0.0)
-    assert np.abs(whole_tangent(at_rest, tangent_at_rest) @ direction - exact).max() > 0.01 * np.abs(exact).max()
 
 
 def test_an_indefinite_tangent_gets_a_factor_all_the_same() -> None:
