@@ -30,6 +30,9 @@ LIFT = Command(handles={"tip": Pose((0.0, 0.0, 0.01))})
     "times",
     [
         {"dt": True},
+        {"dt": -1.0},
+        {"dt": -1e-9},
+        {"dt": np.nan},
         {"dt": np.inf},
         {"dt": 1e300},
         {"dt": 10**400},
@@ -45,12 +48,13 @@ LIFT = Command(handles={"tip": Pose((0.0, 0.0, 0.01))})
     ids=str,
 )
 def test_times_are_refused_before_anything_moves(times: dict[str, Any]) -> None:
-    """An invalid time is refused by name, and neither time nor target changes."""
-    simulation = Simulation(scene_from_text(SCENE))
+    """An invalid time is refused by name, and neither time nor targets, commands and readings change."""
+    simulation = Simulation(scene_from_text(SCENE, overrides={"actuators.pull.cable.rate": 1.0}))
+    simulation.step(Command(actuators={"pull": 0.1}), dt=0.1)
+    before = simulation.time, simulation.targets, simulation.commands, simulation.actuator_states()
     with pytest.raises(CommandError, match=next(iter(times))):
-        simulation.step(LIFT, **{"dt": 1.0, **times})
-    assert simulation.time == 0.0
-    assert simulation.targets["tip"] == Pose()
+        simulation.step(Command(LIFT.handles, {"pull": 0.5}), **{"dt": 1.0, **times})
+    assert (simulation.time, simulation.targets, simulation.commands, simulation.actuator_states()) == before
 
 
 @pytest.mark.parametrize(

@@ -140,13 +140,6 @@ def test_other_motion_is_not_extrapolated(
     np.testing.assert_allclose(found.state.positions - bent(0.1), fresh.state.positions - REST, atol=1e-12)
 
 
-def test_nothing_moves_where_no_handle_moves(predictor: Predictor, moved: State) -> None:
-    """Repeating the same poses leaves the state unchanged bit by bit."""
-    found = predictor.predict(moved, lifted(0.1), NO_COMMANDS)
-    assert found.ratio == 0.0
-    np.testing.assert_array_equal(found.state.positions, bent(0.1))
-
-
 @pytest.mark.exact("an exact ratio without a shift")
 def test_commands_count_like_handles(predictor: Predictor, rest: State) -> None:
     """A tension that increases steadily without a handle's motion is extrapolated, a reversed one is not."""

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from gdfe_ros import Command, Pose, Simulation
-from gdfe_ros.checkpoint import load_state, save_state
 from gdfe_ros.errors import SceneError
 from gdfe_ros.scene import scene_from_text
 from test.written import advance
@@ -94,19 +93,6 @@ def test_commands_about_other_axes_count() -> None:
     result = advance(simulation, Command(handles={"tip": pose}))
     np.testing.assert_allclose(simulation.handle_pose("tip").rotation, (np.pi / 2, 0.0, 0.0), atol=1e-3)
     assert result.reactions["tip"][3] > 1e-4
-
-
-def test_state_holds_the_turns() -> None:
-    """A state saved between steps of a rising load continues in another simulation with the same bits."""
-    first, second = beam("ry", "x, ry"), beam("ry", "x, ry")
-    for part in range(1, 4):
-        first.step(Command(loads={"weight": 0.5 * part}), dt=0.1)
-    load_state(second, save_state(first))
-    for part in range(4, 7):
-        one, two = (each.step(Command(loads={"weight": 0.5 * part}), dt=0.1) for each in (first, second))
-        assert np.array_equal(one.positions, two.positions)
-        assert first.handle_pose("base") == second.handle_pose("base")
-    assert one.converged
 
 
 def test_relative_policy_and_commands_about_free_axes_are_refused() -> None:

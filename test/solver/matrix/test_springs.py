@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from gdfe_ros import Command, Simulation, load_scene
-from gdfe_ros.checkpoint import load_state, save_state
 from gdfe_ros.scene import scene_from_text
 from gdfe_ros.solver.equilibrium.solve import Solve
 from gdfe_ros.solver.minimise.curvature import TangentProducts
@@ -39,16 +38,6 @@ def pulled() -> Simulation:
     simulation = Simulation(scene_from_text(STRIP))
     assert simulation.step(Command(actuators={"wire": 5e-4, "air": 1.05 * simulation.commands["air"]})).converged
     return simulation
-
-
-def test_states_with_springs_are_saved_to_the_bit() -> None:
-    """Such a strip, saved and loaded into another simulation, continues with the same bits."""
-    first, second = pulled(), Simulation(scene_from_text(STRIP))
-    load_state(second, save_state(first))
-    assert len(second.state.tangent.springs) == 2
-    found = [each.step(Command(actuators={"wire": 6e-4})) for each in (first, second)]
-    assert found[0].iterations == found[1].iterations
-    assert np.array_equal(found[0].positions, found[1].positions)
 
 
 def test_a_patch_that_changes_takes_few_iterations() -> None:

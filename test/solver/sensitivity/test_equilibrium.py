@@ -266,15 +266,6 @@ def test_states_without_derivatives() -> None:
         simulation.sensitivities(["tip"], ["loads.push"])
 
 
-def test_asking_leaves_the_state() -> None:
-    """Computing all derivatives leaves the next step bitwise unchanged."""
-    asked, plain = solved(BAR, Command()), solved(BAR, Command())
-    asked.sensitivities(["positions", "reactions.base"], asked.parameter_names)
-    for simulation in (asked, plain):
-        simulation.step(Command(loads={"push": 1.5}))
-    np.testing.assert_array_equal(asked.positions, plain.positions)
-
-
 def test_there_is_no_derivative_before_the_first_step() -> None:
     """With gravity, the undeformed state is no equilibrium, and derivatives are refused until a step has been made."""
     simulation = Simulation(load_scene("tendon_finger"))
