@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -13,9 +14,13 @@ from gdfe_ros.scene import Scene, scene_from_text
 from gdfe_ros.step_result import StepResult
 
 
-def scene_of(text: str, **overrides: Any) -> Scene:
-    """Return the scene of a text."""
-    return scene_from_text(text, overrides={key.replace("__", "."): value for key, value in overrides.items()})
+def scene_of(text: str, overrides: Mapping[str, Any] | None = None, **keys: Any) -> Scene:
+    """Return the scene of a text; without the key ``regions``, its first material is everywhere."""
+    name = "" if re.search("^name:", text, re.M) else "name: body\n"
+    material = re.search(r"^materials:\s*\{?\s*(\w+):", text, re.M)
+    regions = f"\nregions: [{{material: {material[1]}}}]" if material and "\nregions:" not in text else ""
+    given = {**(overrides or {}), **{key.replace("__", "."): value for key, value in keys.items()}}
+    return scene_from_text(f"{name}{text}{regions}", overrides=given)
 
 
 def simulate(text: str, **overrides: Any) -> Simulation:

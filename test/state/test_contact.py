@@ -12,10 +12,8 @@ from gdfe_ros import Command, Pose, Simulation
 from test.written import simulate
 
 BAR = """
-name: bar
 mesh: {bar: {size: [0.2, 0.04, 0.04], cells: [20, 3, 3]}}
 materials: {soft: {law: neo_hookean, young: 2.0e5, poisson: 0.45, density: 1000}}
-regions: [{material: soft}]
 handles: {base: {where: {face: x-}}, tip: {where: {face: x+}}}
 obstacles: {pin: {sphere: {radius: 0.015}, at: [0.13, 0.0, -0.04], friction: 0.4}}
 """

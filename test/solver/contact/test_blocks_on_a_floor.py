@@ -9,10 +9,8 @@ import pytest
 from test.written import advance, simulate, trace
 
 BLOCK = """
-name: block
 mesh: {bar: {size: [0.2, 0.1, 0.1], cells: [8, 4, 4]}}
 materials: {soft: {law: neo_hookean, young: 0.2e+6, poisson: 0.45, density: 1000}}
-regions: [{material: soft}]
 handles: {}
 obstacles: {floor: {plane: [0, 0, 1], at: [0, 0, -0.05], friction: 0.5}}
 loads: {weight: {gravity: [0, 0, -9.81]}}

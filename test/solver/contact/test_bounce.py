@@ -11,20 +11,16 @@ from gdfe_ros.mesh.packing import pack_surface
 from test.written import simulate, trace
 
 BALL = """
-name: ball
 mesh: {sphere: {inner: 0.02, outer: 0.05, cells: [4, 2]}}
 materials: {soft: {law: neo_hookean, young: 2.0e5, poisson: 0.4, density: 1000}}
-regions: [{material: soft}]
 handles: {}
 loads: {weight: {gravity: [0, 0, -9.81]}}
 obstacles: {floor: {plane: [0, 0, 1], at: [0, 0, -0.06], fixed: true}}
 dynamics: {step: 0.002}
 """
 SHOT = """
-name: shot
 mesh: {bar: {size: [0.05, 0.05, 0.05], cells: [3, 3, 3]}}
 materials: {soft: {law: neo_hookean, young: 1.0e6, poisson: 0.4, density: 1000}}
-regions: [{material: soft}]
 handles: {}
 obstacles: {wall: {box: {size: [0.01, 1, 1]}, at: [0.32, 0, 0], fixed: true}}
 dynamics: {step: 0.005, velocity: [20, 0, 0]}

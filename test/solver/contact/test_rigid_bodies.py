@@ -14,10 +14,8 @@ from gdfe_ros.errors import CommandError
 from test.written import advance, simulate
 
 CUSHION = """
-name: cushion
 mesh: {bar: {size: [0.1, 0.1, 0.04], cells: [10, 10, 2]}}
 materials: {soft: {law: neo_hookean, young: 1.0e5, poisson: 0.4, density: 1000}}
-regions: [{material: soft}]
 handles: {base: {where: {face: z-}, fixed: true}}
 loads: {weight: {gravity: [0, 0, -9.81]}}
 obstacles: {floor: {plane: [0, 0, 1], at: [0, 0, -0.05], fixed: true, friction: 0.5}}

@@ -13,11 +13,10 @@ import pytest
 from gdfe_ros import Command, Pose, Simulation
 from gdfe_ros.constraints.form import Box, Cylinder
 from gdfe_ros.contacts import contact_names
-from gdfe_ros.scene.loader import scene_from_text
 from gdfe_ros.solver.motion import inertia
 from gdfe_ros.solver.state import changed
 from gdfe_ros.step_result import StepResult
-from test.written import advance
+from test.written import advance, scene_of
 
 FLOORED = {
     "obstacles": {"floor": {"plane": [0, 0, 1], "at": [0, 0, -0.1], "fixed": True, "friction": 0.5}},
@@ -25,10 +24,8 @@ FLOORED = {
 }
 """A floor, and gravity."""
 PAIR = """
-name: pair
 mesh: {bar: {size: [0.05, 0.05, 0.05], cells: [2, 2, 2]}}
 materials: {soft: {law: neo_hookean, young: 1.0e5, poisson: 0.4, density: 1000}}
-regions: [{material: soft}]
 handles: {base: {where: {face: x-}, fixed: true}}
 bodies:
   one: {box: {size: [0.04, 0.04, 0.04]}, density: 800, at: [0.1, 0, 0], friction: 0.3}
@@ -52,7 +49,7 @@ def pair() -> Callable[..., Simulation]:
 
     def make(**overrides: Any) -> Simulation:
         given = overrides.pop("more", {})
-        return Simulation(scene_from_text(PAIR, overrides={**given, **overrides}))
+        return Simulation(scene_of(PAIR, overrides={**given, **overrides}))
 
     return make
 
@@ -293,7 +290,7 @@ def stacked(count: int, scheme: str, *, gap: float, tolerance: float = 1e-5) -> 
     bodies = {f"box_{k}": {**box, "at": [0.3, 0, -0.08 + gap + (0.04 + gap) * k]} for k in range(count)}
     given = {**FLOORED, "bodies": bodies, "dynamics": {"scheme": scheme, "step": 0.005}}
     given["solver"] = {"tolerance": tolerance}
-    return Simulation(scene_from_text(PAIR, overrides=given))
+    return Simulation(scene_of(PAIR, overrides=given))
 
 
 @pytest.mark.parametrize("slope", [0.4, 0.6])

@@ -10,18 +10,16 @@ import pytest
 from numpy.typing import NDArray
 
 from gdfe_ros import Simulation
-from gdfe_ros.scene import scene_from_text
 from gdfe_ros.solver.equilibrium.solve import Solve
 from gdfe_ros.solver.matrix.assembly import Tangent
 from gdfe_ros.solver.minimise.curvature import TangentProducts
 from gdfe_ros.solver.minimise.level import TangentLevel
 from test.solver.whole_tangent import whole_tangent
+from test.written import scene_of
 
 SCENE = """
-name: strip
 mesh: {bar: {size: [0.1, 0.01, 0.01], cells: [10, 2, 2]}}
 materials: {m: {law: neo_hookean, young: 1.0e6, poisson: 0.45, density: 1000}}
-regions: [{material: m}]
 handles: {base: {where: {face: x-}, fixed: true}TIP}
 loads: {weight: {gravity: [0, 0, -1.0]}}
 """
@@ -35,7 +33,7 @@ Levels = tuple[TangentLevel, Tangent, TangentProducts, NDArray[np.float64]]
 
 def _level(tip: str, stretch: float, *, power: int = 2) -> Levels:
     """Return a strip's tangent level, tangent, products and free components; ``power`` 1 is a uniform stretch."""
-    simulation = Simulation(scene_from_text(SCENE.replace("TIP", tip)))
+    simulation = Simulation(scene_of(SCENE.replace("TIP", tip)))
     equilibrium = simulation.stepper.equilibrium
     body = equilibrium.body
     state, share = equilibrium.at_rest(), (body.rest[:, 0] - body.rest[:, 0].min()) / 0.1

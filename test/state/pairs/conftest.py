@@ -15,15 +15,13 @@ import pytest
 from numpy.typing import NDArray
 
 from gdfe_ros import Command, Pose, Simulation
-from gdfe_ros.scene import scene_from_text
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.step_result import StepResult
+from test.written import scene_of
 
 BAR = """\
-name: bar
 mesh: {{bar: {{size: [0.1, 0.02, 0.02], cells: [4, 2, 2]}}}}
 materials: {{rubber: {{law: neo_hookean, young: 1.0e6, poisson: 0.45, density: 1000}}}}
-regions: [{{material: rubber}}]
 handles: {{base: {{where: {{face: x-}}, fixed: true}}, {handles}}}
 actuators: {{{actuators}}}
 probes: {{edge: [0.05, 0, 0.01]}}
@@ -31,24 +29,20 @@ solver: {{tolerance: 1.0e-5}}
 {more}
 """
 BALL = """\
-name: ball
 mesh: {{sphere: {{inner: 0.010, outer: 0.015, cells: [2, 1]}}}}
 materials: {{rubber: {{law: neo_hookean, young: 1.0e6, poisson: {poisson}}}}}
-regions: [{{material: rubber}}]
 handles: {{base: {{where: {{box: {{x: [-1, -0.0101]}}}}, fixed: true}}}}
 actuators: {{air: {{chamber: {{command: {mode}, range: {limits}}}}}}}
 probes: {{edge: [0.0149, 0, 0]}}
 solver: {{tolerance: 1.0e-5}}
 """
 STRIP = """\
-name: strip
 mesh:
   bar:
     size: [0.1, 0.02, 0.02]
     cells: [10, 4, 4]
     cut: [{box: {x: [0.01, 0.09], y: [-0.005, 0.005], z: [-0.005, 0.005]}}]
 materials: {m: {law: neo_hookean, young: 1.0e6, poisson: 0.45}}
-regions: [{material: m}]
 handles: {base: {where: {face: x-}, fixed: true}}
 actuators:
   wire: {cable: {points: [[0, 0, 0.008], [0.05, 0, 0.008], [0.1, 0, 0.008]], command: shortening, range: [-0.05, 0.05]}}
@@ -181,7 +175,7 @@ class Feature:
 def bar(handles: str = "", actuators: str = PULL, more: str = "", **keys: object) -> Scene:
     """Make a scene of the bar; keywords override scene keys, double underscores stand for dots."""
     text = BAR.format(handles=handles, actuators=actuators, more=more)
-    return scene_from_text(text, overrides={key.replace("__", "."): value for key, value in keys.items()})
+    return scene_of(text, overrides={key.replace("__", "."): value for key, value in keys.items()})
 
 
 def driven(scene: Scene, end: dict, away: dict, absurd: dict, lever: tuple[str, float], **how: Any) -> Feature:
@@ -211,7 +205,7 @@ def shortened(mode: str, rest: float, sign: float, **keys: object) -> Feature:
 def blown(mode: str, end: float, away: float, absurd: float, rest: float = 0.0, **how: Any) -> Feature:
     """Make a feature of the ball with a commanded chamber."""
     limits = [-1e5, 1e7] if mode == "pressure" else [1e-9, 1e-3]
-    scene = scene_from_text(BALL.format(mode=mode, limits=limits, poisson=how.pop("poisson", 0.45)))
+    scene = scene_of(BALL.format(mode=mode, limits=limits, poisson=how.pop("poisson", 0.45)))
     ways = [{"air": value} for value in (end, away, absurd)]
     return driven(scene, *ways, ("air", 1e-3 * (end - rest)), start={"air": rest}, **how)
 
@@ -243,7 +237,7 @@ def rubs(results: list[StepResult]) -> bool:
 def strip() -> Feature:
     """Make a feature of a strip with a cavity, too large for the explicit inverse, with springs in its tangent."""
     ways = {"wire": 1e-3, "air": 1.1 * CAVITY}, {"wire": 0.0, "air": 1.3 * CAVITY}, {"wire": 0.02, "air": CAVITY}
-    return driven(scene_from_text(STRIP), *ways, ("wire", 1e-5), start={"air": CAVITY})
+    return driven(scene_of(STRIP), *ways, ("wire", 1e-5), start={"air": CAVITY})
 
 
 def cut(results: list[StepResult]) -> bool:
