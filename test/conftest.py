@@ -292,6 +292,29 @@ def ros() -> Iterator[RosSession]:
 
 
 @pytest.fixture
+def replays() -> Callable[..., set[tuple[str, str]]]:
+    """Give a function that requires that a bag replays to the bit, and returns the compared fields by topic.
+
+    If ``node`` is true, it is replayed by a node as well.
+    """
+    from gdfe_ros.analysis.bag_run import BagRun
+    from gdfe_ros.analysis.difference import Difference
+    from gdfe_ros.analysis.replay import Replay
+    from gdfe_ros.testing.node_replay import NodeReplay
+
+    def check(bag: Path, *, node: bool = False) -> set[tuple[str, str]]:
+        run, fields = BagRun(bag), []
+        for kind in (Replay, NodeReplay) if node else (Replay,):
+            report = kind(run).run()
+            assert report.verdict() is Difference.IDENTICAL, (report.unknown, report.differences.differing)
+            assert (report.inexact, report.differences.steps) == (0, len(run.records))
+            fields.append(set(report.differences.fields))
+        return set.intersection(*fields)
+
+    return check
+
+
+@pytest.fixture
 def kept_bags() -> dict[Path, float]:
     """Return a dict from each bag in bags/ to its factor on the tolerance, for replays elsewhere (bags/README.md)."""
     folder = Path(__file__).parents[1] / "bags"

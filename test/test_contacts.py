@@ -9,13 +9,11 @@ import pytest
 from gdfe_ros import Command, Pose, Simulation
 from gdfe_ros.contacts import POINT, contact_names, contact_points, total_forces
 from gdfe_ros.errors import SceneError
-from gdfe_ros.scene.loader import scene_from_text
+from test.written import scene_of
 
 SLAB = """
-name: slab
 mesh: {bar: {size: [0.1, 0.1, 0.04], cells: [4, 4, 1]}}
 materials: {soft: {law: neo_hookean, young: 2.0e5, poisson: 0.4, density: 1000}}
-regions: [{material: soft}]
 handles: {base: {where: {face: z-}, fixed: true}}
 obstacles:
   lid: {plane: [0, 0, -1], at: [0, 0, 0.021], friction: 0.3}
@@ -37,7 +35,7 @@ def test_sensors_share_what_a_lid_presses() -> None:
 
     Their moments are about the sensors' centres.
     """
-    simulation = Simulation(scene_from_text(SLAB))
+    simulation = Simulation(scene_of(SLAB))
     assert not simulation.scene.sensors["left"].wrench(simulation.step()).any()
     result = simulation.step(Command(handles={"lid": Pose((0.0, 0.0, -0.003))}))
     left, right = (simulation.scene.sensors[name].wrench(result) for name in ("left", "right"))
@@ -52,7 +50,7 @@ def test_sensors_share_what_a_lid_presses() -> None:
 
 def test_what_begins_inside_is_pushed_out_by_the_first_step() -> None:
     """With a lid 1 mm inside the slab the first state is not settled; after one step the slab is below the lid."""
-    simulation = Simulation(scene_from_text(SLAB, overrides={"obstacles.lid.at": [0, 0, 0.019]}))
+    simulation = Simulation(scene_of(SLAB, overrides={"obstacles.lid.at": [0, 0, 0.019]}))
     assert not simulation.settled
     touch = simulation.step().contacts["lid"]
     assert simulation.settled
@@ -63,14 +61,14 @@ def test_what_begins_inside_is_pushed_out_by_the_first_step() -> None:
 
 def test_what_lies_on_the_body_has_not_begun_inside() -> None:
     """A lid that starts on the slab is settled."""
-    simulation = Simulation(scene_from_text(SLAB, overrides={"obstacles.lid.at": [0, 0, 0.020]}))
+    simulation = Simulation(scene_of(SLAB, overrides={"obstacles.lid.at": [0, 0, 0.020]}))
     assert simulation.settled
     assert simulation.step().iterations == 0
 
 
 def test_names_are_those_of_the_results() -> None:
     """The contact names of obstacles and two rigid bodies are those of the simulation, in its order."""
-    simulation = Simulation(scene_from_text(SLAB + BODIES))
+    simulation = Simulation(scene_of(SLAB + BODIES))
     names = contact_names(simulation.scene.handles)
     assert names == list(simulation.step().contacts)
     assert names[-3:] == ["two on lid", "two on far", "two on one"]
@@ -82,7 +80,7 @@ def test_the_force_on_a_table_counts_rigid_bodies() -> None:
     lid = {"lid": {"plane": [0, 0, 1], "at": [0, 0, -0.06], "friction": 0.3}}
     more = {"loads.weight": {"gravity": [0, 0, -9.81]}, "dynamics": {"scheme": "bdf2", "step": 0.005}}
     given = {"obstacles": lid, "bodies": box, "sensors": {}, "handles.base.where": {"face": "z+"}, **more}
-    simulation = Simulation(scene_from_text(SLAB, overrides=given))
+    simulation = Simulation(scene_of(SLAB, overrides=given))
     for _ in range(20):
         result = simulation.step(dt=0.005)
     totals = total_forces(contact_points(result.contacts), simulation.scene.handles)
@@ -101,4 +99,4 @@ def test_nothing_touches_where_there_is_nothing_to_touch() -> None:
 def test_a_sensor_without_faces_is_refused() -> None:
     """A sensor without boundary faces is refused with its key in the file and the extent of the mesh."""
     with pytest.raises(SceneError, match=r"sensors\.left\.where[\s\S]*no boundary face is there; the mesh spans"):
-        scene_from_text(SLAB, overrides={"sensors.left.where": {"box": {"x": [1.0, 2.0]}}})
+        scene_of(SLAB, overrides={"sensors.left.where": {"box": {"x": [1.0, 2.0]}}})

@@ -272,10 +272,13 @@ def test_an_idle_step_is_skipped(simulate: MakeSimulation) -> None:
 
 
 def test_an_unfinished_step_is_not_skipped(simulate: MakeSimulation) -> None:
-    """After an unfinished step, steps without a command continue until convergence."""
+    """An unfinished step says why, with an unknown error; steps without a command continue until convergence."""
     simulation = simulate(solver__max_iterations=8)
     results = [simulation.step(tip(z=0.04))]
-    assert not results[0].converged
+    assert (results[0].converged, results[0].iterations, results[0].error_estimate) == (False, 8, np.inf)
+    assert "stopped after 8 iterations" in results[0].message
+    assert "not known" in results[0].message
+    assert np.isfinite(results[0].positions).all()
     while not results[-1].converged:
         results.append(simulation.step())
         assert len(results) < 40
@@ -291,7 +294,8 @@ def test_a_deadline_returns_a_finite_state_that_goes_on_later(simulate: MakeSimu
     assert not hurried.converged
     assert np.isfinite(hurried.positions).all()
     assert hurried.error_estimate > 1e-5
-    assert "deadline" in hurried.message
+    assert "the deadline passed" in hurried.message
+    assert hurried.iterations <= 30
     assert hurried.time == pytest.approx(0.1)
     result = advance(simulation)
     exact = simulate(solver__policy=policy.value).step(tip(z=0.04))
@@ -389,9 +393,6 @@ def test_settings_may_replace_the_scenes(simulate: MakeSimulation) -> None:
     assert simulation.step(tip(z=0.01)).policy is Policy.RELATIVE
 
 
-# --- determinism ---
-
-
 # --- turns beyond half a turn, from quaternions ---
 
 
@@ -403,44 +404,30 @@ def quaternion(vector: tuple[float, float, float]) -> np.ndarray:
 @pytest.mark.parametrize(
     ("reference", "turn", "expected"),
     [
-        ((0, 0, 0), (90, 0, 0), (90, 0, 0)),
-        ((170, 0, 0), (190, 0, 0), (190, 0, 0)),
-        ((350, 0, 0), (370, 0, 0), (370, 0, 0)),
-        ((-170, 0, 0), (-200, 0, 0), (-200, 0, 0)),
-        ((0, 710, 0), (0, 730, 0), (0, 730, 0)),
-        ((0, 730, 0), (0, 700, 0), (0, 700, 0)),
-        ((0, 0, 359), (0, 0, 1), (0, 0, 361)),
         ((355, 0, 0), (0, 0, 0), (360, 0, 0)),
         ((0, 355, 0), (0, 0, 0), (0, 360, 0)),
         ((0, 0, -725), (0, 0, 0), (0, 0, -720)),
         ((0, 360, 0), (0, 0, 0), (0, 360, 0)),
         ((0, 0, 720), (0, 0, 0), (0, 0, 720)),
-        ((200, 200, 0), (210, 210, 0), (210, 210, 0)),
     ],
 )
 def test_nearest_turn_goes_on_from_where_the_handle_is(
     reference: tuple[float, float, float], turn: tuple[float, float, float], expected: tuple[float, float, float]
 ) -> None:
-    """Past 180, 360 and 720 degrees, a quaternion gives the rotation vector nearest to the last one."""
+    """No rotation, past 355 and 720 degrees, is a number of whole turns about the axis of the last pose."""
     found = nearest_turn(quaternion(turn), Pose(rotation=tuple(np.deg2rad(reference))))
     np.testing.assert_allclose(np.rad2deg(found), expected, atol=1e-6)
 
 
 def test_nearest_turn_is_the_nearest_of_all() -> None:
-    """For random quaternions and poses, no other vector of the same rotation is nearer to the pose."""
+    """For random quaternions of both signs, no other vector of the rotation is nearer to the pose."""
     random = np.random.default_rng(0)
     for _ in range(200):
-        reference, turn = random.uniform(-12.0, 12.0, 3), Rotation.random(random_state=random.integers(1 << 30))
+        reference, turn = random.uniform(-14.0, 14.0, 3), Rotation.random(random_state=random.integers(1 << 30))
         vector = turn.as_rotvec()
         angle = np.linalg.norm(vector)
         candidates = [(angle + 2.0 * np.pi * k) * vector / angle for k in range(-6, 7)]
         found = nearest_turn(turn.as_quat(), Pose(rotation=tuple(reference)))
         best = min(candidates, key=lambda candidate: np.linalg.norm(candidate - reference))
         np.testing.assert_allclose(found, best, atol=1e-9)
-
-
-def test_the_sign_of_a_quaternion_does_not_matter() -> None:
-    """Quaternions q and -q give the same rotation."""
-    pose = Pose(rotation=(4.0, 1.0, -2.0))
-    q = quaternion((100.0, -50.0, 20.0))
-    np.testing.assert_allclose(nearest_turn(q, pose), nearest_turn(-q, pose), atol=1e-12)
+        np.testing.assert_allclose(nearest_turn(-turn.as_quat(), Pose(rotation=tuple(reference))), found, atol=1e-9)

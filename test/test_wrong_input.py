@@ -11,14 +11,12 @@ import pytest
 from gdfe_ros import Command, Pose, Simulation
 from gdfe_ros.actuators import Gravity
 from gdfe_ros.errors import CommandError
-from gdfe_ros.scene import scene_from_text
 from gdfe_ros.solver.settings import Damping, Dynamics, SolverSettings
+from test.written import scene_of
 
 SCENE = """\
-name: wrong
 mesh: {bar: {size: [0.1, 0.02, 0.02], cells: [3, 1, 1]}}
 materials: {m: {law: linear, young: 1.0e5, poisson: 0.3, density: 1000}}
-regions: [{material: m}]
 handles: {base: {where: {face: x-}, fixed: true}, tip: {where: {face: x+}}}
 actuators: {pull: {cable: {points: [[0, 0, 0.008], [0.1, 0, 0.008]], command: tension}}}
 loads: {weight: {gravity: [0, 0, -9.81]}}
@@ -30,6 +28,9 @@ LIFT = Command(handles={"tip": Pose((0.0, 0.0, 0.01))})
     "times",
     [
         {"dt": True},
+        {"dt": -1.0},
+        {"dt": -1e-9},
+        {"dt": np.nan},
         {"dt": np.inf},
         {"dt": 1e300},
         {"dt": 10**400},
@@ -45,12 +46,13 @@ LIFT = Command(handles={"tip": Pose((0.0, 0.0, 0.01))})
     ids=str,
 )
 def test_times_are_refused_before_anything_moves(times: dict[str, Any]) -> None:
-    """An invalid time is refused by name, and neither time nor target changes."""
-    simulation = Simulation(scene_from_text(SCENE))
+    """An invalid time is refused by name, and neither time nor targets, commands and readings change."""
+    simulation = Simulation(scene_of(SCENE, overrides={"actuators.pull.cable.rate": 1.0}))
+    simulation.step(Command(actuators={"pull": 0.1}), dt=0.1)
+    before = simulation.time, simulation.targets, simulation.commands, simulation.actuator_states()
     with pytest.raises(CommandError, match=next(iter(times))):
-        simulation.step(LIFT, **{"dt": 1.0, **times})
-    assert simulation.time == 0.0
-    assert simulation.targets["tip"] == Pose()
+        simulation.step(Command(LIFT.handles, {"pull": 0.5}), **{"dt": 1.0, **times})
+    assert (simulation.time, simulation.targets, simulation.commands, simulation.actuator_states()) == before
 
 
 @pytest.mark.parametrize(
@@ -73,7 +75,7 @@ def test_times_are_refused_before_anything_moves(times: dict[str, Any]) -> None:
 @pytest.mark.parametrize("motion", ["", "dynamics: {}"], ids=["statics", "motion"])
 def test_values_of_the_wrong_kind_are_named(command: Command, motion: str) -> None:
     """A command that is no finite number or no pose is refused with what is allowed, with and without dynamics."""
-    simulation = Simulation(scene_from_text(SCENE + motion))
+    simulation = Simulation(scene_of(SCENE + motion))
     with pytest.raises(CommandError, match=r"(pull|weight|tip)'.*allowed"):
         simulation.step(command)
     assert simulation.commands == {"pull": 0.0, "weight": 1.0}
@@ -83,7 +85,7 @@ def test_values_of_the_wrong_kind_are_named(command: Command, motion: str) -> No
 @pytest.mark.parametrize("given", [None, [], "tip"], ids=str)
 def test_parts_of_a_command_are_mappings(part: str, given: Any) -> None:
     """A list, a word or None in place of a mapping is refused by name, and nothing changes."""
-    simulation = Simulation(scene_from_text(SCENE))
+    simulation = Simulation(scene_of(SCENE))
     with pytest.raises(CommandError, match=f"{part} of a Command are a mapping by name"):
         simulation.step(Command(**{part: given}))
     assert simulation.time == 0.0
@@ -92,13 +94,13 @@ def test_parts_of_a_command_are_mappings(part: str, given: Any) -> None:
 def test_positions_that_are_no_numbers_are_named() -> None:
     """A word in place of positions is refused."""
     with pytest.raises(CommandError, match="no array of numbers"):
-        Simulation(scene_from_text(SCENE)).set_positions("abc")
+        Simulation(scene_of(SCENE)).set_positions("abc")
 
 
 @pytest.mark.parametrize("given", [5, "tip", {"tip": Pose()}], ids=str)
 def test_what_is_no_command_and_no_snapshot_is_named(given: Any) -> None:
     """A wrong object in place of a command or snapshot is refused with what is allowed, and nothing changes."""
-    simulation = Simulation(scene_from_text(SCENE))
+    simulation = Simulation(scene_of(SCENE))
     with pytest.raises(CommandError, match="a step follows a Command, or None; got"):
         simulation.step(given)
     with pytest.raises(CommandError, match=r"a snapshot is what Simulation.snapshot returned; got"):
@@ -109,7 +111,7 @@ def test_what_is_no_command_and_no_snapshot_is_named(given: Any) -> None:
 
 def test_a_time_of_too_many_internal_steps_is_refused() -> None:
     """A year in one step is refused with the allowed range for a body with mass, and accepted once it is settled."""
-    simulation = Simulation(scene_from_text(SCENE.partition("loads")[0] + "dynamics: {step: 1.0e-3}"))
+    simulation = Simulation(scene_of(SCENE.partition("loads")[0] + "dynamics: {step: 1.0e-3}"))
     with pytest.raises(CommandError, match=r"3.15e\+10 internal steps of 0.001 s.*allowed: 0 to 100 s"):
         simulation.step(Command(actuators={"pull": 0.1}), dt=3.15e7)
     assert simulation.time == 0.0
@@ -123,7 +125,7 @@ def test_a_time_of_too_many_internal_steps_is_refused() -> None:
 def test_a_command_out_of_all_proportion_ends(value: float) -> None:
     """A pull far beyond the body's strength ends unconverged with a reason, with and without dynamics."""
     for motion in ("", "dynamics: {}"):
-        simulation = Simulation(scene_from_text(SCENE + motion))
+        simulation = Simulation(scene_of(SCENE + motion))
         result = simulation.step(Command(actuators={"pull": value}), dt=0.01)
         assert not result.converged
         assert result.message

@@ -3,16 +3,24 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Callable, Mapping
 from typing import Any
+
+import numpy as np
 
 from gdfe_ros import Command, Simulation
 from gdfe_ros.scene import Scene, scene_from_text
 from gdfe_ros.step_result import StepResult
 
 
-def scene_of(text: str, **overrides: Any) -> Scene:
-    """Return the scene of a text."""
-    return scene_from_text(text, overrides={key.replace("__", "."): value for key, value in overrides.items()})
+def scene_of(text: str, overrides: Mapping[str, Any] | None = None, **keys: Any) -> Scene:
+    """Return the scene of a text; without the key ``regions``, its first material is everywhere."""
+    name = "" if re.search("^name:", text, re.M) else "name: body\n"
+    material = re.search(r"^materials:\s*\{?\s*(\w+):", text, re.M)
+    regions = f"\nregions: [{{material: {material[1]}}}]" if material and "\nregions:" not in text else ""
+    given = {**(overrides or {}), **{key.replace("__", "."): value for key, value in keys.items()}}
+    return scene_from_text(f"{name}{text}{regions}", overrides=given)
 
 
 def simulate(text: str, **overrides: Any) -> Simulation:
@@ -27,3 +35,10 @@ def advance(simulation: Simulation, *command: Command, count: int = 1, **options
         result = simulation.step(*command, **options)
         assert result.converged, result.message
     return result
+
+
+def trace(
+    simulation: Simulation, count: int, measure: Callable[[StepResult], Any], *command: Command, **options: Any
+) -> np.ndarray:
+    """Make equal steps, each of which must converge; return an array of ``measure`` of each result."""
+    return np.array([measure(advance(simulation, *command, **options)) for _ in range(count)])

@@ -8,14 +8,11 @@ import pytest
 
 from gdfe_ros import Command, Pose, Simulation
 from gdfe_ros.errors import SceneError
-from gdfe_ros.scene import scene_from_text
-from test.written import advance
+from test.written import advance, scene_of
 
 ARM = """
-name: arm
 mesh: {bar: {size: [0.1, 0.02, 0.02], cells: [10, 2, 2]}}
 materials: {m: {law: neo_hookean, young: 1.0e6, poisson: 0.45, density: 1000}}
-regions: [{material: m}]
 handles: {base: {where: {face: x-}}}
 probes: {tip: [0.1, 0, 0]}
 actuators: {rope: {cable: {points: [{world: [0.13, 0.0, 0.2]}, [0.1, 0.0, 0.0]], command: COMMAND}}}
@@ -25,7 +22,7 @@ ANCHOR = np.array([0.13, 0.0, 0.2])
 
 
 def _simulation(command: str = "tension", change: tuple[str, str] = ("", ""), more: str = "") -> Simulation:
-    return Simulation(scene_from_text((ARM + more).replace("COMMAND", command).replace(*change)))
+    return Simulation(scene_of((ARM + more).replace("COMMAND", command).replace(*change)))
 
 
 @pytest.mark.parametrize("far", [0.0, 500.0])
@@ -39,7 +36,7 @@ def test_the_base_holds_what_the_cable_pulls(far: float) -> None:
     text = text.replace(" [0.1, 0.0, 0.0]]", f" [{far + 0.1}, 0.0, 0.0]]").replace(
         "{face: x-}", "{mesh: arm, face: x-}"
     )
-    simulation = Simulation(scene_from_text(text))
+    simulation = Simulation(scene_of(text))
     result = advance(simulation, Command(actuators={"rope": 2.0}))
     tip = simulation.probe_positions()["tip"]
     along = ANCHOR + np.array([far, 0.0, 0.0]) - tip
@@ -100,7 +97,7 @@ def test_a_cable_joins_two_bodies() -> None:
     )
     points = "[{mesh: left, at: [0.05, 0, 0]}, {mesh: right, at: [0.05, 0, 0]}]"
     text = text.replace("[{world: [0.13, 0.0, 0.2]}, [0.1, 0.0, 0.0]]", points).replace("COMMAND", "tension")
-    result = advance(Simulation(scene_from_text(text)), Command(actuators={"rope": 1.0}))
+    result = advance(Simulation(scene_of(text)), Command(actuators={"rope": 1.0}))
     np.testing.assert_allclose(result.reactions["low"][:3], [0, 0, -1.0], atol=1e-4)
     np.testing.assert_allclose(result.reactions["high"][:3], [0, 0, 1.0], atol=1e-4)
 

@@ -9,17 +9,15 @@ from scipy.integrate import solve_bvp
 
 from gdfe_ros import Simulation
 from gdfe_ros.errors import GdfeError
-from gdfe_ros.scene import load_scene, scene_from_text
+from gdfe_ros.scene import load_scene
 from gdfe_ros.simulation import Command
-from test.written import advance
+from test.written import advance, scene_of
 
 LENGTH, SIDE, YOUNG = 0.5, 0.02, 1e6
 AREA, INERTIA = SIDE**2, SIDE**4 / 12
 BEAM = f"""
-name: beam
 mesh: {{bar: {{size: [{LENGTH}, {SIDE}, {SIDE}], cells: [50, 2, 2]}}}}
 materials: {{m: {{law: linear, young: {YOUNG}, poisson: 0.0, density: 1000.0}}}}
-regions: [{{material: m}}]
 handles: {{base: {{where: {{face: x-}}, fixed: true}}}}
 probes: {{tip: [{LENGTH}, 0, 0]}}
 solver: {{tolerance: 1.0e-6, max_iterations: 20000}}
@@ -54,7 +52,7 @@ loads:
   tip: {{surface: {{where: {{face: x+}}, force: [0, 0, {-force}]}}}}
   weight: {{gravity: [0, 0, {-gravity}]}}
 """
-    simulation = Simulation(scene_from_text(BEAM + loads))
+    simulation = Simulation(scene_of(BEAM + loads))
     result = advance(simulation)
     x, drop = elastica(end, spread)
     tip = simulation.probe_positions()["tip"] / LENGTH
@@ -72,7 +70,7 @@ def edge_cable(command: str) -> str:
 def test_cable_along_the_edge_bends_to_a_circle() -> None:
     """A cable along the edge bends the bar to curvature T a / E I and compresses it by T / E A, within 2 %."""
     tension = 0.006 * YOUNG * AREA
-    simulation = Simulation(scene_from_text(BEAM + edge_cable("tension")))
+    simulation = Simulation(scene_of(BEAM + edge_cable("tension")))
     assert simulation.step(Command(actuators={"cable": tension})).converged
     curvature = tension * SIDE / 2 / (YOUNG * INERTIA)
     arc = LENGTH * (1 - 0.006)
@@ -85,10 +83,10 @@ def test_cable_along_the_edge_bends_to_a_circle() -> None:
 
 def test_cable_by_shortening_finds_the_same_state() -> None:
     """A cable commanded to the shortening of a tension has that tension within 1 %; lengthened, it becomes slack."""
-    by_tension = Simulation(scene_from_text(BEAM + edge_cable("tension")))
+    by_tension = Simulation(scene_of(BEAM + edge_cable("tension")))
     by_tension.step(Command(actuators={"cable": 1.2}))
     state = by_tension.actuator_states()["cable"]
-    simulation = Simulation(scene_from_text(BEAM + edge_cable("shortening")))
+    simulation = Simulation(scene_of(BEAM + edge_cable("shortening")))
     simulation.step(Command(actuators={"cable": LENGTH - state.extent}))
     found = simulation.actuator_states()["cable"]
     assert found.effort == pytest.approx(1.2, rel=0.01)
@@ -102,7 +100,7 @@ def test_bilayer_curves_as_timoshenko_says() -> None:
     """A bilayer with one layer grown by 0.2 % has curvature 3/2 eps / h within 3 %."""
     strain = 0.002
     growth = f"actuators: {{heat: {{growth: {{stretch: [{1 + strain}, 1, 1], where: {{box: {{z: [0, 1]}}}}}}}}}}\n"
-    simulation = Simulation(scene_from_text(BEAM + growth))
+    simulation = Simulation(scene_of(BEAM + growth))
     assert simulation.step(Command(actuators={"heat": 1.0})).converged
     tip = simulation.probe_positions()["tip"]
     curvature = 1.5 * strain / SIDE
@@ -112,7 +110,7 @@ def test_bilayer_curves_as_timoshenko_says() -> None:
 
 def test_work_of_a_cable_is_the_strain_energy() -> None:
     """The integral of a cable's tension over its shortening is the strain energy within 0.5 %."""
-    simulation = Simulation(scene_from_text(BEAM + edge_cable("tension")))
+    simulation = Simulation(scene_of(BEAM + edge_cable("tension")))
     path = [(0.0, LENGTH)]
     for tension in np.linspace(0, 2.0, 31)[1:]:
         result = simulation.step(Command(actuators={"cable": tension}))

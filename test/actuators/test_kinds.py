@@ -7,15 +7,13 @@ import pytest
 
 from gdfe_ros.actuators import Actuator, ActuatorState, Growth, Mode
 from gdfe_ros.scene.actuator_schema import ActuatorModel
-from gdfe_ros.scene.loader import scene_from_text
 from gdfe_ros.solver.forces.actuation import TERMS
 from gdfe_ros.solver.terms.term import Term
+from test.written import scene_of
 
 SCENE = """
-name: block
 mesh: {{sphere: {{inner: 0.01, outer: 0.015, cells: [3, 1]}}}}
 materials: {{soft: {{law: neo_hookean, young: 1.0e6, poisson: 0.45}}}}
-regions: [{{material: soft}}]
 handles: {{base: {{where: {{face: x-}}}}}}
 actuators: {{it: {entry}}}
 """
@@ -38,7 +36,7 @@ def test_every_class_has_a_term() -> None:
 @pytest.mark.parametrize("kind", ActuatorModel.model_fields)
 def test_every_key_becomes_an_actuator(kind: str) -> None:
     """An entry with the least keys becomes an actuator whose range its mode allows, and whose neutral command is 0."""
-    scene = scene_from_text(SCENE.format(entry=ENTRIES[kind]))
+    scene = scene_of(SCENE.format(entry=ENTRIES[kind]))
     (actuator,) = scene.actuators
     assert type(actuator).__name__.lower() == kind
     assert (actuator.low, actuator.high) == actuator.mode.limits

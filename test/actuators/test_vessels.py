@@ -12,21 +12,18 @@ from scipy.optimize import brentq, fsolve
 
 from gdfe_ros import Simulation
 from gdfe_ros.errors import CommandError, SceneError
-from gdfe_ros.scene import scene_from_text
 from gdfe_ros.simulation import Command
 from gdfe_ros.solver.solution import Increment
 from gdfe_ros.solver.state import changed
 from gdfe_ros.solver.stepping.path import Attempt, LoadPath, Verdict
-from test.written import advance
+from test.written import advance, scene_of
 
 SHEAR = 1e6 / (2 * 1.4999)
 RUBBER = """
 materials: {m: {law: neo_hookean, young: 1.0e6, poisson: 0.4999}}
-regions: [{material: m}]
 """
 INNER, OUTER = 0.010, 0.015
 SPHERE = f"""
-name: ball
 mesh: {{sphere: {{inner: {INNER}, outer: {OUTER}, cells: [6, 5]}}}}
 {RUBBER}
 handles: {{base: {{where: {{vertices: [0]}}, fixed: true}}}}
@@ -66,7 +63,7 @@ def tube_state(pressure: float, inner: float, outer: float) -> tuple[float, floa
 
 def test_sphere_inflates_as_the_exact_solution() -> None:
     """At 60 % of the limit pressure, the growth of a sphere's inner radius is exact within 2 %."""
-    simulation = Simulation(scene_from_text(SPHERE + PRESSURE))
+    simulation = Simulation(scene_of(SPHERE + PRESSURE))
     rest = simulation.actuator_states()["air"].extent
     result = advance(simulation, Command(actuators={"air": 1e5}))
     stretch = (result.actuators["air"].extent / rest) ** (1 / 3)
@@ -76,7 +73,7 @@ def test_sphere_inflates_as_the_exact_solution() -> None:
 
 def test_sphere_by_volume_passes_the_limit_point() -> None:
     """By commanded volume, a sphere passes the pressure maximum, exact within 2 %, and returns to zero pressure."""
-    scene = scene_from_text(SPHERE + PRESSURE.replace("pressure", "volume"))
+    scene = scene_of(SPHERE + PRESSURE.replace("pressure", "volume"))
     simulation = Simulation(scene)
     rest = simulation.actuator_states()["air"].extent
     found = []
@@ -94,7 +91,7 @@ def test_sphere_by_volume_passes_the_limit_point() -> None:
 def test_sphere_reports_the_loss_of_stability() -> None:
     """Above the limit pressure, a sphere stays finite, and the message names a limit that is right within 3 %."""
     limit = max(sphere_pressure(value) for value in np.linspace(1.0, 3.0, 400))
-    simulation = Simulation(scene_from_text(SPHERE + PRESSURE))
+    simulation = Simulation(scene_of(SPHERE + PRESSURE))
     result = simulation.step(Command(actuators={"air": 3e5}))
     assert not result.converged
     assert "lost its stability" in result.message
@@ -107,7 +104,7 @@ def test_sphere_reports_the_loss_of_stability() -> None:
 
 def test_work_of_a_chamber_is_the_strain_energy() -> None:
     """The work of a chamber, p V less the integral of V over p by Gauss' rule, is the strain energy within 0.5 %."""
-    simulation, end = Simulation(scene_from_text(SPHERE + PRESSURE)), 1.2e5
+    simulation, end = Simulation(scene_of(SPHERE + PRESSURE)), 1.2e5
     places, weights = np.polynomial.legendre.leggauss(6)
     extents = []
     for pressure in [*(0.5 * end * (1.0 + places)), end]:
@@ -121,7 +118,6 @@ def test_closed_tube_inflates_as_the_exact_solution() -> None:
     """A thick-walled closed tube has the exact hoop and axial stretch in its middle within 2 %."""
     inner, outer, length, pressure = 0.010, 0.020, 0.120, 1.0e5
     text = f"""
-name: tube
 mesh: {{tube: {{inner: {inner}, outer: {outer}, length: {length}, cells: [6, 16, 20], cap: 0.02, cap_cells: 2}}}}
 {RUBBER}
 handles: {{base: {{where: {{face: x-}}, fixed: true}}}}
@@ -129,7 +125,7 @@ handles: {{base: {{where: {{face: x-}}, fixed: true}}}}
 probes: {{a: [0.05, 0.010, 0], b: [0.07, 0.010, 0], c: [0.05, -0.010, 0]}}
 solver: {{tolerance: 1.0e-5}}
 """
-    simulation = Simulation(scene_from_text(text))
+    simulation = Simulation(scene_of(text))
     assert simulation.step(Command(actuators={"air": pressure})).converged
     middle = np.abs(simulation.mesh.vertices[:, 0] - length / 2) < 0.3 * length / 20
     radius = np.hypot(simulation.mesh.vertices[:, 1], simulation.mesh.vertices[:, 2])
@@ -148,15 +144,13 @@ solver: {{tolerance: 1.0e-5}}
 def test_uniform_growth_is_free_of_stress(policy: str) -> None:
     """Uniform growth of a body held at one vertex is a linear map with exact stretches and strain below 1e-8."""
     text = """
-name: swelling
 mesh: {bar: {size: [0.04, 0.02, 0.02], cells: [4, 2, 2]}}
 materials: {m: {law: neo_hookean, young: 1.0e6, poisson: 0.45}}
-regions: [{material: m}]
 handles: {base: {where: {vertices: [0]}, fixed: true}}
 actuators: {swell: {growth: {stretch: [1.3, 1.1, 0.8]}}}
 """
     text += f"solver: {{tolerance: 1.0e-11, policy: {policy}}}\n"
-    simulation = Simulation(scene_from_text(text))
+    simulation = Simulation(scene_of(text))
     result = advance(simulation, Command(actuators={"swell": 1.0}))
     offset = simulation.mesh.vertices - simulation.mesh.vertices[0]
     moved = result.positions - result.positions[0]
@@ -171,7 +165,7 @@ actuators: {swell: {growth: {stretch: [1.3, 1.1, 0.8]}}}
 def test_commands_out_of_range_are_refused() -> None:
     """Unknown names and values out of range are refused without a change of state, and the rate is limited."""
     actuator = "actuators: {air: {chamber: {command: pressure, range: [0, 5.0e4], rate: 1.0e4}}}\n"
-    simulation = Simulation(scene_from_text(SPHERE + actuator))
+    simulation = Simulation(scene_of(SPHERE + actuator))
     with pytest.raises(CommandError, match=r"allowed: 0 to 50000 Pa"):
         simulation.step(Command(actuators={"air": 6e4}))
     with pytest.raises(CommandError, match=r"no actuator 'water'.*air"):
@@ -188,7 +182,7 @@ def test_commands_out_of_range_are_refused() -> None:
 def test_relative_policy_refuses_forces() -> None:
     """The policy ``relative`` refuses an actuator that exerts forces, and names it."""
     with pytest.raises(SceneError, match=r"cannot take air.*policy: energy"):
-        Simulation(scene_from_text(SPHERE.replace("solver: {", "solver: {policy: relative, ") + PRESSURE))
+        Simulation(scene_of(SPHERE.replace("solver: {", "solver: {policy: relative, ") + PRESSURE))
 
 
 def test_the_cause_is_named_if_only_a_longer_increment_inflated_the_chamber() -> None:

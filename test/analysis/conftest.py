@@ -4,130 +4,80 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import asdict
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import trimesh
-from rclpy.serialization import serialize_message
+from rclpy.serialization import deserialize_message, serialize_message
 from std_msgs.msg import String
 
 from gdfe_ros.constraints import Pose
-from gdfe_ros.node import messages
+from gdfe_ros.live.bag import StepBag
+from gdfe_ros.node.interface import topics
 from gdfe_ros.recording.bag_info import TopicInfo
-from gdfe_ros.recording.packing import Packer
 from gdfe_ros.recording.provenance import RunInfo
-from gdfe_ros.recording.published import MESH, STRAIN, WRENCH, write_mesh, write_strain, write_wrench
-from gdfe_ros.recording.step import Begin, StepRecord, to_nanoseconds
+from gdfe_ros.recording.reader import BagMessage, BagReader
+from gdfe_ros.recording.step import Begin, Step, make_record, observe, to_nanoseconds
 from gdfe_ros.recording.writer import BagWriter
 from gdfe_ros.scene import Scene, load_scene
 from gdfe_ros.simulation import Command, Simulation
+from gdfe_ros.step_result import StepResult
 
 COARSE = {"mesh.bar.cells": [10, 1, 1], "solver.tolerance": 1e-8}
-_OUTCOMES = [
-    "converged",
-    "iterations",
-    "substeps",
-    "error_estimate",
-    "energy",
-    "min_det",
-    "wall_time",
-    "skipped",
-    "message",
-]
-_OUTCOMES += ["energies"]
 
 
 class BagMaker:
-    """Makes steps of a scene and writes the node's messages.
+    """Records steps of a simulation in this process as a node does.
 
     Args:
         path: directory of the bag.
         scene: scene to simulate.
-        node: full name of the imitated node.
-        rename: dict from a topic's name without the node's to its full name.
+        node: name of the imitated node.
     """
 
-    def __init__(
-        self, path: Path, scene: Scene, *, node: str = "/gdfe_sim", rename: Mapping[str, str] | None = None
-    ) -> None:
-        self.scene, self.simulation, self._node = scene, Simulation(scene), node
-        kinds = {"step_record": "std_msgs/msg/String", "mesh": "sensor_msgs/msg/PointCloud2"}
-        kinds |= {"strain": "sensor_msgs/msg/PointCloud2", "scene": "std_msgs/msg/String"}
-        for name in self.simulation.handle_names:
-            kinds[f"handles/{name}/pose"] = "geometry_msgs/msg/PoseStamped"
-            kinds[f"handles/{name}/wrench"] = "geometry_msgs/msg/WrenchStamped"
-        settings = {**asdict(scene.solver), "policy": scene.solver.policy.value}
-        self._rename = dict(rename or {})
-        topics = [TopicInfo(name=self._full(name), type=kind) for name, kind in kinds.items()]
-        self._writer = BagWriter(path, topics, run=RunInfo(scene=scene.source, settings=settings))
+    def __init__(self, path: Path, scene: Scene, *, node: str = "gdfe_sim") -> None:
+        self.scene, self.simulation = scene, Simulation(scene)
+        settings = {"node": {}, "state": None}
+        self._bag = StepBag(path, scene, node=node, settings=settings, texts={topics.SCENE: scene.source})
         self._count, self._begin = 0, Begin.REST
-        sizes = {"mesh": (MESH, scene.mesh.n_vertices), "strain": (STRAIN, scene.mesh.n_cells), "wrench": (WRENCH, 1)}
-        self._packers = {name: Packer(kind, "base_link", count) for name, (kind, count) in sizes.items()}
-        self._send("scene", String(data=scene.source), 0)
 
     def step(self, handles: Mapping[str, Pose] | None = None, *, dt: float = 0.01) -> None:
-        """Make a step and write its messages, the mesh before the record; `repeat` writes the record first."""
-        handles = dict(handles or {})
-        result = self.simulation.step(Command(handles=handles), dt=dt)
-        outcome = {name: getattr(result, name) for name in _OUTCOMES}
-        moment, rest = to_nanoseconds(result.time), self.scene.mesh.vertices
-        record = StepRecord(
-            step=self._count, begin=self._begin, time=result.time, dt=dt, stamp=moment, handles=handles, **outcome
-        )
-        self._count, self._begin = self._count + 1, Begin.LAST
-        head = messages.header(moment, "base_link")
-        self._send("mesh", self._pack("mesh", moment, write_mesh, result.positions, rest), moment)
-        self._send("step_record", String(data=record.to_json()), moment)
-        self._send("strain", self._pack("strain", moment, write_strain, self.simulation.fields()), moment)
-        for name in self.simulation.handle_names:
-            self._send(f"handles/{name}/pose", messages.pose_stamped(head, self.simulation.handle_pose(name)), moment)
-            self._send(
-                f"handles/{name}/wrench", self._pack("wrench", moment, write_wrench, result.reactions[name]), moment
-            )
+        """Make a step with targets of handles, and write its messages."""
+        command = Command(handles=dict(handles or {}))
+        self._write(self.simulation.step(command, dt=dt), command, dt)
 
     def repeat(self, count: int, *, dt: float = 0.01) -> None:
-        """Write the present state as ``count`` further steps, without solving."""
-        result, fields, rest = self.simulation.result, self.simulation.fields(), self.scene.mesh.vertices
+        """Write the last step ``count`` times more, without solving."""
+        result = self.simulation.result
         for number in range(1, count + 1):
-            time = result.time + number * dt
-            outcome = {name: getattr(result, name) for name in _OUTCOMES}
-            moment = to_nanoseconds(time)
-            record = StepRecord(step=self._count, begin=Begin.LAST, time=time, dt=dt, stamp=moment, **outcome)
-            self._count += 1
-            self._send("step_record", String(data=record.to_json()), moment)
-            self._send("mesh", self._pack("mesh", moment, write_mesh, result.positions, rest), moment)
-            self._send("strain", self._pack("strain", moment, write_strain, fields), moment)
+            self._write(replace(result, time=result.time + number * dt), Command(), dt)
 
     def reset(self) -> None:
-        """Reset the simulation to the undeformed state."""
+        """Reset the simulation; the next step continues from the undeformed state."""
         self.simulation.reset()
         self._begin = Begin.REST
 
     def skip(self) -> None:
-        """Skip a step's number, as if its record had been dropped."""
+        """Leave out the number of a step, as a lost record does."""
         self._count += 1
 
     def close(self) -> Path:
-        """Complete the bag and return its directory."""
-        self._writer.close({"messages_dropped": "0"})
-        return self._writer.path
+        """Complete the bag; return its directory."""
+        self._bag.close()
+        return self._bag.path
 
-    def _pack(self, kind: str, moment: int, write: Callable[..., None], *numbers: Any) -> bytes:
-        return self._packers[kind].pack(moment, lambda rows: write(rows, *numbers))
-
-    def _send(self, topic: str, message: Any, moment: int) -> None:
-        data = message if isinstance(message, bytes) else serialize_message(message)
-        self._writer.write(self._full(topic), data, moment)
-
-    def _full(self, topic: str) -> str:
-        return self._rename.get(topic, f"{self._node}/{topic}")
+    def _write(self, result: StepResult, command: Command, dt: float) -> None:
+        stamp = to_nanoseconds(result.time)
+        record = make_record(result, command, step=self._count, begin=self._begin, dt=dt, stamp=stamp)
+        self._bag.write(Step(record=record, result=result, log_time=stamp, **observe(self.simulation)))
+        self._count, self._begin = self._count + 1, Begin.LAST
 
     @staticmethod
     def coarse() -> Scene:
-        """Load a scene that is solved in a millisecond."""
+        """Return bend5 on a coarse mesh."""
         return load_scene("bend5", overrides=COARSE)
 
 
@@ -169,3 +119,30 @@ def rod(tmp_path: Path) -> Scene:
     surface.export(tmp_path / "rod.stl")
     (tmp_path / "rod.yaml").write_text(ROD)
     return load_scene(tmp_path / "rod.yaml")
+
+
+def unchanged(given: Any) -> Any:
+    """Return what is given."""
+    return given
+
+
+def rewrite(
+    bag: Path,
+    out: Path,
+    *,
+    run: Callable[[RunInfo], RunInfo] = unchanged,
+    topic: Callable[[TopicInfo], TopicInfo] = unchanged,
+    record: Callable[[str], str] = unchanged,
+    order: Callable[[list[BagMessage]], list[BagMessage]] = unchanged,
+) -> Path:
+    """Write a bag again with changed contents, whose checksums are right; return the new bag."""
+    reader = BagReader(bag)
+    named = {name: topic(info) for name, info in reader.topics.items()}
+    writer = BagWriter(out, list(named.values()), run=run(reader.run))
+    for message in order(list(reader.messages())):
+        data = message.data
+        if message.topic.endswith("/step_record"):
+            data = serialize_message(String(data=record(deserialize_message(data, String).data)))
+        writer.write(named[message.topic].name, data, message.log_time)
+    writer.close({})
+    return out

@@ -11,20 +11,15 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from rclpy.serialization import deserialize_message, serialize_message
-from std_msgs.msg import String
 
 from gdfe_ros.cli import BAD_INPUT, main
 from gdfe_ros.recording.provenance import RunInfo
-from gdfe_ros.recording.reader import BagReader
 from gdfe_ros.recording.step import ENERGIES
-from gdfe_ros.recording.writer import BagWriter
+from test.analysis.conftest import rewrite
+from test.test_bounded_text import BOMB
 
 PATIENCE = 20.0
 """Longest processor time of a refusal [s], with the imports of a command; without limits, it was minutes."""
-BOMB = "a: &a [1, 1, 1, 1, 1, 1, 1, 1, 1]\n" + "\n".join(
-    f"{after}: &{after} [{', '.join([f'*{name}'] * 9)}]" for name, after in zip("abcdefgh", "bcdefghi", strict=True)
-)
 COMMANDS = {
     "replay": lambda bag: ["replay", bag],
     "export": lambda bag: ["export", bag, "--out", f"{bag}.csv"],
@@ -74,27 +69,6 @@ RUNS: dict[str, Callable[[RunInfo], RunInfo]] = {
 }
 
 
-def _remade(
-    bag: Path,
-    out: Path,
-    *,
-    run: Callable[[RunInfo], RunInfo] = lambda run: run,
-    record: Callable[[str], str] = lambda text: text,
-    definition: Callable[[str], str] = lambda text: text,
-) -> Path:
-    """Write a bag again with changed contents, whose checksums are right."""
-    reader = BagReader(bag)
-    topics = [replace(topic, definition=definition(topic.definition)) for topic in reader.topics.values()]
-    writer = BagWriter(out, topics, run=run(reader.run))
-    for message in reader.messages():
-        data = message.data
-        if message.topic.endswith("/step_record"):
-            data = serialize_message(String(data=record(deserialize_message(data, String).data)))
-        writer.write(message.topic, data, message.log_time)
-    writer.close({})
-    return out
-
-
 def _status(bag: Path, capsys: pytest.CaptureFixture[str]) -> int:
     """Return the status of the last command after each has told what is wrong, or, if it reads no such part, ended."""
     for command in COMMANDS.values():
@@ -113,7 +87,7 @@ def test_a_hostile_record_is_refused(
     make_bag: Callable[..., Path], tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str
 ) -> None:
     """A step's record with a value that no step can have is refused by each command."""
-    bag = _remade(make_bag(heights=[0.0, 0.01]), tmp_path / "hostile", record=RECORDS[name])
+    bag = rewrite(make_bag(heights=[0.0, 0.01]), tmp_path / "hostile", record=RECORDS[name])
     assert _status(bag, capsys) == BAD_INPUT
 
 
@@ -122,7 +96,7 @@ def test_a_hostile_origin_is_refused(
     make_bag: Callable[..., Path], tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str
 ) -> None:
     """A scene or settings of another type, or that would take hours to read, are refused by each command."""
-    bag = _remade(make_bag(heights=[0.0, 0.01]), tmp_path / "hostile", run=RUNS[name])
+    bag = rewrite(make_bag(heights=[0.0, 0.01]), tmp_path / "hostile", run=RUNS[name])
     assert _status(bag, capsys) == BAD_INPUT
 
 
@@ -130,7 +104,9 @@ def test_a_huge_definition_is_refused(
     make_bag: Callable[..., Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """A definition of a type with 16 MB, whose parser took a minute, is refused."""
-    bag = _remade(
-        make_bag(heights=[0.0, 0.01]), tmp_path / "hostile", definition=lambda text: text + "\n# x" * 4_000_000
+    bag = rewrite(
+        make_bag(heights=[0.0, 0.01]),
+        tmp_path / "hostile",
+        topic=lambda topic: replace(topic, definition=topic.definition + "\n# x" * 4_000_000),
     )
     assert _status(bag, capsys) == BAD_INPUT

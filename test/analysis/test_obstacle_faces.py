@@ -17,8 +17,9 @@ from gdfe_ros.constraints import Pose
 from gdfe_ros.constraints.form import Box, Capsule, Cylinder, Form, Plane, Sphere, TriangleMesh
 from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.mesh.solid import make_solid
-from gdfe_ros.scene import load_scene, scene_from_text
+from gdfe_ros.scene import load_scene
 from gdfe_ros.simulation import Simulation
+from test.written import scene_of
 
 CUBE = trimesh.creation.box((0.1, 0.2, 0.3))
 ROD = 0.02**2 * np.pi * 0.1
@@ -36,14 +37,12 @@ POSE = Pose((0.1, 0.2, -0.3), (0.4, 0.0, 0.1))
 def test_faces_of_a_record_are_where_the_obstacle_was() -> None:
     """An obstacle with a recorded pose is drawn there, one without a record at its initial pose."""
     text = """
-name: balls
 mesh: {bar: {size: [0.1, 0.1, 0.1], cells: [2, 2, 2]}}
 materials: {soft: {law: neo_hookean, young: 1.0e5, poisson: 0.4}}
-regions: [{material: soft}]
 handles: {base: {where: {face: x-}}}
 obstacles: {moved: {sphere: {radius: 0.02}, at: [0.3, 0, 0]}, still: {sphere: {radius: 0.02}, at: [0, 0.3, 0]}}
 """
-    scene = scene_from_text(text)
+    scene = scene_of(text)
     turn = Rotation.from_rotvec(POSE.rotation).as_quat()
     values = {f"pose.position.{axis}": np.array([POSE.translation[k]]) for k, axis in enumerate("xyz")}
     values |= {f"pose.orientation.{axis}": np.array([turn[k]]) for k, axis in enumerate("xyzw")}

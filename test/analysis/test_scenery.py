@@ -16,7 +16,7 @@ from gdfe_ros.analysis.report.animation import Surroundings
 from gdfe_ros.analysis.scenery import ARROW, Scenery
 from gdfe_ros.contacts import contact_points
 from gdfe_ros.recording.step import Begin, StepRecord
-from gdfe_ros.scene import scene_from_text
+from test.written import scene_of
 
 
 @pytest.fixture(scope="module")
@@ -104,12 +104,10 @@ def test_chambers_are_drawn_where_they_are(tmp_path: Path) -> None:
 
 
 BARS = """
-name: bars
 meshes:
   near: {bar: {size: [0.1, 0.02, 0.02], cells: [20, 4, 4]}, at: [0, -0.03, 0]}
   far: {bar: {size: [0.1, 0.02, 0.04], cells: [20, 4, 8]}, at: [0, 0.03, 0]}
 materials: {soft: {law: neo_hookean, young: 1.0e5, poisson: 0.4}}
-regions: [{material: soft}]
 handles: {ends: {where: {any: [{mesh: near, face: x-}, {mesh: far, face: x-}]}, fixed: true}}
 obstacles: {ball: {sphere: {radius: 0.018}, at: [0.05, 0, 0.01]}}
 self_contact: {}
@@ -118,7 +116,7 @@ self_contact: {}
 
 def test_a_ball_between_two_bars_is_behind_one_and_before_the_other() -> None:
     """A ball between two bars tints the farther bar only."""
-    simulation = Simulation(scene_from_text(BARS))
+    simulation = Simulation(scene_of(BARS))
     values = simulation.mesh.vertices[simulation.mesh.cells].mean(axis=1)[:, 1] > 0.0
     pictures = []
     for scenery in (Scenery.of(simulation), Scenery()):

@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The pages "Coming from SOFA" and "Coming from MuJoCo": their files, commands and code work as printed."""
+"""The pages "Coming from SOFA", "from MuJoCo" and "from Abaqus": their files, commands and code work as printed."""
 
 from __future__ import annotations
 
 import math
 import re
 import shlex
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -18,6 +19,7 @@ import yaml
 from gdfe_ros import Command, Simulation, load_scene
 from gdfe_ros.cli import main
 from gdfe_ros.errors import SceneError
+from gdfe_ros.materials import NeoHookean, Yeoh
 
 DOCS = Path(__file__).parents[2] / "docs"
 
@@ -30,6 +32,12 @@ def _blocks(page: str, language: str) -> list[str]:
 def _run(block: str) -> None:
     for line in block.splitlines():
         assert main(shlex.split(line)[1:]) == 0, line
+
+
+def _add(path: str, entries: str) -> None:
+    """Add entries of a page to a scene file."""
+    scene = yaml.safe_load(Path(path).read_text()) | yaml.safe_load(entries)
+    Path(path).write_text(yaml.safe_dump(scene))
 
 
 DRAW = """
@@ -48,8 +56,7 @@ def test_a_robot_of_sofa_from_its_drawing_to_a_fitted_model(tmp_path: Path, monk
     make, solve, fit, _ = _blocks("from_sofa.md", "sh")
     entries, match, _ = _blocks("from_sofa.md", "yaml")
     _run(make)
-    scene = yaml.safe_load(Path("stalk.yaml").read_text()) | yaml.safe_load(entries)
-    Path("stalk.yaml").write_text(yaml.safe_dump(scene))
+    _add("stalk.yaml", entries)
     _run(solve)
     assert Path("stalk.png").stat().st_size > 10_000
     Path("match.yaml").write_text(match)
@@ -90,3 +97,32 @@ def test_a_flex_of_mujoco(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> No
     exec(code, found)
     assert found["result"].converged
     assert found["simulation"].time == pytest.approx(0.1)
+
+
+def test_a_model_of_abaqus(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """All commands of the page end with 0, and the scene with its entries sags by its weight where the instance is."""
+    monkeypatch.chdir(tmp_path)
+    shutil.copy(DOCS.parent / "test" / "data" / "cases" / "abaqus" / "moved_instance.inp", "finger.inp")
+    (first, last), (entries,) = (_blocks("from_abaqus.md", kind) for kind in ("sh", "yaml"))
+    _run(first)
+    _add("finger.yaml", entries)
+    _run(last)
+    assert Path("finger.png").stat().st_size > 10_000
+    loaded = load_scene("finger.yaml")
+    assert isinstance(loaded.materials["body"], Yeoh)
+    simulation = Simulation(loaded)
+    assert simulation.step().converged
+    moved = simulation.positions - loaded.mesh.vertices
+    assert loaded.mesh.bounds[0, 0] == pytest.approx(0.1)
+    assert moved[:, 2].min() == pytest.approx(-5.1e-3, rel=0.15)  # w L^4 / (8 E I) of a slender beam
+    weight = 1070 * 2e-5 * 9.81
+    assert simulation.result.reactions["base"][2] == pytest.approx(weight, rel=1e-3)
+
+
+def test_the_formulas_of_the_page_about_abaqus_are_right() -> None:
+    """Young's modulus from C10, and Poisson's ratio from D1, give the shear and bulk moduli of Abaqus' manual."""
+    c10, d1 = 2.0e4, 1.0e-6
+    bulk, shear = 2.0 / d1, 2.0 * c10
+    poisson = (3.0 * bulk - 2.0 * shear) / (6.0 * bulk + 2.0 * shear)
+    material = NeoHookean(young=4.0 * (1.0 + poisson) * c10, poisson=poisson)
+    np.testing.assert_allclose([material.shear0, material.bulk], [shear, bulk], rtol=1e-12)

@@ -9,13 +9,10 @@ from scipy.optimize import fsolve
 
 from gdfe_ros import Command, Pose, Simulation
 from gdfe_ros.errors import CommandError, SceneError
-from gdfe_ros.scene import scene_from_text
-from test.written import advance
+from test.written import advance, scene_of
 
 MATERIAL = """
-name: rollers
 materials: {m: {law: neo_hookean, young: 1.0e5, poisson: 0.4, density: 1000}}
-regions: [{material: m}]
 solver: {tolerance: 1.0e-7}
 """
 EIGHTH = (
@@ -33,7 +30,7 @@ loads: {pull: {surface: {where: {face: x+}, traction: [3.0e4, 0, 0]}}}
 
 def test_a_block_between_symmetry_planes_is_stretched_evenly() -> None:
     """Under a traction, an eighth of a block has the closed form's stretches; its planes bear what symmetry asks."""
-    simulation = Simulation(scene_from_text(EIGHTH))
+    simulation = Simulation(scene_of(EIGHTH))
     result = simulation.step()
     mu, lame = 1e5 / 2.8, 1e5 * 0.4 / (1.4 * 0.2)
 
@@ -54,10 +51,10 @@ def test_a_block_between_symmetry_planes_is_stretched_evenly() -> None:
 def test_thousands_of_vertices_on_rollers_add_no_rigid_parts() -> None:
     """A plane of symmetry with 2209 vertices, held by rollers alone, is stretched as the closed form says."""
     text = EIGHTH.replace("cells: [4, 2, 2]", "cells: [2, 46, 46]")
-    simulation = Simulation(scene_from_text(text))
+    simulation = Simulation(scene_of(text))
     assert simulation.stepper.body.unknowns.rigid_rows == 0
     result = advance(simulation)
-    coarse = Simulation(scene_from_text(EIGHTH)).step()
+    coarse = Simulation(scene_of(EIGHTH)).step()
     np.testing.assert_allclose(result.positions[-1], coarse.positions[-1], atol=1e-7)
     assert result.reactions["mx"][0] == pytest.approx(-3e4 * 4e-4, rel=1e-5)
 
@@ -72,7 +69,7 @@ def _bent(kind: str, more: str = "") -> tuple[Simulation, object]:
     """Return a bar that is moved down at its ends, or its right half beside a plane of symmetry."""
     size, handle = HALVES[kind]
     text = f"{MATERIAL}mesh: {{bar: {size}}}\nhandles: {{{handle}, tip: {{where: {{face: x+}}}}}}\n{more}"
-    simulation = Simulation(scene_from_text(text))
+    simulation = Simulation(scene_of(text))
     poses = {"tip": Pose((0.001, 0, -0.006), (0, 0.3, 0))}
     if kind == "whole":
         poses["other"] = Pose((-0.001, 0, -0.006), (0, -0.3, 0))
@@ -113,10 +110,10 @@ def test_derivatives_agree_with_differences() -> None:
 
 def test_rollers_take_no_commands_and_need_a_place_of_their_own() -> None:
     """A command of rollers, rollers that are fixed, and rollers wholly inside of a handle are refused."""
-    simulation = Simulation(scene_from_text(EIGHTH))
+    simulation = Simulation(scene_of(EIGHTH))
     with pytest.raises(CommandError, match="mx"):
         simulation.step(Command({"mx": Pose((0, 0, 0.01))}))
     with pytest.raises(SceneError, match="slide excludes fixed"):
-        scene_from_text(EIGHTH.replace("slide: [y, z]", "slide: [y, z], fixed: true"))
+        scene_of(EIGHTH.replace("slide: [y, z]", "slide: [y, z], fixed: true"))
     with pytest.raises(SceneError, match="belongs to other handles"):
-        scene_from_text(EIGHTH.replace("  my:", "  all: {where: {face: x-}, fixed: true}\n  my:"))
+        scene_of(EIGHTH.replace("  my:", "  all: {where: {face: x-}, fixed: true}\n  my:"))

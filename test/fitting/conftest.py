@@ -104,15 +104,3 @@ def record_bag(tmp_path: Path) -> Callable[..., Path]:
         return bag.path
 
     return record
-
-
-@pytest.fixture
-def swinging_text() -> str:
-    """Return the scene text of the bar in motion."""
-    return SWINGING
-
-
-@pytest.fixture
-def pulled_text() -> str:
-    """Return the scene text of the bar with a dead load."""
-    return PULLED

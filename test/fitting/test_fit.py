@@ -5,8 +5,9 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -19,25 +20,38 @@ from gdfe_ros.fitting.match import CompareModel, matched_observable
 from gdfe_ros.fitting.statistics import percent
 from gdfe_ros.scene import load_scene
 from gdfe_ros.scene.report import unit_of
+from test.fitting.conftest import PULLED, SWINGING
 
 YOUNG, VISCOSITY = "materials.rubber.young", "dynamics.damping.viscosity"
+VARY = ("--vary", f"{YOUNG}=5e4..8e5")
 
 
-def _fit(*given: object) -> int:
-    return main(["fit", *(str(item) for item in given), "--workers", "1"])
+@pytest.fixture
+def fit(write_scene: Callable, write_table: Callable, tmp_path: Path, capsys: Any) -> Callable[..., SimpleNamespace]:
+    """Give a function that fits a scene to recordings, and returns the folder, the found values and what was printed.
+
+    By default it fits the modulus of the bar to one table.
+    """
+
+    def run(*given: object, data: Sequence[Path] = (), match: str = "", text: str = PULLED) -> SimpleNamespace:
+        out, words = tmp_path / "out", list(given) if "--vary" in given else [*VARY, *given]
+        if match:
+            (tmp_path / "match.yaml").write_text(match)
+            words += ["--match", tmp_path / "match.yaml"]
+        words = [write_scene(text), *(data or [write_table()]), *words, "--workers", "1", "--out", out]
+        status = main(["fit", *map(str, words)])
+        parameters = json.loads((out / "fit.json").read_text())["parameters"]
+        values = {name: found["value"] for name, found in parameters.items()}
+        return SimpleNamespace(out=out, status=status, values=values, printed=" ".join(capsys.readouterr().out.split()))
+
+    return run
 
 
-def _values(out: Path) -> dict[str, Any]:
-    return json.loads((out / "fit.json").read_text())["parameters"]
-
-
-def test_a_modulus_comes_back_from_a_table(
-    write_scene: Callable, write_table: Callable, tmp_path: Path, capsys: Any
-) -> None:
+def test_a_modulus_comes_back_from_a_table(fit: Callable) -> None:
     """From equilibria with 1 % noise: modulus within 1 %, true value in its interval, and all files are written."""
-    out = tmp_path / "out"
-    assert _fit(write_scene(), write_table(), "--vary", f"{YOUNG}=3e4..4e4..2e6", "--out", out) == 0
-    found = _values(out)[YOUNG]
+    run = fit("--vary", f"{YOUNG}=3e4..4e4..2e6")
+    out, found = run.out, json.loads((run.out / "fit.json").read_text())["parameters"][YOUNG]
+    assert run.status == 0
     assert found["value"] == pytest.approx(2e5, rel=0.01)
     assert found["low"] < 2e5 < found["high"]
     assert load_scene(out / "scene.yaml").materials["rubber"].young == pytest.approx(found["value"])
@@ -50,9 +64,8 @@ def test_a_modulus_comes_back_from_a_table(
     assert '"text":"residual [m]"' in page
     assert re.search(r"<td>[\d.]+ Pa</td>", page)
     assert len((out / "residuals.csv").read_text().splitlines()) == 1 + 3 * 30
-    printed = capsys.readouterr().out
-    assert "warning" not in printed
-    assert re.search(r"\d Pa .*\d m ", printed, re.DOTALL)
+    assert "warning" not in run.printed
+    assert re.search(r"\d Pa .*\d m ", run.printed)
     _require_whole_charts(out / "fit.html")
 
 
@@ -78,73 +91,52 @@ def _require_whole_charts(page: Path) -> None:
         chrome.quit()
 
 
-def test_a_modulus_comes_back_from_our_own_bag(write_scene: Callable, record_bag: Callable, tmp_path: Path) -> None:
+def test_a_modulus_comes_back_from_our_own_bag(fit: Callable, record_bag: Callable) -> None:
     """The modulus of a node's bag with 1 % noise is found within 1 %, with its commands replayed."""
-    out = tmp_path / "out"
-    assert _fit(write_scene(), record_bag(), "--vary", f"{YOUNG}=5e4..8e5", "--out", out) == 0
-    assert _values(out)[YOUNG]["value"] == pytest.approx(2e5, rel=0.01)
+    found = fit(data=[record_bag()])
+    assert (found.status, found.values[YOUNG]) == (0, pytest.approx(2e5, rel=0.01))
 
 
-def test_modulus_and_damping_come_back_from_a_swing(
-    swinging_text: str, write_scene: Callable, write_table: Callable, tmp_path: Path
-) -> None:
+def test_modulus_and_damping_come_back_from_a_swing(fit: Callable, write_table: Callable) -> None:
     """In a swing with 1 % noise, the modulus is found within 1 % and the viscosity within 5 %.
 
     The fit starts from a modulus that swings 1.6 times too fast.
     """
-    out, data = tmp_path / "out", write_table(swinging_text, count=100)
-    given = ("--vary", f"{YOUNG}=5e4..5e5..1e6", "--vary", f"{VISCOSITY}=20..100..5e3", "--out", out)
-    assert _fit(write_scene(swinging_text), data, *given) == 0
-    assert _values(out)[YOUNG]["value"] == pytest.approx(2e5, rel=0.01)
-    assert _values(out)[VISCOSITY]["value"] == pytest.approx(300.0, rel=0.05)
+    given = ("--vary", f"{YOUNG}=5e4..5e5..1e6", "--vary", f"{VISCOSITY}=20..100..5e3")
+    found = fit(*given, data=[write_table(SWINGING, count=100)], text=SWINGING)
+    assert (found.status, found.values[YOUNG]) == (0, pytest.approx(2e5, rel=0.01))
+    assert found.values[VISCOSITY] == pytest.approx(300.0, rel=0.05)
 
 
-def test_time_shift_and_frame_come_back(
-    swinging_text: str, write_scene: Callable, write_table: Callable, tmp_path: Path, capsys: Any
-) -> None:
+def test_time_shift_and_frame_come_back(fit: Callable, write_table: Callable, tmp_path: Path) -> None:
     """A clock 23 ms ahead, a frame rotated by 90 degrees and shifted, and the modulus are found."""
-    table = np.genfromtxt(write_table(swinging_text, count=100, noise=0.001), delimiter=",", skip_header=1)
+    table = np.genfromtxt(write_table(SWINGING, count=100, noise=0.001), delimiter=",", skip_header=1)
     turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
     rows = np.column_stack([table[:, 0] + 0.023, 1e-3 * table[:, 2:] @ turn.T + [0.3, -0.2, 0.1]])
-    data, match = tmp_path / "lab.csv", tmp_path / "match.yaml"
-    np.savetxt(data, rows, delimiter=",", header="clock,a,b,c", comments="")
-    match.write_text(
-        "time: clock\nshift_between: [-0.1, 0.1]\nframe: {fit: pose}\n"
-        "compare: {tip: {probe: tip, columns: {x: a, y: b, z: c}}}\n"
-    )
-    given = ("--match", match, "--vary", f"{YOUNG}=1e5..4e5", "--out", tmp_path / "out")
-    assert _fit(write_scene(swinging_text), data, *given) == 0
-    assert _values(tmp_path / "out")[YOUNG]["value"] == pytest.approx(2e5, rel=0.01)
-    found = re.search(r"lab: time shift ([\d.]+) ms", capsys.readouterr().out)
-    assert float(found[1]) == pytest.approx(23.0, abs=0.5)
+    np.savetxt(tmp_path / "lab.csv", rows, delimiter=",", header="clock,a,b,c", comments="")
+    match = "time: clock\nshift_between: [-0.1, 0.1]\nframe: {fit: pose}\n"
+    match += "compare: {tip: {probe: tip, columns: {x: a, y: b, z: c}}}\n"
+    found = fit("--vary", f"{YOUNG}=1e5..4e5", data=[tmp_path / "lab.csv"], match=match, text=SWINGING)
+    assert (found.status, found.values[YOUNG]) == (0, pytest.approx(2e5, rel=0.01))
+    shift = re.search(r"lab: time shift ([\d.]+) ms", found.printed)
+    assert float(shift[1]) == pytest.approx(23.0, abs=0.5)
 
 
-def test_a_held_out_recording_is_predicted(
-    write_scene: Callable, write_table: Callable, tmp_path: Path, capsys: Any
-) -> None:
+def test_a_held_out_recording_is_predicted(fit: Callable, write_table: Callable) -> None:
     """A held-out recording of a softer body is predicted and reported, and does not affect the fit."""
-    good = write_table(name="good")
-    soft = write_table(Path(write_scene()).read_text().replace("2.0e5", "1.2e5"), name="soft", seed=3)
-    out = tmp_path / "out"
-    given = ("--vary", f"{YOUNG}=5e4..8e5", "--holdout", "soft", "--out", out)
-    assert _fit(write_scene(), good, soft, *given) == 0
-    assert _values(out)[YOUNG]["value"] == pytest.approx(2e5, rel=0.01)
-    printed = capsys.readouterr().out
-    assert "soft, tip: held out and predicted to" in printed
-    assert "predicted" in (out / "fit.html").read_text(encoding="utf-8")
+    data = [write_table(name="good"), write_table(PULLED.replace("2.0e5", "1.2e5"), name="soft", seed=3)]
+    found = fit("--holdout", "soft", data=data)
+    assert (found.status, found.values[YOUNG]) == (0, pytest.approx(2e5, rel=0.01))
+    assert "soft, tip: held out and predicted to" in found.printed
+    assert "predicted" in (found.out / "fit.html").read_text(encoding="utf-8")
 
 
-def test_a_model_that_explains_nothing_is_told(
-    write_scene: Callable, write_table: Callable, tmp_path: Path, capsys: Any
-) -> None:
+def test_a_model_that_explains_nothing_is_told(fit: Callable) -> None:
     """A column with the wrong sign is fitted as well as it can be, and a warning names units, signs and columns."""
-    match = tmp_path / "match.yaml"
-    match.write_text("compare: {tip: {probe: tip, column: tip.z, along: [0, 0, -1], unit: mm, displacement: true}}\n")
-    given = ("--match", match, "--vary", f"{YOUNG}=5e4..8e5", "--out", tmp_path / "out")
-    assert _fit(write_scene(), write_table(), *given) == 0
-    printed = " ".join(capsys.readouterr().out.split())
-    assert re.search(r"the misfit is [1-9]\d\d? % of the motion", printed)
-    assert "check units, signs and columns" in printed
+    found = fit(match="compare: {tip: {probe: tip, column: tip.z, along: [0, 0, -1], unit: mm, displacement: true}}\n")
+    assert found.status == 0
+    assert re.search(r"the misfit is [1-9]\d\d? % of the motion", found.printed)
+    assert "check units, signs and columns" in found.printed
 
 
 @pytest.mark.parametrize(
@@ -161,27 +153,22 @@ def test_parameters_have_the_unit_of_their_key() -> None:
     assert [unit_of(key) for key in keys] == ["Pa", "m", "Pa s", "", ""]
 
 
-def test_structure_is_told(write_scene: Callable, write_table: Callable, tmp_path: Path, capsys: Any) -> None:
+def test_structure_is_told(fit: Callable, write_table: Callable) -> None:
     """A linear law fitted to a neo-Hookean body under large loads gives structured residuals and a warning."""
-    other = Path(write_scene()).read_text().replace("neo_hookean", "linear").replace("[0, 0, -0.05]", "[0.3, 0, -0.05]")
-    data = write_table(other.replace("linear", "neo_hookean"), noise=1e-4, most=20.0)
-    assert _fit(write_scene(other), data, "--vary", f"{YOUNG}=5e4..8e5", "--out", tmp_path / "out") == 0
-    assert "residuals are structured" in capsys.readouterr().out
+    text = PULLED.replace("[0, 0, -0.05]", "[0.3, 0, -0.05]")
+    found = fit(data=[write_table(text, noise=1e-4, most=20.0)], text=text.replace("neo_hookean", "linear"))
+    assert found.status == 0
+    assert "residuals are structured" in found.printed
 
 
-def test_what_the_data_do_not_tell_apart_is_told(
-    write_scene: Callable, write_table: Callable, tmp_path: Path, capsys: Any
-) -> None:
+def test_what_the_data_do_not_tell_apart_is_told(fit: Callable) -> None:
     """Modulus and load, of which displacements determine only the ratio, are reported by name."""
-    text = Path(write_scene()).read_text()
-    given = ("--vary", f"{YOUNG}=5e4..8e5", "--vary", "loads.pull.point.force.2=-0.2..-0.01")
-    _fit(write_scene(text), write_table(), *given, "--out", tmp_path / "out")
-    printed = capsys.readouterr().out
+    printed = fit(*VARY, "--vary", "loads.pull.point.force.2=-0.2..-0.01").printed
     assert "determine" in printed
     assert YOUNG in printed.partition("the data")[2]
 
 
-def test_a_robust_loss_forgives_outliers(write_scene: Callable, write_table: Callable, tmp_path: Path) -> None:
+def test_a_robust_loss_forgives_outliers(fit: Callable, write_table: Callable) -> None:
     """With every seventh row wrong, a robust loss finds the modulus, and least squares does not."""
     data = write_table(noise=0.002)
     lines = data.read_text().splitlines()
@@ -189,12 +176,9 @@ def test_a_robust_loss_forgives_outliers(write_scene: Callable, write_table: Cal
         cells = lines[row].split(",")
         lines[row] = ",".join([*cells[:4], str(float(cells[4]) - 15.0)])
     data.write_text("\n".join(lines) + "\n")
-    found = {}
-    for loss in ("linear", "cauchy"):
-        given = ("--vary", f"{YOUNG}=5e4..8e5", "--loss", loss, "--out", tmp_path / loss)
-        assert _fit(write_scene(), data, *given) == 0
-        found[loss] = abs(_values(tmp_path / loss)[YOUNG]["value"] / 2e5 - 1.0)
-    assert found["cauchy"] < 0.01 < found["linear"]
+    linear, cauchy = (fit("--loss", loss, data=[data]) for loss in ("linear", "cauchy"))
+    assert linear.status == cauchy.status == 0
+    assert abs(cauchy.values[YOUNG] / 2e5 - 1.0) < 0.01 < abs(linear.values[YOUNG] / 2e5 - 1.0)
 
 
 def test_pressures_and_volumes_have_units_of_their_own() -> None:

@@ -20,6 +20,7 @@ from gdfe_ros.recording.writer import BagWriter
 from gdfe_ros.scene import scene_from_text
 from gdfe_ros.simulation import Command, Simulation
 from gdfe_ros.workers import connect
+from test.fitting.conftest import PULLED
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 YOUNG = "materials.rubber.young"
@@ -90,9 +91,9 @@ def _messages(second: float, force: float, tip: np.ndarray, cloud: np.ndarray) -
 
 
 @pytest.fixture
-def robot_bag(pulled_text: str, tmp_path: Path) -> Path:
+def robot_bag(tmp_path: Path) -> Path:
     """Record a robot: the bar under rising loads, observed by four systems on one clock."""
-    simulation, rng = Simulation(scene_from_text(pulled_text)), np.random.default_rng(4)
+    simulation, rng = Simulation(scene_from_text(PULLED)), np.random.default_rng(4)
     infos = []
     for name, kind in TOPICS.items():
         definition, _ = STORE.generate_msgdef(kind, ros_version=2)
@@ -159,19 +160,17 @@ def test_what_a_topic_does_not_have(
 
 
 @pytest.mark.exact("the processes that it starts shift nothing")
-def test_workers_find_what_one_process_finds(
-    robot_bag: Path, pulled_text: str, tmp_path: Path, kill_one: Callable
-) -> None:
+def test_workers_find_what_one_process_finds(robot_bag: Path, tmp_path: Path, kill_one: Callable) -> None:
     """Two worker processes, one of which is killed, give the same trajectories to the last bit as this process."""
     match = tmp_path / "match.yaml"
     match.write_text("compare: {seen: {probe: tip, topic: /pose}}\ncommands: {pull: {topic: /cmd, joint: motor}}\n")
-    recordings = read_recordings([robot_bag], match, scene_from_text(pulled_text))
+    recordings = read_recordings([robot_bag], match, scene_from_text(PULLED))
     tasks = [({YOUNG: value}, recordings[0], np.inf) for value in (2e6, 4e6)]
     found = []
     with connect(None, 2) as workers:
         for client in (None, workers):
             if client is not None:
                 kill_one(client)
-            found.append([trajectory.outputs[0] for trajectory in Simulations(pulled_text, client).run(tasks)])
+            found.append([trajectory.outputs[0] for trajectory in Simulations(PULLED, client).run(tasks)])
     for alone, shared in zip(*found, strict=True):
         np.testing.assert_array_equal(alone, shared)

@@ -198,10 +198,11 @@ def _parameters(executable: str) -> set[str]:
 
 
 def test_the_parameter_file_names_parameters_of_the_node() -> None:
-    """Every entry of config/sim.yaml is a parameter of the node, with the type of its default."""
+    """Every entry of config/sim.yaml is a parameter of the node, with its default."""
     entries = yaml.safe_load((ROOT / "config" / "sim.yaml").read_text(encoding="utf-8"))["/**"]["ros__parameters"]
-    kinds = {spec.name: type(spec.default) for spec in PARAMETERS}
-    assert {name: type(value) for name, value in entries.items()}.items() <= kinds.items()
+    defaults = {spec.name: spec.default for spec in PARAMETERS}
+    assert entries == {name: defaults[name] for name in entries}
+    assert [type(value) for value in entries.values()] == [type(defaults[name]) for name in entries]
 
 
 def test_the_gripper_follows_the_arm_that_is_started_beside_it(stand_ins: None) -> None:

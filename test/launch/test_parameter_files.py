@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import os
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -60,11 +59,7 @@ class Node:
         return self.call(SetParameters, "set_parameters", request).results[0]
 
     def _wait(self, done: Callable[[], Any]) -> None:
-        end = time.monotonic() + 300.0
-        while not done():
-            assert self.process.poll() is None
-            assert time.monotonic() < end
-            self._ros.executor.spin_once(timeout_sec=0.05)
+        self._ros.wait(done, alive=lambda: self.process.poll() is None)
 
 
 @pytest.fixture

@@ -9,6 +9,7 @@ by name and an array for each kind of command, and expects states over sensor Qo
 from __future__ import annotations
 
 import time
+from functools import partial
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -87,15 +88,7 @@ def test_a_node_understands_the_hardware_and_is_understood(ros: Any, urdf: Eleme
     node.create_subscription(JointState, topics["joint_states_topic"], states.append, qos_profile_sensor_data)
     publisher = node.create_publisher(JointState, topics["joint_commands_topic"], QoSProfile(depth=1))
     with NodeProcess({"scene": "tendon_finger", "clock": "lockstep"}) as process:
-
-        def wait(done: Any) -> Any:
-            end = time.monotonic() + 300.0
-            while not (value := done()):
-                assert process.running
-                assert time.monotonic() < end
-                ros.executor.spin_once(timeout_sec=0.05)
-            return value
-
+        wait = partial(ros.wait, alive=lambda: process.running)
         wait(publisher.get_subscription_count)
         await_discovery(node, f"/{NODE_NAME}", wait)
         seen = set()

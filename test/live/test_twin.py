@@ -24,16 +24,8 @@ from gdfe_ros.simulation import Simulation
 from gdfe_ros.twin.estimator import MeasuredBody
 from gdfe_ros.twin.twin import Twin
 from test.live.viewer import Viewer, vertices_in
+from test.node.test_twin import ARM
 
-ARM = """
-name: arm
-mesh: {bar: {size: [0.12, 0.02, 0.02], cells: [12, 2, 2]}}
-materials: {soft: {law: neo_hookean, young: 1.0e5, poisson: 0.45}}
-regions: [{material: soft}]
-handles: {base: {where: {face: x-}, fixed: true}}
-actuators: {tendon: {cable: {points: [[0.0, 0.0, 0.008], [0.12, 0.0, 0.008]], range: [0.0, 5.0]}}}
-probes: {middle: [0.06, 0.0, 0.0], tip: [0.12, 0.0, 0.0]}
-"""
 AWAY = np.array([0.0, 0.004, 0.003])
 """Measured minus simulated position of the tip [m]."""
 

@@ -24,14 +24,15 @@ from rcl_interfaces.srv import SetParameters
 from rclpy.action import ActionClient
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from rosbags.highlevel import AnyReader
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Int32MultiArray, String
+from std_srvs.srv import SetBool, Trigger
 
 from gdfe_ros.recording.step import StepRecord
 from gdfe_ros.testing import NodeProcess
 from gdfe_ros.testing.client import await_discovery
+from test.node.standard import Standard
 
 DATA = Path(__file__).parents[1] / "data"
 COARSE = {"scene": "bend5", "scene_overrides": ["mesh.bar.cells=[20, 2, 2]"]}
@@ -62,7 +63,7 @@ class Client:
 
     def __init__(self, ros: Any, name: str = "/gdfe_sim") -> None:
         self.node = ros.node("client")
-        self._executor, self._name = ros.executor, name
+        self.wait, self._executor, self._name = ros.wait, ros.executor, name
         self.received: dict[str, list[Any]] = defaultdict(list)
         for topic, kind in _OUTPUTS.items():
             self.node.create_subscription(kind, self.full(topic), self.received[topic].append, _QOS)
@@ -72,14 +73,6 @@ class Client:
     def full(self, topic: str) -> str:
         """Return a topic's full name."""
         return topic if topic.startswith("/") else f"{self._name}/{topic}"
-
-    def wait(self, done: Callable[[], Any], *, seconds: float = 300.0) -> Any:
-        """Spin until ``done`` returns a true value, and return that value."""
-        end = time.monotonic() + seconds
-        while not (value := done()):
-            assert time.monotonic() < end, f"waited for {seconds} s in vain"
-            self._executor.spin_once(timeout_sec=0.05)
-        return value
 
     def spin(self, seconds: float) -> None:
         """Receive messages for a time [s]."""
@@ -142,6 +135,28 @@ class Client:
         messages = [Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]
         return self.call(SetParameters, "set_parameters", SetParameters.Request(parameters=messages)).results
 
+    def listen(self, topic: str, kind: type) -> list[Any]:
+        """Subscribe to a topic of the node; return the list of received messages."""
+        self.node.create_subscription(kind, self.full(topic), self.received[topic].append, _QOS)
+        return self.received[topic]
+
+    def trigger(self, service: str) -> str:
+        """Call a service of the kind Trigger, which must succeed; return its message."""
+        response = self.call(Trigger, service, Trigger.Request())
+        assert response.success, response.message
+        return response.message
+
+    def advance(self, count: int = 1) -> None:
+        """Make steps in lockstep."""
+        for _ in range(count):
+            self.trigger("step")
+
+    def switch(self, service: str, data: bool) -> str:
+        """Call a service of the kind SetBool, which must succeed; return its message."""
+        response = self.call(SetBool, service, SetBool.Request(data=data))
+        assert response.success, response.message
+        return response.message
+
     def last(self, topic: str) -> Any:
         """Return the last message of a topic; wait for the first one."""
         return self.wait(lambda: self.received[topic])[-1]
@@ -156,11 +171,11 @@ class Client:
 
     def mesh(self) -> np.ndarray:
         """Return the last mesh, (n, 6) float32; wait for the first one."""
-        return _vertices(self.last("mesh"))
+        return vertices(self.last("mesh"))
 
     def meshes(self) -> list[np.ndarray]:
         """Return all meshes that arrived, each (n, 6) float32."""
-        return [_vertices(message) for message in self.received["mesh"]]
+        return [vertices(message) for message in self.received["mesh"]]
 
     def wait_steps(self, count: int) -> None:
         """Spin until records and meshes of ``count`` steps have arrived."""
@@ -249,18 +264,34 @@ def start() -> Iterator[Callable[..., NodeProcess]]:
 
 
 @pytest.fixture
-def records_of() -> Callable[[Path], list[StepRecord]]:
-    """Give a function that reads the step records of a bag."""
+def launch(client: Client, start: Callable[..., NodeProcess]) -> Callable[..., NodeProcess]:
+    """Give a function that starts ``sim_node`` with parameters, and waits for its first step."""
 
-    def read(bag: Path) -> list[StepRecord]:
-        with AnyReader([bag]) as reader:
-            chosen = [connection for connection in reader.connections if connection.topic.endswith("/step_record")]
-            return [
-                StepRecord.from_json(reader.deserialize(raw, connection.msgtype).data)
-                for connection, _, raw in reader.messages(chosen)
-            ]
+    def make(**parameters: Any) -> NodeProcess:
+        process = start(**parameters)
+        client.wait(client.records)
+        return process
 
-    return read
+    return make
+
+
+@pytest.fixture
+def falling_slab(launch: Callable[..., NodeProcess], slab: Path) -> NodeProcess:
+    """Give the process of a node in lockstep with a slab and a rigid part, after the first step of 5 ms."""
+    return launch(scene=str(slab), clock="lockstep", dt=0.005)
+
+
+@pytest.fixture
+def standard(client: Client, interfaces: Callable[[str], None]) -> Standard:
+    """Give a client of the services of simulation_interfaces."""
+    interfaces("simulation_interfaces")
+    return Standard(client)
+
+
+@pytest.fixture
+def bodies(standard: Standard, falling_slab: NodeProcess) -> Standard:
+    """Give a client of the services of a node with a falling slab, whose messages are built before the node starts."""
+    return standard
 
 
 @pytest.fixture
@@ -269,7 +300,8 @@ def coarse() -> dict[str, Any]:
     return dict(COARSE)
 
 
-def _vertices(cloud: PointCloud2) -> np.ndarray:
+def vertices(cloud: PointCloud2) -> np.ndarray:
+    """Return the six numbers (n, 6) of each point of a cloud."""
     return np.frombuffer(cloud.data, "<f4").reshape(-1, 6)
 
 

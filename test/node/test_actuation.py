@@ -15,12 +15,9 @@ from builtin_interfaces.msg import Duration
 from geometry_msgs.msg import PoseStamped
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
-from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from gdfe_ros.analysis.bag_run import BagRun
-from gdfe_ros.analysis.difference import Difference
-from gdfe_ros.analysis.replay import Replay
 from gdfe_ros.node.messages import to_time
 from gdfe_ros.simulation import Command
 from gdfe_ros.testing import Simulator
@@ -47,9 +44,7 @@ def test_tendons_bend_the_finger_under_commands_in_order() -> None:
     assert np.array_equal(again.positions, bent[1].positions)
 
 
-def test_actuators_are_commanded_by_name_and_over_time(
-    client: Any, start: Callable, records_of: Callable, tmp_path: Path
-) -> None:
+def test_actuators_are_commanded_by_name_and_over_time(client: Any, start: Callable, tmp_path: Path) -> None:
     """Actuators follow a JointState, and a trajectory with the fast clock; invalid commands are refused and counted."""
     process = start(**{**FINGER, "clock": "fast", "heartbeat": 0.0}, record=True, bag_path=str(tmp_path / "bag"))
     client.publish("actuation", JointState(name=["extensor"], effort=[1.0]))
@@ -66,17 +61,18 @@ def test_actuators_are_commanded_by_name_and_over_time(
     values = client.diagnostics()
     assert (values["refused: out of range"], values["refused: wrong size"]) == ("1", "1")
     process.stop()
-    tensions = [record.actuators["flexor"] for record in records_of(tmp_path / "bag") if "flexor" in record.actuators]
+    tensions = [
+        record.actuators["flexor"] for record in BagRun(tmp_path / "bag").records if "flexor" in record.actuators
+    ]
     np.testing.assert_allclose(tensions, 2.0 - np.abs(2.0 - 0.2 * np.arange(1, 21)), atol=1e-6)
 
 
-def test_two_publishers_of_one_topic_lose_no_command(client: Any, start: Callable) -> None:
+def test_two_publishers_of_one_topic_lose_no_command(client: Any, launch: Callable) -> None:
     """Commands of two tendons by two publishers of ~/actuation before one step are both consumed by that step."""
-    start(**{**FINGER, "clock": "wall", "heartbeat": 0.0})
-    client.wait(client.records)
+    launch(**{**FINGER, "clock": "wall", "heartbeat": 0.0})
     publishers = [client.node.create_publisher(JointState, client.full("actuation"), 100) for _ in range(2)]
     client.wait(lambda: all(publisher.get_subscription_count() for publisher in publishers))
-    assert client.call(SetBool, "pause", SetBool.Request(data=True)).success
+    client.switch("pause", True)
     for count in range(1, 4):
         for _ in range(5):
             for publisher, name in zip(publishers, ("flexor", "extensor"), strict=True):
@@ -84,7 +80,7 @@ def test_two_publishers_of_one_topic_lose_no_command(client: Any, start: Callabl
                 message.effort[message.name.index(name)] = float(count)
                 publisher.publish(message if count == 2 else JointState(name=[name], effort=[float(count)]))
         client.wait_taken(10 * count)
-        assert client.call(Trigger, "step", Trigger.Request()).success
+        client.advance()
         client.wait(lambda count=count: client.record().actuators == {"flexor": count, "extensor": count})
     assert client.diagnostics()["commands refused"] == "0"
 
@@ -140,8 +136,7 @@ def test_the_jacobian_predicts_the_motion_of_the_tip(client: Any, start: Callabl
     client.node.create_subscription(Float64MultiArray, client.full("jacobian"), jacobians.append, 10)
     client.publish("commands", Float64MultiArray(data=[1.0, 0.0]))
     client.wait(lambda: client.record().actuators.get("flexor") == 1.0)
-    response = client.call(Trigger, "compute_jacobian", Trigger.Request())
-    assert response.success, response.message
+    client.trigger("compute_jacobian")
     client.wait(lambda: jacobians)
     assert [dimension.label for dimension in jacobians[0].layout.dim] == ["tip", "x,y,z", "flexor,extensor"]
     jacobian = np.array(jacobians[0].data).reshape(1, 3, 2)
@@ -160,16 +155,13 @@ def _tip_at(client: Any, tips: list[PoseStamped], tension: float) -> np.ndarray:
     return np.array([tip.x, tip.z])
 
 
-def test_a_bag_begun_under_load_replays(client: Any, start: Callable, tmp_path: Path) -> None:
+def test_a_bag_begun_under_load_replays(client: Any, launch: Callable, replays: Callable, tmp_path: Path) -> None:
     """A bag started by the service under load, without a subscriber of joint states, replays bit for bit."""
-    start(scene="tendon_finger", scene_overrides=["solver.tolerance=1e-3"], bag_path=str(tmp_path / "bag"))
-    client.wait(client.records)
+    launch(scene="tendon_finger", scene_overrides=["solver.tolerance=1e-3"], bag_path=str(tmp_path / "bag"))
     client.publish("actuation", JointState(name=["flexor"], effort=[1.0]))
     client.wait(lambda: any(record.actuators.get("flexor") == 1.0 for record in client.records()))
-    assert client.call(SetBool, "record", SetBool.Request(data=True)).success
+    client.switch("record", True)
     client.publish("actuation", JointState(name=["flexor"], effort=[1.5]))
     client.wait(lambda: any(record.actuators.get("flexor") == 1.5 for record in client.records()))
-    assert client.call(SetBool, "record", SetBool.Request(data=False)).success
-    report = Replay(BagRun(tmp_path / "bag")).run()
-    assert report.verdict() is Difference.IDENTICAL
-    assert ("joint_states", "velocity") in report.differences.fields
+    client.switch("record", False)
+    assert ("joint_states", "velocity") in replays(tmp_path / "bag")

@@ -17,16 +17,11 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
-from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from gdfe_ros import Command, Simulation, load_scene
-from gdfe_ros.analysis.bag_run import BagRun
-from gdfe_ros.analysis.difference import Difference
-from gdfe_ros.analysis.replay import Replay
 from gdfe_ros.errors import CommandError
 from gdfe_ros.testing import Simulator
-from gdfe_ros.testing.node_replay import NodeReplay
 from test.arms.conftest import SCENE, TWO_LINKS
 
 _LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -44,7 +39,7 @@ def held_block(tmp_path: Path) -> Path:
 @pytest.mark.parametrize(
     "springs", ["", "compliance: {lift: {stiffness: 200, damping: 2}}, "], ids=["rigid", "yielding"]
 )
-def test_joints_are_commanded_and_reported(held_block: Path, tmp_path: Path, springs: str) -> None:
+def test_joints_are_commanded_and_reported(held_block: Path, replays: Callable, tmp_path: Path, springs: str) -> None:
     """Joint commands in lockstep give the library's states bit for bit, and the bag replays with equal efforts."""
     held_block.write_text(held_block.read_text().replace("flange: tip, ", f"flange: tip, {springs}"))
     simulation, steps = Simulation(load_scene(held_block)), []
@@ -61,11 +56,7 @@ def test_joints_are_commanded_and_reported(held_block: Path, tmp_path: Path, spr
             simulator.step(Command(joints={"lift": 2.1}))
     assert steps[0].record.joints["lift"] == 1.5
     assert list(steps[0].joints) == ["lift", "bend"]
-    run = BagRun(tmp_path / "bag")
-    for replay in (Replay(run), NodeReplay(run)):
-        report = replay.run()
-        assert report.differences.verdict() is Difference.IDENTICAL, report.differences.differing
-        assert report.unknown == ()
+    replays(tmp_path / "bag", node=True)
 
 
 def _place(heard: dict[str, Any], frame: str) -> np.ndarray:
@@ -112,17 +103,15 @@ def test_an_arm_goes_back_at_once(client: Any, start: Callable, held_block: Path
     client.publish("joint_command", JointState(name=["lift"], position=[1.0]))
     client.wait(lambda: abs(client.mesh()[:, 5]).max() > 0.2)
     before = client.record().time
-    response = client.call(Trigger, "reset_arms", Trigger.Request())
-    assert response.success, response.message
+    client.trigger("reset_arms")
     client.wait(lambda: abs(client.mesh()[:, 5]).max() < 0.05)
     assert client.record().time >= before
 
 
-def test_what_is_cut_is_told(client: Any, start: Callable, held_block: Path) -> None:
+def test_what_is_cut_is_told(client: Any, launch: Callable, held_block: Path) -> None:
     """After a jump, /diagnostics reports limited velocity and acceleration, and an effort that is too large."""
     limits = "arm.limits={bend: {effort: 0.1}}"
-    start(scene=str(held_block), clock="wall", rate=20.0, dt=0.01, scene_overrides=[limits])
-    client.wait(client.records)
+    launch(scene=str(held_block), clock="wall", rate=20.0, dt=0.01, scene_overrides=[limits])
     client.publish("joint_command", JointState(name=["lift"], position=[-1.9]))
     wanted, told = ("lift: velocity cut to its limit", "above its limit 0.1"), set()
 
@@ -135,14 +124,13 @@ def test_what_is_cut_is_told(client: Any, start: Callable, held_block: Path) -> 
     assert told == set(wanted)
 
 
-def test_a_foreign_client_moves_the_arm(client: Any, start: Callable, interfaces: Callable, held_block: Path) -> None:
+def test_a_foreign_client_moves_the_arm(client: Any, launch: Callable, interfaces: Callable, held_block: Path) -> None:
     """Goals as for joint_trajectory_controller are tracked within tolerance, preempted, cancelled and refused."""
     interfaces("control_msgs")
     from control_msgs.action import FollowJointTrajectory
     from control_msgs.msg import JointTolerance
 
-    start(scene=str(held_block), clock="fast", heartbeat=0.0, dt=0.01)
-    client.wait(client.records)
+    launch(scene=str(held_block), clock="fast", heartbeat=0.0, dt=0.01)
     states: list[JointState] = []
     client.node.create_subscription(JointState, "/gdfe_sim/joint_states", states.append, 100)
     action = client.action(FollowJointTrajectory, "follow_joint_trajectory")

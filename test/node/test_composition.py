@@ -44,14 +44,11 @@ def test_two_robots_run_in_one_process(make: Callable[[Any], Any]) -> None:
     ]
     for node in nodes:
         executor.add_node(node)
-    end = time.monotonic() + 300.0
+    end, meshes = time.monotonic() + 300.0, {"/robot_0/gdfe_sim/mesh", "/robot_1/gdfe_sim/mesh"}
     try:
-        while not all(node.lifecycle_state == "active" for node in nodes):
-            assert time.monotonic() < end
-            executor.spin_once(timeout_sec=0.1)
-        while not {"/robot_0/gdfe_sim/mesh", "/robot_1/gdfe_sim/mesh"} <= set(
-            dict(nodes[0].get_topic_names_and_types())
-        ):
+        while any(node.lifecycle_state != "active" for node in nodes) or not meshes <= {
+            name for name, _ in nodes[0].get_topic_names_and_types()
+        }:
             assert time.monotonic() < end
             executor.spin_once(timeout_sec=0.1)
     finally:
@@ -68,19 +65,15 @@ def test_a_destroyed_node_leaves_the_graph(ros: Any) -> None:
     context = rclpy.Context()
     rclpy.init(context=context)
     node = SimNode(namespace="leaving", context=context, parameter_overrides=[Parameter("autostart", value=False)])
-    watcher, end = ros.node("watcher"), time.monotonic() + 300.0
+    watcher = ros.node("watcher")
 
     def is_seen() -> bool:
-        assert time.monotonic() < end
-        ros.executor.spin_once(timeout_sec=0.1)
         return ("gdfe_sim", "/leaving") in watcher.get_node_names_and_namespaces()
 
-    while not is_seen():
-        pass
+    ros.wait(is_seen)
     node.close()
     node.destroy_node()
-    while is_seen():
-        pass
+    ros.wait(lambda: not is_seen())
     rclpy.shutdown(context=context)
     assert node.lifecycle_state == "finalized"
 
@@ -93,22 +86,18 @@ def test_an_active_node_that_is_destroyed_leaves_the_graph(ros: Any, slab: Path)
     parameters = [Parameter("scene", value=str(slab)), Parameter("clock", value="wall")]
     node = SimNode(namespace="leaving", context=context, parameter_overrides=parameters)
     executor.add_node(node)
-    watcher, end = ros.node("watcher"), time.monotonic() + 300.0
+    watcher = ros.node("watcher")
 
     def is_seen() -> bool:
-        assert time.monotonic() < end
         executor.spin_once(timeout_sec=0.1)
-        ros.executor.spin_once(timeout_sec=0.1)
         return ("gdfe_sim", "/leaving") in watcher.get_node_names_and_namespaces()
 
-    while node.lifecycle_state != "active" or not is_seen():
-        is_seen()
+    ros.wait(lambda: is_seen() and node.lifecycle_state == "active")
     gc.disable()
     try:
         executor.remove_node(node)
         node.destroy_node()
-        while is_seen():
-            pass
+        ros.wait(lambda: not is_seen())
     finally:
         gc.enable()
     executor.shutdown()
@@ -131,26 +120,21 @@ def test_a_spawned_body_is_read_in_a_thread_of_its_own(
 
     monkeypatch.setattr(things, "read_entity", read)
     parameters = [Parameter("scene", value=str(slab)), Parameter("clock", value="lockstep")]
-    node, end = ros.node(SimNode, parameter_overrides=parameters), time.monotonic() + 120.0
+    node = ros.node(SimNode, parameter_overrides=parameters)
     service = ros.node("client").create_client(SpawnEntity, "/gdfe_sim/spawn_entity")
 
-    def wait(done: Callable[[], Any]) -> None:
-        while not done():
-            assert time.monotonic() < end
-            ros.executor.spin_once(timeout_sec=0.1)
-
-    wait(lambda: node.lifecycle_state == "active" and service.service_is_ready())
+    ros.wait(lambda: node.lifecycle_state == "active" and service.service_is_ready())
     request = SpawnEntity.Request(name="part", allow_renaming=False)
     request.entity_resource.resource_string = "{box: {size: [1, 1, 1]}, mass: 1}"
     request.initial_pose.pose.position.x = 0.3
     answers = []
     for number in range(MOST_WAITING + 1):  # the first one is being read
         answers.append(service.call_async(request))
-        wait(lambda waiting=number: len(node._entities._exchange._waiting) == waiting)
+        ros.wait(lambda waiting=number: len(node._entities._exchange._waiting) == waiting)
     answers.append(service.call_async(request))
-    wait(answers[-1].done)
+    ros.wait(answers[-1].done)
     go_on.set()
-    wait(lambda: all(answer.done() for answer in answers))
+    ros.wait(lambda: all(answer.done() for answer in answers))
     texts = [answer.result().result.error_message for answer in answers]
     node.close()
     assert sum("is taken" in text for text in texts) == MOST_WAITING + 1

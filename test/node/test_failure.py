@@ -13,7 +13,7 @@ import pytest
 import rclpy
 from rclpy.executors import MultiThreadedExecutor
 from rclpy.parameter import Parameter
-from std_srvs.srv import SetBool, Trigger
+from std_srvs.srv import Trigger
 
 from gdfe_ros.errors import CommandError, GdfeError, RecordingError
 from gdfe_ros.node.orders import PoseOrder
@@ -200,12 +200,11 @@ def test_many_failed_steps_lose_nothing(tmp_path: Path, make: Callable[..., Any]
 
 
 @pytest.mark.parametrize("count", [20, pytest.param(1000, marks=pytest.mark.torture)])
-def test_a_node_of_its_own_outlives_failed_steps(client: Any, start: Callable, tmp_path: Path, count: int) -> None:
+def test_a_node_of_its_own_outlives_failed_steps(client: Any, launch: Callable, tmp_path: Path, count: int) -> None:
     """Steps of 1000 s fail because of too many internal steps; all other steps are made and in the bag."""
     bag = tmp_path / "bag"
     mesh = ["mesh.bar.cells=[10, 1, 1]", "dynamics.step=0.001"]
-    process = start(scene="drop", scene_overrides=mesh, clock="lockstep", record=True, bag_path=str(bag))
-    client.wait(client.records)
+    process = launch(scene="drop", scene_overrides=mesh, clock="lockstep", record=True, bag_path=str(bag))
     for number in range(count):
         client.set(dt=1e3)
         answer = client.call(Trigger, "step", Trigger.Request())
@@ -213,8 +212,8 @@ def test_a_node_of_its_own_outlives_failed_steps(client: Any, start: Callable, t
         assert "paused in the last good state" in answer.message
         client.set(dt=0.01)
         if number % 2:
-            assert client.call(SetBool, "pause", SetBool.Request(data=False)).success
-        assert client.call(Trigger, "step", Trigger.Request()).success
+            client.switch("pause", False)
+        client.advance()
     values = client.status()
     assert (values["state"], values["steps failed"], values["steps"]) == ("active", str(count), str(count + 1))
     client.set(dt=1e3)

@@ -17,7 +17,6 @@ from typing import Any
 
 import pytest
 import yaml
-from std_srvs.srv import Trigger
 
 DATA = Path(__file__).parents[1] / "data"
 CUBE = """{bar: {size: [0.03, 0.03, 0.03], cells: [2, 2, 2]},
@@ -41,10 +40,8 @@ def flat(
 
 
 @pytest.fixture
-def ask(client: Any, flat: None, start: Callable, slab: Path) -> Callable[..., dict[str, Any]]:
+def ask(flat: None, falling_slab: Any) -> Callable[..., dict[str, Any]]:
     """Start a node, and give a function that calls one of its services and returns the answer."""
-    start(scene=str(slab), clock="lockstep", dt=0.005)
-    client.wait(client.records)
     tool = str(Path(sys.executable).with_name("gdfe"))
 
     def call(service: str, **request: Any) -> dict[str, Any]:
@@ -72,13 +69,13 @@ def test_a_body_is_spawned_by_flat_fields_and_put_elsewhere(client: Any, ask: Ca
     assert wrong["result"]["result"] == FAILED
     moved = {"pose": {"position": {"x": 0.3, "y": 0.2, "z": 0.4}, "orientation": {"w": 1.0}}}
     assert ask("set_entity_state", entity="gel", state=moved)["result"]["result"] == OK
-    assert client.call(Trigger, "step", Trigger.Request()).success
+    client.advance()
     place = ask("get_entity_state", entity="gel")["state"]["pose"]["position"]
     assert (place["x"], place["y"]) == pytest.approx((0.3, 0.2), abs=1e-4)
     assert place["z"] == pytest.approx(0.4, abs=1e-3)
 
 
-def test_a_world_is_loaded_by_flat_fields(client: Any, ask: Callable) -> None:
+def test_a_world_is_loaded_by_flat_fields(ask: Callable) -> None:
     """A name in `uri`, and a text in `resource_string`; the current world and the list have flat fields, too."""
     assert ask("load_world")["result"]["result"] == WORLD_NO_RESOURCE
     found = ask("load_world", uri="bend5")

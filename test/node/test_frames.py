@@ -145,8 +145,6 @@ def test_commands_in_other_frames_are_transformed(
 
 def test_a_plate_follows_a_frame(client: Any, start: Callable, coarse: dict, interfaces: Callable) -> None:
     """A tip that follows a frame moves with it, refuses other commands, and returns to it after a reset."""
-    from std_srvs.srv import Trigger
-
     interfaces("tf2_msgs")
     tree = _Tree(client)
     process = start(**coarse, follow=["tip=frame:tool0"])
@@ -161,7 +159,7 @@ def test_a_plate_follows_a_frame(client: Any, start: Callable, coarse: dict, int
     client.publish("handles/tip/target", _pose("", [0, 0, 0.1], turn))
     client.wait(lambda: client.diagnostics().get("refused: handle follows") == "1")
     assert "handle 'tip' follows frame tool0 and takes no commands" in process.log
-    assert client.call(Trigger, "reset", Trigger.Request()).success
+    client.trigger("reset")
     after = len(client.received["handles/tip/pose"])
     client.wait(lambda: len(client.received["handles/tip/pose"]) > after)
     client.wait(lambda: client.received["handles/tip/pose"][-1].pose.position.z == pytest.approx(0.05))

@@ -7,7 +7,6 @@ import os
 import random
 import time
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 from geometry_msgs.msg import PoseStamped, TwistStamped
@@ -19,6 +18,8 @@ from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+from test.node.meter import read_memory
 
 MESSAGES = int(os.environ.get("TORTURE_EXAMPLES", "0")) * 20 or 1000
 """Number of random messages; a tenth as many requests."""
@@ -84,12 +85,6 @@ def _bytes(kind: type, dice: random.Random) -> bytes:
     return bytes(data)
 
 
-def _memory(pid: int) -> float:
-    """Return the resident memory of a process [MB]."""
-    lines = Path(f"/proc/{pid}/status").read_text(encoding="utf-8").splitlines()
-    return next(int(line.split()[1]) for line in lines if line.startswith("VmRSS")) / 1000.0
-
-
 def _ask(client: Any, dice: random.Random) -> float:
     """Send a random request, and return the time of its answer [s]."""
     from simulation_interfaces import srv
@@ -113,12 +108,11 @@ def _ask(client: Any, dice: random.Random) -> float:
     return time.monotonic() - began
 
 
-def test_random_messages_and_requests(client: Any, start: Callable, interfaces: Callable) -> None:
+def test_random_messages_and_requests(client: Any, launch: Callable, interfaces: Callable) -> None:
     """A node under random messages and requests stays active, answers soon, does not grow, and obeys afterwards."""
     for package in ("tf2_msgs", "simulation_interfaces"):
         interfaces(package)
-    process = start(scene="tendon_finger", heartbeat=0.2)
-    client.wait(client.records)
+    process = launch(scene="tendon_finger", heartbeat=0.2)
     slowest, before, count = 0.0, 0.0, 0
     publishers = {
         topic: client.node.create_publisher(kind, client.full(topic), 100)
@@ -144,23 +138,22 @@ def test_random_messages_and_requests(client: Any, start: Callable, interfaces: 
             client.spin(0.001)
         slowest, count = max(slowest, _ask(client, dice)), count + 10
         if count == MESSAGES // 40 * 10:
-            before = _memory(process.pid)
+            before = read_memory(process.pid)
 
     attack()
     assert client.state() == "active"
     assert slowest < PATIENCE
-    growth = _memory(process.pid) - before
+    growth = 1e-6 * (read_memory(process.pid) - before)
     print(f"{count} messages; slowest answer {slowest:.2f} s, growth {growth:.1f} MB")
     assert growth < GROWTH
     assert "\x1b" not in process.log
     assert process.stop() == 0
 
 
-def test_huge_messages_delay_no_answer(client: Any, start: Callable, interfaces: Callable) -> None:
+def test_huge_messages_delay_no_answer(client: Any, launch: Callable, interfaces: Callable) -> None:
     """Messages of 10 MB are refused without being read; before, one trajectory of 200 000 points took seconds."""
     interfaces("tf2_msgs")
-    start(scene="tendon_finger", heartbeat=0.2)
-    client.wait(client.records)
+    launch(scene="tendon_finger", heartbeat=0.2)
     publishers = [
         client.node.create_publisher(kind, client.full(topic), 10)
         for topic, kind in (("trajectory", JointTrajectory), ("commands", Float64MultiArray), ("actuation", JointState))

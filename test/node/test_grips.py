@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 from std_msgs.msg import String
-from std_srvs.srv import SetBool, Trigger
 
 from gdfe_ros.analysis.bag_run import BagRun
 from gdfe_ros.analysis.difference import Difference
@@ -28,15 +27,12 @@ dynamics: {step: 0.002, scheme: bdf2}
 """
 
 
-def test_a_grip_is_attached_and_released_by_its_name(
-    client: Any, start: Callable, records_of: Callable, tmp_path: Path
-) -> None:
+def test_a_grip_is_attached_and_released_by_its_name(client: Any, launch: Callable, tmp_path: Path) -> None:
     """~/attach takes hold, ~/release lets go; wrong names and repetitions are refused; the bag replays to the bit."""
     (tmp_path / "cup.yaml").write_text(SCENE)
     given = {"scene": str(tmp_path / "cup.yaml"), "clock": "fast", "dt": 0.002, "heartbeat": 0.0, "step_count": 5}
-    process = start(**given, record=True, bag_path=str(tmp_path / "bag"))
-    client.wait(client.records)
-    assert client.call(SetBool, "pause", SetBool.Request(data=True)).success
+    process = launch(**given, record=True, bag_path=str(tmp_path / "bag"))
+    client.switch("pause", True)
 
     def told(count: int) -> None:
         client.wait(lambda: int(client.diagnostics()["commands refused"]) >= count)
@@ -46,25 +42,24 @@ def test_a_grip_is_attached_and_released_by_its_name(
     client.publish("attach", String(data="cap"))
     told(2)
     client.publish("attach", String(data="cup"))
-    assert client.call(Trigger, "step", Trigger.Request()).success
+    client.advance()
     client.publish("attach", String(data="cup"))
     told(3)
     client.publish("release", String(data="cup"))
-    assert client.call(Trigger, "step", Trigger.Request()).success
+    client.advance()
     values = client.diagnostics()
     assert (values["refused: unknown name"], values["refused: out of order"]) == ("1", "2")
     process.stop()
-    commanded = [record.actuators for record in records_of(tmp_path / "bag") if record.actuators]
+    commanded = [record.actuators for record in BagRun(tmp_path / "bag").records if record.actuators]
     assert commanded == [{"cup": 1.0}, {"cup": 0.0}]
     report = Replay(BagRun(tmp_path / "bag")).run()
     assert report.differences.verdict() is Difference.IDENTICAL
 
 
-def test_a_flood_of_grips_is_survived(client: Any, start: Callable, tmp_path: Path) -> None:
+def test_a_flood_of_grips_is_survived(client: Any, launch: Callable, tmp_path: Path) -> None:
     """Thousands of names that are no grips, and a grip that is taken and let go at random, end nothing."""
     (tmp_path / "cup.yaml").write_text(SCENE)
-    process = start(scene=str(tmp_path / "cup.yaml"), clock="fast", dt=0.002, heartbeat=0.0)
-    client.wait(client.records)
+    process = launch(scene=str(tmp_path / "cup.yaml"), clock="fast", dt=0.002, heartbeat=0.0)
     names = [
         "cup",
         "cap",

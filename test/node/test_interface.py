@@ -24,10 +24,9 @@ def _own(entries: list[tuple[str, list[str]]]) -> dict[str, list[str]]:
     return {name: kind for name, kind in entries if name not in _OTHERS and "base" not in name}
 
 
-def test_a_node_offers_what_the_table_says(client: Any, start: Callable, coarse: dict) -> None:
+def test_a_node_offers_what_the_table_says(client: Any, launch: Callable, coarse: dict) -> None:
     """A running node has the topics with types, services and parameters of the table."""
-    start(**coarse, publish_clock=True)
-    client.wait(client.records)
+    launch(**coarse, publish_clock=True)
     node = client.node
     client.wait(lambda: NODE_NAME in node.get_node_names())
     # Topics of actuators, grips, arms, probes, motion and contact belong to scenes that have some.

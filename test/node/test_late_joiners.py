@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import re
-import time
 from collections.abc import Callable
 from typing import Any
 
@@ -37,8 +36,8 @@ _TOPICS = {
 class _Newcomer:
     """A client that subscribes to diagnostics only, until `listen` adds topics."""
 
-    def __init__(self, ros: Any, wait: Callable) -> None:
-        self.node, self.wait = ros.node("newcomer"), wait
+    def __init__(self, ros: Any) -> None:
+        self.node, self.wait = ros.node("newcomer"), ros.wait
         self.status: dict[str, str] = {}
         self.node.create_subscription(DiagnosticArray, "/diagnostics", self._read, _QOS)
 
@@ -69,14 +68,7 @@ class _Newcomer:
 @pytest.fixture
 def newcomer(ros: Any) -> _Newcomer:
     """Give a client that subscribes to diagnostics only."""
-
-    def wait(done: Callable[[], Any]) -> None:
-        end = time.monotonic() + 300.0
-        while not done():
-            assert time.monotonic() < end, "waited in vain"
-            ros.executor.spin_once(timeout_sec=0.05)
-
-    return _Newcomer(ros, wait)
+    return _Newcomer(ros)
 
 
 def _lift(newcomer: _Newcomer, z: float, *, turned: bool = False) -> None:

@@ -46,11 +46,10 @@ def test_a_warning_has_what_was_asked_and_reached() -> None:
 
 
 def test_a_node_that_is_too_slow_warns_and_its_report_shows_it(
-    client: Any, start: Callable, coarse: dict, tmp_path: Path
+    client: Any, launch: Callable, coarse: dict, tmp_path: Path
 ) -> None:
     """At 5000 Hz, the log has a warning, and the report has wall time beside simulation time, and a plot."""
-    process = start(**coarse, rate=5000.0, dt=0.0002, record=True, bag_path=str(tmp_path / "bag"))
-    client.wait(client.records)
+    process = launch(**coarse, rate=5000.0, dt=0.0002, record=True, bag_path=str(tmp_path / "bag"))
     for step in range(60):
         client.target(0.001 * (step + 1))
         client.spin(0.02)
@@ -65,13 +64,12 @@ def test_a_node_that_is_too_slow_warns_and_its_report_shows_it(
 
 
 @pytest.mark.parametrize("moving", [True, False])
-def test_time_in_which_a_node_was_stopped_is_skipped(client: Any, start: Callable, coarse: dict, moving: bool) -> None:
+def test_time_in_which_a_node_was_stopped_is_skipped(client: Any, launch: Callable, coarse: dict, moving: bool) -> None:
     """After a SIGSTOP of 4 s, no step on the wall clock is longer than before, and overruns count the lost time.
 
     Before, the simulation gained up to 6 s in a few long steps.
     """
-    process = start(**coarse, rate=50.0, dt=0.02, heartbeat=0.5, velocity_timeout=1000.0)
-    client.wait(client.records)
+    process = launch(**coarse, rate=50.0, dt=0.02, heartbeat=0.5, velocity_timeout=1000.0)
     twist = TwistStamped()
     twist.twist.linear.z = 0.002 if moving else 0.0
     client.publish("handles/tip/velocity", twist)

@@ -66,10 +66,9 @@ def test_transitions_that_a_state_lacks_are_refused(client: Any, start: Callable
     assert client.diagnostics()["state"] == state
 
 
-def test_a_manager_that_configures_an_active_node_is_answered(client: Any, start: Callable, coarse: dict) -> None:
+def test_a_manager_that_configures_an_active_node_is_answered(client: Any, launch: Callable, coarse: dict) -> None:
     """A node that has started by itself refuses configure and activate, continues, and can be shut down."""
-    start(**coarse)
-    client.wait(client.records)
+    launch(**coarse)
     assert [client.transition(label) for label in ("configure", "activate")] == [False, False]
     client.target(0.05)
     client.wait(lambda: client.mesh()[:, 5].max() > 0.049)

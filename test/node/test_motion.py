@@ -10,61 +10,37 @@ from typing import Any
 import numpy as np
 import pytest
 from geometry_msgs.msg import PoseStamped, TwistStamped
-from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import Imu, PointCloud2
-from std_srvs.srv import SetBool, Trigger
 
-from gdfe_ros.analysis.bag_run import BagRun
-from gdfe_ros.analysis.difference import Difference
-from gdfe_ros.analysis.replay import Replay
-from gdfe_ros.cli import main
 from gdfe_ros.constraints import Pose
 from gdfe_ros.recording.step import Begin
 from gdfe_ros.scene import load_scene
 from gdfe_ros.simulation import Simulation
+from test.node.conftest import to_nanoseconds, vertices
 
-_QOS = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _DROP = {"scene": "drop", "scene_overrides": ["mesh.bar.cells=[10, 1, 1]"]}
 
 
-@pytest.fixture
-def listen(client: Any) -> Callable[..., list[Any]]:
-    """Give a function that subscribes the client to a topic of the node and returns the list of received messages."""
-
-    def subscribe(topic: str, kind: type) -> list[Any]:
-        client.node.create_subscription(kind, client.full(topic), client.received[topic].append, _QOS)
-        return client.received[topic]
-
-    return subscribe
-
-
-def _advance(client: Any, steps: int = 1) -> None:
-    """Make steps in lockstep; repeat the request until the node is active."""
-    for _ in range(steps):
-        client.wait(lambda: client.call(Trigger, "step", Trigger.Request()).success)
-
-
-def test_every_vertex_tells_its_velocity(client: Any, start: Callable, listen: Callable) -> None:
+def test_every_vertex_tells_its_velocity(client: Any, launch: Callable) -> None:
     """A released bar starts without velocity; later each vertex velocity equals differences of its positions."""
-    listen("velocity", PointCloud2)
-    start(**_DROP, clock="lockstep", dt=0.001)
+    client.listen("velocity", PointCloud2)
+    launch(**_DROP, clock="lockstep", dt=0.001)
     first = client.last("velocity")
     assert [field.name for field in first.fields] == ["x", "y", "z", "vx", "vy", "vz"]
     assert first.header.frame_id == "base_link"
-    assert not _columns(first)[:, 3:].any()
-    _advance(client, 20)
+    assert not vertices(first)[:, 3:].any()
+    client.advance(20)
     client.wait(lambda: len(client.received["velocity"]) == 21 and len(client.received["mesh"]) == 21)
-    before, now, after = (_columns(message) for message in client.received["velocity"][-3:])
+    before, now, after = (vertices(message) for message in client.received["velocity"][-3:])
     np.testing.assert_allclose(now[:, :3], client.meshes()[-2][:, :3])
     np.testing.assert_allclose(now[:, 3:], (after[:, :3] - before[:, :3]) / 0.002, atol=1e-3)
     assert now[:, 5].min() < -0.1
 
 
-def test_energies_are_told_by_records_and_diagnostics(client: Any, start: Callable) -> None:
+def test_energies_are_told_by_records_and_diagnostics(client: Any, launch: Callable) -> None:
     """Without damping, the loss of potential energy is kinetic and elastic energy, in records and diagnostics."""
-    start(**_DROP, clock="lockstep", dt=0.002)
-    client.wait(client.records)
-    _advance(client, 20)
+    launch(**_DROP, clock="lockstep", dt=0.002)
+    client.advance(20)
     client.wait(lambda: len(client.records()) == 21)
     energies = client.record().energies
     assert list(energies) == ["kinetic", "elastic", "potential", "work", "dissipated"]
@@ -74,13 +50,12 @@ def test_energies_are_told_by_records_and_diagnostics(client: Any, start: Callab
     assert [told[f"energy: {name} [J]"] for name in energies] == [f"{value:.6g}" for value in energies.values()]
 
 
-def test_diagnostics_warn_of_a_stuck_body(client: Any, start: Callable) -> None:
+def test_diagnostics_warn_of_a_stuck_body(client: Any, launch: Callable) -> None:
     """A crushed bar whose step fails is reported by a warning with the reason."""
     crushed = ["loads.weight.gravity=[-1.0e6, 0, -1.0e6]", "solver.max_iterations=5"]
     overrides = [*_DROP["scene_overrides"], *crushed]
-    start(**{**_DROP, "scene_overrides": overrides}, clock="lockstep", dt=0.01)
-    client.wait(client.records)
-    _advance(client, 3)
+    launch(**{**_DROP, "scene_overrides": overrides}, clock="lockstep", dt=0.01)
+    client.advance(3)
     client.wait(lambda: len(client.records()) == 4)
     assert client.record().skipped == {"solve": 1}
     told = client.diagnostics()
@@ -88,11 +63,11 @@ def test_diagnostics_warn_of_a_stuck_body(client: Any, start: Callable) -> None:
     assert told["message"].startswith("not converged: simulated 0 of 0.01 s: an internal step of")
 
 
-def test_each_probe_has_an_inertial_unit(client: Any, start: Callable, listen: Callable) -> None:
+def test_each_probe_has_an_inertial_unit(client: Any, launch: Callable) -> None:
     """The IMU of the tip reads gravity before the release, nothing after it, and later the simulation's values."""
-    listen("probe/tip/imu", Imu)
-    start(**_DROP, clock="lockstep", dt=0.002)
-    _advance(client, 10)
+    client.listen("probe/tip/imu", Imu)
+    launch(**_DROP, clock="lockstep", dt=0.002)
+    client.advance(10)
     units = client.wait(lambda: client.received["probe/tip/imu"][10:] and client.received["probe/tip/imu"])
     assert units[0].header.frame_id == "tip_imu"
     np.testing.assert_allclose(_vector(units[0].linear_acceleration), [0.0, 0.0, 9.81], atol=1e-12)
@@ -106,13 +81,13 @@ def test_each_probe_has_an_inertial_unit(client: Any, start: Callable, listen: C
     assert [*_vector(told.orientation), told.orientation.w] == list(expected.orientation.as_quat())
 
 
-def test_the_frame_of_a_unit_is_on_tf(client: Any, start: Callable, listen: Callable, interfaces: Callable) -> None:
+def test_the_frame_of_a_unit_is_on_tf(client: Any, launch: Callable, interfaces: Callable) -> None:
     """The IMU frame of the tip is at the probe and is rotated as the IMU reports."""
     interfaces("tf2_msgs")
     from tf2_msgs.msg import TFMessage
 
-    listen("probe/tip/imu", Imu)
-    listen("probe/tip", PoseStamped)
+    client.listen("probe/tip/imu", Imu)
+    client.listen("probe/tip", PoseStamped)
     told: dict[int, dict[str, Any]] = {}
 
     def hear(message: TFMessage) -> None:
@@ -120,18 +95,13 @@ def test_the_frame_of_a_unit_is_on_tf(client: Any, start: Callable, listen: Call
             told.setdefault(to_nanoseconds(each.header.stamp), {})[each.child_frame_id] = each.transform
 
     client.node.create_subscription(TFMessage, "/tf", hear, 100)
-    start(**_DROP, clock="lockstep", dt=0.002)
-    _advance(client, 10)
+    launch(**_DROP, clock="lockstep", dt=0.002)
+    client.advance(10)
     client.wait(lambda: len(client.received["probe/tip/imu"]) == 11 and len(client.received["probe/tip"]) == 11)
     reading, probe = client.last("probe/tip/imu"), client.last("probe/tip")
     frame = client.wait(lambda: told.get(to_nanoseconds(reading.header.stamp), {}).get("tip_imu"))
     assert frame.rotation == reading.orientation
     assert _vector(frame.translation) == _vector(probe.pose.position)
-
-
-def to_nanoseconds(stamp: Any) -> int:
-    """Return a stamp as an integer [ns]."""
-    return stamp.sec * 10**9 + stamp.nanosec
 
 
 def _vector(value: Any) -> list[float]:
@@ -151,12 +121,14 @@ def test_a_body_in_motion_is_stepped_until_it_rests(client: Any, start: Callable
     assert client.mesh()[:, 5].min() < -0.05
 
 
-def test_a_handle_is_shaken_by_velocities_and_the_bag_replays(client: Any, start: Callable, tmp_path: Path) -> None:
+def test_a_handle_is_shaken_by_velocities_and_the_bag_replays(
+    client: Any, start: Callable, replays: Callable, tmp_path: Path
+) -> None:
     """The whip, shaken in lockstep and then left alone, swings on, and the bag replays bit for bit."""
     process = start(scene="whip", clock="lockstep", record=True, bag_path=str(tmp_path / "bag"), velocity_timeout=0.05)
     for speed in (0.4, -0.4, 0.4):
         _shake(client, speed, steps=5)
-    _advance(client, 10)
+    client.advance(10)
     client.wait_steps(26)
     records = client.records()[1:]
     assert records[4].handles["base"].translation[2] == pytest.approx(0.02)
@@ -164,31 +136,34 @@ def test_a_handle_is_shaken_by_velocities_and_the_bag_replays(client: Any, start
     assert not records[-1].handles
     assert np.ptp([mesh[:, 5].min() for mesh in client.meshes()[-10:]]) > 1e-3
     process.stop()
-    _replays(tmp_path / "bag", {"velocity", "probe/tip/imu", "probe/tip", "mesh", "step_record"})
+    assert {"velocity", "probe/tip/imu", "probe/tip", "mesh", "step_record"} <= {
+        topic for topic, _ in replays(tmp_path / "bag")
+    }
 
 
-def test_a_bag_begun_in_flight_replays(client: Any, start: Callable, tmp_path: Path) -> None:
+def test_a_bag_begun_in_flight_replays(client: Any, start: Callable, replays: Callable, tmp_path: Path) -> None:
     """A bag started during a motion, with the wall clock and a deadline that cuts steps, replays bit for bit."""
     process = start(**_DROP, deadline=0.004, bag_path=str(tmp_path / "bag"))
     client.wait(lambda: client.record().energies["kinetic"] > 1e-3)
-    assert client.call(SetBool, "record", SetBool.Request(data=True)).success
+    client.switch("record", True)
     count = client.record().step
     client.wait(lambda: client.record().step > count + 50)
     process.stop()
-    _replays(tmp_path / "bag", {"velocity", "probe/tip/imu", "probe/tip", "mesh", "strain", "step_record"})
+    assert {"velocity", "probe/tip/imu", "probe/tip", "mesh", "strain", "step_record"} <= {
+        topic for topic, _ in replays(tmp_path / "bag")
+    }
 
 
-def test_a_saved_motion_goes_on_as_it_was(client: Any, start: Callable, tmp_path: Path) -> None:
+def test_a_saved_motion_goes_on_as_it_was(client: Any, launch: Callable, tmp_path: Path) -> None:
     """A motion saved and loaded repeats the same bits; after a reset the body starts undeformed and falls again."""
-    start(**_DROP, clock="lockstep", state_path=str(tmp_path / "state"))
-    _advance(client, 5)
-    assert client.call(Trigger, "save_state", Trigger.Request()).success
-    _advance(client, 5)
-    answer = client.call(Trigger, "load_state", Trigger.Request())
-    assert answer.success, answer.message
-    _advance(client, 5)
-    assert client.call(Trigger, "reset", Trigger.Request()).success
-    _advance(client, 5)
+    launch(**_DROP, clock="lockstep", state_path=str(tmp_path / "state"))
+    client.advance(5)
+    client.trigger("save_state")
+    client.advance(5)
+    client.trigger("load_state")
+    client.advance(5)
+    client.trigger("reset")
+    client.advance(5)
     client.wait_steps(23)
     records, meshes = client.records(), client.meshes()
     assert [records[place].begin for place in (11, 17)] == [Begin.LOADED, Begin.REST]
@@ -198,10 +173,9 @@ def test_a_saved_motion_goes_on_as_it_was(client: Any, start: Callable, tmp_path
     assert records[17].energies["kinetic"] == 0.0
 
 
-def test_a_command_after_a_rest_acts_in_one_step(client: Any, start: Callable) -> None:
+def test_a_command_after_a_rest_acts_in_one_step(client: Any, launch: Callable) -> None:
     """After half a second without commands, one step covers that time, and the next, of one dt, has the command."""
-    start(scene="whip", scene_overrides=["loads={}", "dynamics.damping.mass=30"], heartbeat=0.0)
-    client.wait(client.records)
+    launch(scene="whip", scene_overrides=["loads={}", "dynamics.damping.mass=30"], heartbeat=0.0)
     client.target(0.0, handle="base")
     client.wait_taken(1)
     client.spin(0.5)
@@ -235,20 +209,8 @@ def _shake(client: Any, speed: float, *, steps: int) -> None:
     message.twist.linear.z = speed
     client.publish("handles/base/velocity", message)
     client.wait_steps(count + 1)
-    _advance(client, steps - 1)
+    client.advance(steps - 1)
     client.wait_steps(count + steps)
-
-
-def _replays(bag: Path, topics: set[str]) -> None:
-    """Require that a bag replays bit-identically with these topics."""
-    report = Replay(BagRun(bag)).run()
-    assert report.verdict() is Difference.IDENTICAL, (report.differences.differing, report.unknown, report.strays)
-    assert topics <= {topic for topic, _ in report.differences.fields}
-    assert main(["replay", str(bag)]) == 0
-
-
-def _columns(cloud: PointCloud2) -> np.ndarray:
-    return np.frombuffer(cloud.data, "<f4").reshape(-1, 6)
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf])
@@ -261,7 +223,7 @@ def test_a_body_that_is_put_nowhere_stays(client: Any, start: Callable, value: f
         getattr(message.pose, part).z = value
         client.publish("bodies/part/set", message)
     client.wait(lambda: client.status().get("refused: not finite") == "2")
-    _advance(client)
+    client.advance()
     told = client.status()
     assert (told["state"], told["steps failed"]) == ("active", "0")
     assert "Traceback" not in process.log

@@ -10,24 +10,15 @@ from typing import Any
 import numpy as np
 import pytest
 from geometry_msgs.msg import TwistStamped
-from std_srvs.srv import SetBool, Trigger
+from std_srvs.srv import Trigger
 
-from gdfe_ros.analysis.bag_run import BagRun
-from gdfe_ros.analysis.difference import Difference
-from gdfe_ros.analysis.replay import Replay
 from gdfe_ros.constraints import Pose
 from gdfe_ros.scene import load_scene
 from gdfe_ros.simulation import Command, Simulation
 
 
-def _trigger(client: Any, name: str) -> str:
-    response = client.call(Trigger, name, Trigger.Request())
-    assert response.success, response.message
-    return response.message
-
-
 def test_commands_go_back_to_rest_with_the_next_step(
-    client: Any, start: Callable, coarse: dict, tmp_path: Path
+    client: Any, start: Callable, coarse: dict, replays: Callable, tmp_path: Path
 ) -> None:
     """After a reset of the commands, a tip with a constant velocity returns, and the bag replays."""
     start(**coarse, velocity_timeout=1000.0, record=True, bag_path=str(tmp_path / "bag"))
@@ -36,11 +27,11 @@ def test_commands_go_back_to_rest_with_the_next_step(
     client.publish("handles/tip/velocity", twist)
     client.wait(lambda: client.mesh()[:, 5].max() > 0.01)
     before = client.record().time
-    _trigger(client, "reset_commands")
+    client.trigger("reset_commands")
     client.wait(lambda: abs(client.mesh()[:, 5]).max() < 1e-4)
     assert client.record().time > before
-    assert client.call(SetBool, "record", SetBool.Request(data=False)).success
-    assert Replay(BagRun(tmp_path / "bag")).run().differences.verdict() is Difference.IDENTICAL
+    client.switch("record", False)
+    replays(tmp_path / "bag")
 
 
 def test_the_shape_goes_back_and_time_goes_on(client: Any, start: Callable, coarse: dict) -> None:
@@ -50,7 +41,7 @@ def test_the_shape_goes_back_and_time_goes_on(client: Any, start: Callable, coar
     client.wait(lambda: client.mesh()[:, 5].max() > 0.049)
     client.status()
     before = client.record().time
-    assert "at the rest shape, time" in _trigger(client, "reset_shape")
+    assert "at the rest shape, time" in client.trigger("reset_shape")
     client.wait(lambda: not client.mesh()[:, 3:].any())
     assert client.record().time >= before
     client.target(0.02)
@@ -58,14 +49,12 @@ def test_the_shape_goes_back_and_time_goes_on(client: Any, start: Callable, coar
     assert "no rigid bodies" in client.call(Trigger, "reset_bodies", Trigger.Request()).message
 
 
-def test_bodies_go_back_and_the_rest_goes_on(client: Any, start: Callable, slab: Path) -> None:
+def test_bodies_go_back_and_the_rest_goes_on(client: Any, launch: Callable, slab: Path) -> None:
     """A fallen box is put back by the service without velocity, and falls again."""
-    start(scene=str(slab), scene_overrides=["bodies.part.at=[0.05, 0, 0.061]"], clock="lockstep", dt=0.01)
-    client.wait(client.records)
-    for _ in range(5):
-        _trigger(client, "step")
-    assert _trigger(client, "reset_bodies") == "the next step puts back part"
-    _trigger(client, "step")
+    launch(scene=str(slab), scene_overrides=["bodies.part.at=[0.05, 0, 0.061]"], clock="lockstep", dt=0.01)
+    client.advance(5)
+    assert client.trigger("reset_bodies") == "the next step puts back part"
+    client.advance()
     client.wait(lambda: any(record.bodies for record in client.records()))
     record = next(record for record in client.records() if record.bodies)
     assert record.bodies == {"part": Pose()}

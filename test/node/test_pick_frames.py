@@ -14,7 +14,6 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
-from std_srvs.srv import Trigger
 
 from gdfe_ros.node.interface.topics import TF
 
@@ -85,7 +84,7 @@ def test_links_hand_and_objects_are_on_tf(
     client.wait(lambda: watch.urdf and client.records(), seconds=300.0)
     client.publish("actuation", JointState(name=list(goal), position=list(goal.values())))
     for _ in range(8):
-        assert client.call(Trigger, "step", Trigger.Request()).success
+        client.advance()
     client.wait(lambda: len(watch.trees.keys() & watch.joints.keys()) >= 8)
     model = pinocchio.buildModelFromXML(watch.urdf[-1])
     data = model.createData()

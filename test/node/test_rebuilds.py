@@ -13,6 +13,8 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import PointCloud2
 
 from gdfe_ros.testing import NodeProcess
+from test.node.meter import read_memory
+from test.node.standard import Standard
 
 PACKAGES = ("tf2_msgs", "simulation_interfaces", "control_msgs")
 BOX = "{box: {size: [0.02, 0.02, 0.02]}, mass: 0.01}"
@@ -33,62 +35,36 @@ def _memory(client: Any, process: NodeProcess) -> float:
     """Return the resident memory of a node [MB] after it has released what it dropped."""
     told = len(client.received["/diagnostics"]) + _RELEASE
     client.wait(lambda: len(client.received["/diagnostics"]) >= told)
-    lines = Path(f"/proc/{process.pid}/status").read_text(encoding="utf-8").splitlines()
-    return next(int(line.split()[1]) for line in lines if line.startswith("VmRSS")) / 1000.0
+    return 1e-6 * read_memory(process.pid)
 
 
-class _Asked:
-    """A client of the services that open the topics of a node anew."""
-
-    def __init__(self, client: Any) -> None:
-        from simulation_interfaces import srv
-
-        self._client, self._srv = client, srv
-        self._numbers = count()
-
-    def spawn(self) -> str:
-        """Spawn a rigid box or, each second time, a soft cube high above the scene, and return its name."""
-        number = next(self._numbers)
-        name = f"body{number}"
-        request = self._srv.SpawnEntity.Request(name=name)
-        request.entity_resource.resource_string = CUBE if number % 2 else BOX
-        request.initial_pose.pose.position.z = 0.3
-        result = self._client.call(self._srv.SpawnEntity, "spawn_entity", request).result
-        assert result.result == OK, result.error_message
-        return name
-
-    def delete(self, name: str) -> None:
-        """Delete a spawned body."""
-        result = self._client.call(self._srv.DeleteEntity, "delete_entity", self._srv.DeleteEntity.Request(entity=name))
-        assert result.result.result == OK, result.result.error_message
-
-    def reset(self) -> None:
-        """Reset everything, also what was spawned."""
-        request = self._srv.ResetSimulation.Request(scope=ALL)
-        result = self._client.call(self._srv.ResetSimulation, "reset_simulation", request).result
-        assert result.result == OK, result.error_message
+def _named(asked: Standard, number: int) -> str:
+    """Spawn a rigid box or, each second time, a soft cube high above the scene, and return its name."""
+    result = asked.spawn(f"body{number}", CUBE if number % 2 else BOX, (0.0, 0.0, 0.3)).result
+    assert result.result == OK, result.error_message
+    return f"body{number}"
 
 
-def _spawns(asked: _Asked, client: Any) -> Iterator[None]:
-    while True:
-        name = asked.spawn()
+def _spawns(asked: Standard) -> Iterator[None]:
+    for number in count():
+        name = _named(asked, number)
         yield
-        asked.delete(name)
+        assert asked.delete(name) == OK
         yield
 
 
-def _resets(asked: _Asked, client: Any) -> Iterator[None]:
-    while True:
-        asked.spawn()
+def _resets(asked: Standard) -> Iterator[None]:
+    for number in count():
+        _named(asked, number)
         yield
-        asked.reset()
+        assert asked.reset(ALL)[0] == OK
         yield
 
 
-def _lifecycles(asked: _Asked, client: Any) -> Iterator[None]:
+def _lifecycles(asked: Standard) -> Iterator[None]:
     while True:
         for label in ("deactivate", "cleanup", "configure", "activate"):
-            assert client.transition(label)
+            assert asked.client.transition(label)
         yield
 
 
@@ -96,7 +72,7 @@ def _lifecycles(asked: _Asked, client: Any) -> Iterator[None]:
 @pytest.mark.parametrize("rebuilds", _COUNTS)
 @pytest.mark.parametrize("kind", [_spawns, _resets, _lifecycles])
 def test_topics_are_opened_anew_without_a_crash(
-    client: Any, start: Callable, interfaces: Callable, slab: Path, kind: Callable, rebuilds: int, scene: str
+    client: Any, launch: Callable, interfaces: Callable, slab: Path, kind: Callable, rebuilds: int, scene: str
 ) -> None:
     """Spawned and deleted bodies, resets of everything and lifecycles open the topics anew; the node goes on.
 
@@ -106,11 +82,9 @@ def test_topics_are_opened_anew_without_a_crash(
     """
     for package in PACKAGES:
         interfaces(package)
-    process: NodeProcess = start(scene=str(slab) if scene == "slab" else scene, clock="wall", dt=0.005)
-    client.wait(client.records)
-    asked = _Asked(client)
+    process: NodeProcess = launch(scene=str(slab) if scene == "slab" else scene, clock="wall", dt=0.005)
     found = []
-    for number, change in zip(range(rebuilds), kind(asked, client), strict=False):
+    for number, change in zip(range(rebuilds), kind(Standard(client)), strict=False):
         if number in (_FIRST, rebuilds // 2):
             found.append(_memory(client, process))
         client.node.create_subscription(PointCloud2, client.full("mesh"), print, _QOS)

@@ -13,7 +13,7 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
 from lifecycle_msgs.srv import ChangeState
 from rcl_interfaces.srv import GetParameters
-from std_srvs.srv import SetBool, Trigger
+from std_srvs.srv import Trigger
 
 from gdfe_ros.testing import forking
 from gdfe_ros.testing.client import await_discovery
@@ -39,10 +39,9 @@ def _begin(client: Any, kind: type, name: str, request: Any) -> Any:
     return service.call_async(request)
 
 
-def test_many_steps_leave_the_node_responsive_and_can_be_ended(client: Any, start: Callable, coarse: dict) -> None:
+def test_many_steps_leave_the_node_responsive_and_can_be_ended(client: Any, launch: Callable, coarse: dict) -> None:
     """During a million requested steps, other services answer, a second request is refused, and ~/pause ends them."""
-    start(**coarse, clock="lockstep", step_count=1_000_000)
-    client.wait(client.records)
+    launch(**coarse, clock="lockstep", step_count=1_000_000)
     walk = _begin(client, Trigger, "step", Trigger.Request())
     client.wait(lambda: client.record().step > 10)
     assert client.state() == "active"
@@ -52,7 +51,7 @@ def test_many_steps_leave_the_node_responsive_and_can_be_ended(client: Any, star
     assert "of 1000000 steps; ~/pause or ~/reset ends it" in second.message
     assert "of 1000000 steps" in client.diagnostics()["working on"]
     assert not walk.done()
-    assert client.call(SetBool, "pause", SetBool.Request(data=True)).success
+    client.switch("pause", True)
     client.wait(walk.done)
     assert not walk.result().success
     assert walk.result().message.startswith("~/pause ended it; ")
@@ -60,10 +59,9 @@ def test_many_steps_leave_the_node_responsive_and_can_be_ended(client: Any, star
     assert client.call(Trigger, "step", Trigger.Request()).message.startswith("3 steps, time ")
 
 
-def test_a_node_that_ends_answers_those_who_wait(client: Any, start: Callable, coarse: dict) -> None:
+def test_a_node_that_ends_answers_those_who_wait(client: Any, launch: Callable, coarse: dict) -> None:
     """A deactivation during a million requested steps answers their request with the reason."""
-    start(**coarse, clock="lockstep", step_count=1_000_000)
-    client.wait(client.records)
+    launch(**coarse, clock="lockstep", step_count=1_000_000)
     walk = _begin(client, Trigger, "step", Trigger.Request())
     client.wait(lambda: client.record().step > 10)
     assert client.transition("deactivate")

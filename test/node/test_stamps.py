@@ -71,10 +71,9 @@ def test_one_wrong_stamp_blocks_nothing(client: Any, start: Callable, coarse: di
     assert client.record().handles["tip"].translation[2] == 0.1
 
 
-def test_commands_are_taken_up_again_after_the_clock_went_back(client: Any, start: Callable, coarse: dict) -> None:
+def test_commands_are_taken_up_again_after_the_clock_went_back(client: Any, launch: Callable, coarse: dict) -> None:
     """After /clock jumps from 100 s back to 5 s, as for a repeated bag, stamps of 5 s are accepted."""
-    start(**coarse, clock="lockstep", use_sim_time=True)
-    client.wait(client.records)
+    launch(**coarse, clock="lockstep", use_sim_time=True)
     clock = _Clock(client)
     for step, (milliseconds, seconds) in enumerate(((100_000, 100), (5_000, 5)), start=1):
         clock.show(milliseconds)

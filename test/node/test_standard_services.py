@@ -9,93 +9,66 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from action_msgs.msg import GoalStatus
 from std_srvs.srv import SetBool
+
+from test.node.standard import Standard
 
 OK, INCORRECT_STATE, FAILED, ALREADY = 1, 3, 4, 101
 STOPPED, PLAYING, PAUSED, QUITTING, NO_WORLD = range(5)
 
 
-class _Standard:
-    """A client of a node's standard services."""
+def _state(standard: Standard) -> int:
+    return standard.ask("GetSimulationState").state.state
 
-    def __init__(self, client: Any) -> None:
-        from simulation_interfaces import action, srv
 
-        self._client, self.srv, self.action = client, srv, action
+def _set(standard: Standard, state: int) -> tuple[int, str]:
+    return standard.result("SetSimulationState", state__state=state)
 
-    def state(self) -> int:
-        kind = self.srv.GetSimulationState
-        response = self._client.call(kind, "get_simulation_state", kind.Request())
-        assert response.result.result == OK
-        return response.state.state
 
-    def set(self, state: int) -> tuple[int, str]:
-        kind = self.srv.SetSimulationState
-        request = kind.Request()
-        request.state.state = state
-        return self._read(self._client.call(kind, "set_simulation_state", request))
-
-    def step(self, steps: int) -> tuple[int, str]:
-        kind = self.srv.StepSimulation
-        return self._read(self._client.call(kind, "step_simulation", kind.Request(steps=steps)))
-
-    def reset(self, scope: int) -> tuple[int, str]:
-        kind = self.srv.ResetSimulation
-        return self._read(self._client.call(kind, "reset_simulation", kind.Request(scope=scope)))
-
-    def _read(self, response: Any) -> tuple[int, str]:
-        return response.result.result, response.result.error_message
+def _step(standard: Standard, steps: int) -> tuple[int, str]:
+    return standard.result("StepSimulation", steps=steps)
 
 
 def test_a_node_is_played_paused_stepped_stopped_and_quit(
-    client: Any, start: Callable, coarse: dict, interfaces: Callable
+    client: Any, start: Callable, coarse: dict, standard: Standard
 ) -> None:
     """With the fast clock, the node plays, pauses, makes steps only when paused, stops with a reset, and quits."""
-    interfaces("simulation_interfaces")
-    standard = _Standard(client)
     process = start(**coarse, clock="fast", publish_clock=True, autostart=False)
-    assert standard.state() == NO_WORLD
-    assert standard.set(PLAYING)[0] == INCORRECT_STATE
-    assert "configure" in standard.step(1)[1]
+    assert _state(standard) == NO_WORLD
+    assert _set(standard, PLAYING)[0] == INCORRECT_STATE
+    assert "configure" in _step(standard, 1)[1]
     assert client.transition("configure")
     assert client.transition("activate")
-    assert standard.state() == PLAYING
+    assert _state(standard) == PLAYING
     client.wait(lambda: client.records() and client.records()[-1].time > 0.0)
-    assert standard.step(2) == (FAILED, "clock fast is running; pause it with ~/pause, or use clock lockstep")
-    assert standard.set(PAUSED) == (OK, "")
-    assert standard.set(PAUSED) == (ALREADY, "the simulation is paused already")
+    assert _step(standard, 2) == (FAILED, "clock fast is running; pause it with ~/pause, or use clock lockstep")
+    assert _set(standard, PAUSED) == (OK, "")
+    assert _set(standard, PAUSED) == (ALREADY, "the simulation is paused already")
     before = int(client.status()["steps"])
-    assert standard.step(3) == (OK, "")
+    assert _step(standard, 3) == (OK, "")
     assert int(client.status()["steps"]) == before + 3
-    assert standard.step(0) == (FAILED, "steps is 0; allowed: 1 or more")
+    assert _step(standard, 0) == (FAILED, "steps is 0; allowed: 1 or more")
     assert standard.reset(1) == (0, "scope 1: time and state are reset together only")
     assert [standard.reset(scope) for scope in (4, 7, 255, 0)] == [(OK, "")] * 4  # there are no spawned bodies
     assert standard.reset(0) == (OK, "")
-    assert standard.state() == PAUSED
+    assert _state(standard) == PAUSED
     assert client.status()["simulation time [s]"] == "0"
-    assert standard.set(STOPPED) == (OK, "")
-    assert standard.state() == STOPPED
-    assert standard.set(PLAYING) == (OK, "")
-    assert standard.state() == PLAYING
-    kind = standard.srv.GetSimulatorFeatures
-    assert {20, 24, 25, 26, 31, 32, 33} <= set(
-        client.call(kind, "get_simulator_features", kind.Request()).features.features
-    )
-    assert standard.set(9)[0] == 0
-    assert standard.set(QUITTING) == (OK, "")
+    assert _set(standard, STOPPED) == (OK, "")
+    assert _state(standard) == STOPPED
+    assert _set(standard, PLAYING) == (OK, "")
+    assert _state(standard) == PLAYING
+    assert {20, 24, 25, 26, 31, 32, 33} <= set(standard.ask("GetSimulatorFeatures").features.features)
+    assert _set(standard, 9)[0] == 0
+    assert _set(standard, QUITTING) == (OK, "")
     assert process.wait() == 0
 
 
 def test_steps_are_an_action_with_feedback_that_can_be_cancelled(
-    client: Any, start: Callable, coarse: dict, interfaces: Callable
+    client: Any, launch: Callable, coarse: dict, standard: Standard
 ) -> None:
     """The action of five steps gives feedback for each and a result; a million steps are cancelled."""
-    from action_msgs.msg import GoalStatus
-
-    interfaces("simulation_interfaces")
-    standard = _Standard(client)
-    start(**coarse, clock="lockstep")
-    client.wait(client.records)
+    launch(**coarse, clock="lockstep")
     action = client.action(standard.action.SimulateSteps, "simulate_steps")
     told: list[int] = []
     goal = standard.action.SimulateSteps.Goal
@@ -126,31 +99,26 @@ def test_steps_are_an_action_with_feedback_that_can_be_cancelled(
 
 
 def test_nothing_is_played_while_steps_are_made_on_demand(
-    client: Any, start: Callable, coarse: dict, interfaces: Callable
+    client: Any, launch: Callable, coarse: dict, standard: Standard
 ) -> None:
     """Requests to play by either service are refused while the action makes steps with the wall clock."""
-    from action_msgs.msg import GoalStatus
-
-    interfaces("simulation_interfaces")
-    standard = _Standard(client)
-    start(**coarse, clock="wall")
-    client.wait(client.records)
-    assert standard.set(PAUSED) == (OK, "")
+    launch(**coarse, clock="wall")
+    assert _set(standard, PAUSED) == (OK, "")
     action = client.action(standard.action.SimulateSteps, "simulate_steps")
     sent = action.send_goal_async(standard.action.SimulateSteps.Goal(steps=1_000_000))
     client.wait(sent.done)
-    code, text = standard.set(PLAYING)
+    code, text = _set(standard, PLAYING)
     assert code == INCORRECT_STATE
     assert "of 1000000 steps; cancel it" in text
     refused = client.call(SetBool, "pause", SetBool.Request(data=False))
     assert not refused.success
     assert "of 1000000 steps; cancel it" in refused.message
-    assert standard.state() == PAUSED
+    assert _state(standard) == PAUSED
     before = int(client.status()["steps"])
     client.wait(lambda: int(client.status()["steps"]) > before)
     client.wait(sent.result().cancel_goal_async().done)
     result = sent.result().get_result_async()
     client.wait(result.done)
     assert result.result().status == GoalStatus.STATUS_CANCELED
-    assert standard.set(PLAYING) == (OK, "")
+    assert _set(standard, PLAYING) == (OK, "")
     action.destroy()

@@ -14,11 +14,7 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 
-from gdfe_ros.constraints import Pose
 from gdfe_ros.recording.reader import BagReader
-from gdfe_ros.recording.step import StepRecord
-from gdfe_ros.scene.loader import scene_from_text
-from gdfe_ros.simulation import Command, Simulation
 
 
 def test_the_mesh_follows_the_commands(client: Any, start: Callable, coarse: dict) -> None:
@@ -81,24 +77,3 @@ def test_a_signal_leaves_a_whole_bag_that_others_read(
 
 def _stamped(message: Any) -> tuple[int, int, bytes]:
     return message.header.stamp.sec, message.header.stamp.nanosec, bytes(message.data)
-
-
-def test_a_bag_of_the_wall_clock_replays_to_the_bit(client: Any, start: Callable, coarse: dict, tmp_path: Path) -> None:
-    """The step records of a bag, applied to its scene, give every mesh bit for bit."""
-    process = start(**coarse, record=True, bag_path=str(tmp_path / "bag"))
-    for z in np.linspace(0.01, 0.1, 10):
-        client.target(z, turn=(0, -z, 0))
-        # A step without a command may be made in between: only that with this one will do.
-        client.wait(lambda z=z: any(r.handles and r.handles["tip"].translation[2] == z for r in client.records()))
-    process.stop()
-    with AnyReader([tmp_path / "bag"]) as reader:
-        messages = [(c.topic, reader.deserialize(raw, c.msgtype)) for c, _, raw in reader.messages()]
-    records = [StepRecord.from_json(m.data) for topic, m in messages if topic == "/gdfe_sim/step_record"]
-    meshes = [m.data.view("<f4").reshape(-1, 6) for topic, m in messages if topic == "/gdfe_sim/mesh"]
-    simulation = Simulation(scene_from_text(BagReader(tmp_path / "bag").run.scene))
-    assert len(records) == len(meshes) > 3
-    for record, mesh in zip(records, meshes, strict=True):
-        result = simulation.step(Command(handles=record.handles), dt=record.dt)
-        assert (result.time, result.error_estimate) == (record.time, record.error_estimate)
-        assert np.array_equal(result.positions.astype(np.float32), mesh[:, :3])
-    assert simulation.targets["tip"].translation == Pose((0, 0, 0.1)).translation

@@ -11,7 +11,6 @@ import pytest
 from action_msgs.msg import GoalStatus
 from builtin_interfaces.msg import Duration
 from sensor_msgs.msg import JointState
-from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 FINGER = {"scene": "tendon_finger", "clock": "fast", "heartbeat": 0.0, "dt": 0.1}
@@ -50,11 +49,10 @@ class _Follower:
 
 
 @pytest.fixture
-def follower(client: Any, start: Callable, interfaces: Callable) -> _Follower:
+def follower(client: Any, launch: Callable, interfaces: Callable) -> _Follower:
     """Give a client of the action of a running tendon finger."""
     interfaces("control_msgs")
-    start(**FINGER)
-    client.wait(client.records)
+    launch(**FINGER)
     return _Follower(client)
 
 
@@ -98,20 +96,19 @@ def test_a_goal_ends_by_what_others_do(client: Any, follower: _Follower) -> None
     status, code, reason = follower.result(goal)
     assert (status, code, reason) == (GoalStatus.STATUS_ABORTED, -1, "a later command of flexor took its place")
     goal = follower.send([2.0], seconds=1000)
-    assert client.call(Trigger, "reset", Trigger.Request()).success
+    client.trigger("reset")
     assert follower.result(goal)[2] == "the simulation was reset"
 
 
-def test_tolerances_hold_what_a_rate_limit_holds_back(client: Any, start: Callable, interfaces: Callable) -> None:
+def test_tolerances_hold_what_a_rate_limit_holds_back(client: Any, launch: Callable, interfaces: Callable) -> None:
     """A rate of 0.5 N/s violates the path tolerance, or the goal tolerance, of a goal of 1 N in a second."""
     interfaces("control_msgs")
-    start(**FINGER, scene_overrides=["actuators.flexor.cable.rate=0.5"])
-    client.wait(client.records)
+    launch(**FINGER, scene_overrides=["actuators.flexor.cable.rate=0.5"])
     follower = _Follower(client)
     status, code, reason = follower.result(follower.send([1.0], path_tolerance=0.2))
     assert (status, code) == (GoalStatus.STATUS_ABORTED, -4)
     assert "allowed: 0.2 off" in reason
-    assert client.call(Trigger, "reset", Trigger.Request()).success
+    client.trigger("reset")
     status, code, reason = follower.result(follower.send([1.0], goal_tolerance=0.2))
     assert (status, code) == (GoalStatus.STATUS_ABORTED, -5)
     assert "flexor is at 0.5 instead of 1" in reason

@@ -34,7 +34,7 @@ materials: {soft: {law: neo_hookean, young: 1.0e5, poisson: 0.45}}
 regions: [{material: soft}]
 handles: {base: {where: {face: x-}, fixed: true}}
 actuators: {tendon: {cable: {points: [[0.0, 0.0, 0.008], [0.12, 0.0, 0.008]], range: [0.0, 5.0]}}}
-probes: {tip: [0.12, 0.0, 0.0]}
+probes: {middle: [0.06, 0.0, 0.0], tip: [0.12, 0.0, 0.0]}
 """
 """An arm that one tendon bends."""
 TIP = np.array([0.12, 0.0, 0.0])
@@ -75,11 +75,11 @@ class _Relay:
         self._commands.publish(JointState(name=["tendon"], effort=[float(tension)]))
 
 
-def test_the_modulus_of_another_node_is_found_online(client: Any, start: Callable, tmp_path: Path) -> None:
+def test_the_modulus_of_another_node_is_found_online(client: Any, launch: Callable, tmp_path: Path) -> None:
     """Two processes: the robot is half as stiff again, noisy and 40 ms late; after 20 s the error is below 5 %."""
     scene, table = tmp_path / "arm.yaml", tmp_path / "twin.csv"
     scene.write_text(ARM)
-    start(
+    launch(
         scene=str(scene),
         scene_overrides=[f"materials.soft.young={REAL:g}"],
         clock="wall",
@@ -87,7 +87,6 @@ def test_the_modulus_of_another_node_is_found_online(client: Any, start: Callabl
         dt=0.04,
         slew_time=0.0,
     )
-    client.wait(client.records)
     relay = _Relay(client)
     command = [str(Path(sys.executable).with_name("gdfe")), "twin", str(scene), "--topics", "tip=/camera/tip"]
     options = ["--fit", "soft", "--noise", str(1e3 * NOISE), "--record", str(table), "--port", "0"]

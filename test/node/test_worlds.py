@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from std_srvs.srv import Trigger
+from test.node.standard import Standard
 
 OK, INCORRECT, FORMAT, NO_RESOURCE, PARSE, NO_WORLD, SOURCES = 1, 3, 101, 102, 103, 101, 101
 STOPPED, PLAYING, STATE_NO_WORLD = 0, 1, 4
@@ -22,42 +22,23 @@ LARGE = TEXT.replace("[5, 1, 1]", "[50, 10, 10]")
 """A world that takes longer to load than the slab takes for a step."""
 
 
-class _Worlds:
-    """A client of the services for worlds."""
-
-    def __init__(self, client: Any) -> None:
-        from simulation_interfaces import srv
-
-        self._client, self.srv = client, srv
-
-    def ask(self, kind: str, service: str, **fields: Any) -> Any:
-        return self._client.call(getattr(self.srv, kind), service, getattr(self.srv, kind).Request(**fields))
-
-    def request(self, uri: str = "", text: str = "") -> Any:
-        found = self.srv.LoadWorld.Request()
-        found.world_resource.uri, found.world_resource.resource_string = uri, text
-        return found
-
-    def load(self, uri: str = "", text: str = "") -> Any:
-        return self._client.call(self.srv.LoadWorld, "load_world", self.request(uri, text))
-
-    def state(self) -> int:
-        return self.ask("GetSimulationState", "get_simulation_state").state.state
+def _state(standard: Standard) -> int:
+    return standard.ask("GetSimulationState").state.state
 
 
 def test_a_world_is_loaded_while_the_old_one_steps(
-    client: Any, start: Callable, slab: Path, interfaces: Callable
+    client: Any, start: Callable, slab: Path, standard: Standard
 ) -> None:
     """The old scene makes steps until the new one is ready; the new one is stopped at time 0, and can be played."""
-    interfaces("simulation_interfaces")
-    worlds = _Worlds(client)
     start(scene=str(slab), clock="fast")
     client.wait(lambda: client.records() and client.records()[-1].time > 0.05)  # all kernels are compiled
-    service = client.node.create_client(worlds.srv.LoadWorld, client.full("load_world"))
+    service = client.node.create_client(standard.srv.LoadWorld, client.full("load_world"))
     client.wait(service.service_is_ready)
-    before, answer = client.record().time, service.call_async(worlds.request(text=LARGE))
+    request = standard.srv.LoadWorld.Request()
+    request.world_resource.resource_string = LARGE
+    before, answer = client.record().time, service.call_async(request)
     client.wait(lambda: answer.done() or client.record().time > before)
-    second = worlds.load(text=LARGE)
+    second = standard.ask("LoadWorld", world_resource__resource_string=LARGE)
     client.wait(answer.done)
     assert any(record.time > before for record in client.records()), "the old scene made no step in the meantime"
     answers = answer.result(), second  # of two clients: either may arrive first, and the first may be ready by then
@@ -69,49 +50,41 @@ def test_a_world_is_loaded_while_the_old_one_steps(
         else:
             assert each.result.result == INCORRECT
             assert "another world is being loaded" in each.result.error_message
-    assert worlds.state() == STOPPED
+    assert _state(standard) == STOPPED
     assert client.state() == "active"
     client.wait(lambda: "name: other" in client.last("scene").data)
-    request = worlds.srv.SetSimulationState.Request()
-    request.state.state = PLAYING
-    assert client.call(worlds.srv.SetSimulationState, "set_simulation_state", request).result.result == OK
-    assert worlds.state() == PLAYING
+    assert standard.result("SetSimulationState", state__state=PLAYING)[0] == OK
+    assert _state(standard) == PLAYING
     client.wait(lambda: client.received["mesh"] and len(client.mesh()) == 51 * 11 * 11)
 
 
-def test_worlds_are_listed_unloaded_and_loaded_by_file(
-    client: Any, start: Callable, slab: Path, interfaces: Callable, tmp_path: Path
-) -> None:
+def test_worlds_are_listed_unloaded_and_loaded_by_file(client: Any, bodies: Standard, tmp_path: Path) -> None:
     """A scene's file, and a name in config/scenes, can be loaded into a node without a world; defects are named."""
-    interfaces("simulation_interfaces")
-    worlds = _Worlds(client)
-    start(scene=str(slab), clock="lockstep", dt=0.005)
-    client.wait(client.records)
-    found = worlds.ask("GetAvailableWorlds", "get_available_worlds", additional_sources=[str(tmp_path)])
+    found = bodies.ask("GetAvailableWorlds", additional_sources=[str(tmp_path)])
     uris = {each.name: each.world_resource.uri for each in found.worlds}
     assert {"bend5", "gripper", "slab"} <= uris.keys()
-    wrong = worlds.ask("GetAvailableWorlds", "get_available_worlds", additional_sources=["/nowhere"])
-    assert (wrong.result.result, "/nowhere" in wrong.result.error_message) == (SOURCES, True)
+    code, reason = bodies.result("GetAvailableWorlds", additional_sources=["/nowhere"])
+    assert (code, "/nowhere" in reason) == (SOURCES, True)
     for given, code, reason in (
         ({}, NO_RESOURCE, "are empty"),
         ({"uri": "http://x/y.yaml"}, FORMAT, "allowed: file:///path"),
         ({"uri": "/dev/zero"}, FORMAT, ".yaml"),
         ({"uri": "/nowhere.yaml"}, PARSE, "does not exist"),
-        ({"text": "name: a"}, PARSE, "mesh"),
-        ({"text": TEXT.replace("{bar:", "{file: mesh.msh, bar:")}, PARSE, "mesh"),
+        ({"resource_string": "name: a"}, PARSE, "mesh"),
+        ({"resource_string": TEXT.replace("{bar:", "{file: mesh.msh, bar:")}, PARSE, "mesh"),
     ):
-        answer = worlds.load(**given).result
-        assert (answer.result, reason in answer.error_message) == (code, True), answer.error_message
-    assert client.call(Trigger, "step", Trigger.Request()).success  # the present scene goes on
-    assert worlds.ask("GetCurrentWorld", "get_current_world").world.world_resource.uri == uris["slab"]
-    assert worlds.ask("UnloadWorld", "unload_world").result.result == OK
-    assert (client.state(), worlds.state()) == ("unconfigured", STATE_NO_WORLD)
-    assert worlds.ask("UnloadWorld", "unload_world").result.result == NO_WORLD
-    assert worlds.ask("GetCurrentWorld", "get_current_world").result.result == NO_WORLD
-    loaded = worlds.load(uri=uris["slab"])
+        found, told = bodies.result("LoadWorld", **{f"world_resource__{key}": value for key, value in given.items()})
+        assert (found, reason in told) == (code, True), told
+    client.advance()  # the present scene goes on
+    assert bodies.ask("GetCurrentWorld").world.world_resource.uri == uris["slab"]
+    assert bodies.result("UnloadWorld")[0] == OK
+    assert (client.state(), _state(bodies)) == ("unconfigured", STATE_NO_WORLD)
+    assert bodies.result("UnloadWorld")[0] == NO_WORLD
+    assert bodies.result("GetCurrentWorld")[0] == NO_WORLD
+    loaded = bodies.ask("LoadWorld", world_resource__uri=uris["slab"])
     assert (loaded.result.result, loaded.world.name) == (OK, "slab"), loaded.result.error_message
-    assert worlds.state() == STOPPED
-    assert client.call(Trigger, "step", Trigger.Request()).success
-    features = worlds.ask("GetSimulatorFeatures", "get_simulator_features").features.features
+    assert _state(bodies) == STOPPED
+    client.advance()
+    features = bodies.ask("GetSimulatorFeatures").features.features
     assert {0, 1, 2, 4, 5, 6, 8, 9, 10, 11, 12, 14, 40, 41, 43, 44, 45, 50} <= set(features)
     assert not {3, 7, 13, 21, 22, 42} & set(features)

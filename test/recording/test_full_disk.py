@@ -4,7 +4,8 @@
 from __future__ import annotations
 
 import resource
-from contextlib import closing
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
 from pathlib import Path
 
 import pytest
@@ -61,10 +62,9 @@ class Watcher(Client):
         self.report = [values.get(key, "") for key in ("messages dropped", "messages written", "bag error")]
 
 
-@pytest.mark.parametrize("clock", ["wall", "fast"])
-def test_a_full_disk_is_told_at_once_and_agreed_upon(tmp_path: Path, clock: str) -> None:
-    """With files limited to 5 MiB, log, diagnostics, bag and ~/record agree, and steps continue."""
-    bag = tmp_path / "bag"
+@contextmanager
+def confined(clock: str, bag: Path) -> Iterator[tuple[NodeProcess, Watcher]]:
+    """Give an active node whose files are limited, and its watcher."""
     with (
         NodeProcess({**PARAMETERS, "clock": clock, "bag_path": str(bag)}) as process,
         closing(Watcher(process)) as watcher,
@@ -72,6 +72,14 @@ def test_a_full_disk_is_told_at_once_and_agreed_upon(tmp_path: Path, clock: str)
         watcher.transition("configure")
         resource.prlimit(process.pid, resource.RLIMIT_FSIZE, (ROOM, resource.RLIM_INFINITY))
         watcher.transition("activate")
+        yield process, watcher
+
+
+@pytest.mark.parametrize("clock", ["wall", "fast"])
+def test_a_full_disk_is_told_at_once_and_agreed_upon(tmp_path: Path, clock: str) -> None:
+    """With files limited to 5 MiB, log, diagnostics, bag and ~/record agree, and steps continue."""
+    bag = tmp_path / "bag"
+    with confined(clock, bag) as (process, watcher):
         watcher.wait(lambda: "recording ended, the simulation goes on" in process.log, "the end of the recording")
         watcher.wait_for_steps(20)
         watcher.wait(lambda: "File too large" in watcher.report[2], "the error in diagnostics")
@@ -91,13 +99,7 @@ def test_a_full_disk_is_told_at_once_and_agreed_upon(tmp_path: Path, clock: str)
 def test_a_node_whose_disk_is_full_ends_in_order(tmp_path: Path) -> None:
     """A node with files limited to 5 MiB, ended by SIGINT, leaves no traceback and a bag with the counted messages."""
     bag = tmp_path / "bag"
-    with (
-        NodeProcess({**PARAMETERS, "clock": "fast", "bag_path": str(bag)}) as process,
-        closing(Watcher(process)) as watcher,
-    ):
-        watcher.transition("configure")
-        resource.prlimit(process.pid, resource.RLIMIT_FSIZE, (ROOM, resource.RLIM_INFINITY))
-        watcher.transition("activate")
+    with confined("fast", bag) as (process, watcher):
         watcher.wait(lambda: "File too large" in watcher.report[2], "the error in diagnostics")
         assert process.stop() == 0
         assert "Traceback" not in process.log

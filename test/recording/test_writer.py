@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 import yaml
 from mcap.reader import make_reader
-from mcap.writer import CompressionType
 from mcap_ros2.decoder import DecoderFactory
 from rclpy.serialization import deserialize_message
 from rosbags.rosbag2 import Reader
@@ -143,20 +142,6 @@ def test_chunks_are_small(write_bag: Callable) -> None:
         chunks = make_reader(stream).get_summary().chunk_indexes
     assert {chunk.compression for chunk in chunks} == {"lz4"}
     assert max(chunk.uncompressed_size for chunk in chunks) < 100_000
-
-
-def test_a_flushed_message_is_in_the_file(
-    tmp_path: Path, mesh_topic: TopicInfo, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """A flushed message is in the file at once."""
-    monkeypatch.setattr("gdfe_ros.recording.writer.COMPRESSION", CompressionType.NONE)
-    writer = BagWriter(tmp_path / "bag", [mesh_topic])
-    writer.write(mesh_topic.name, b"\0\1\0\0needle", 1)
-    file = tmp_path / "bag" / "bag_0.mcap"
-    assert b"needle" not in file.read_bytes()
-    writer.flush()
-    assert b"needle" in file.read_bytes()
-    writer.close()
 
 
 def test_an_empty_bag_is_whole(tmp_path: Path, mesh_topic: TopicInfo) -> None:

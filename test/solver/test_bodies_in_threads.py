@@ -14,10 +14,8 @@ from gdfe_ros.solver.matrix.constant_matrix import factor_of
 from test.written import simulate
 
 SCENE = """
-name: one_of_many
 mesh: {bar: {size: [0.4, 0.1, 0.1], cells: [16, 4, 4]}}
 materials: {soft: {law: neo_hookean, young: 1.0e5, poisson: 0.45, density: 300}}
-regions: [{material: soft}]
 handles: {base: {where: {face: x-}, fixed: true}}
 loads: {weight: {gravity: [0, 0, -9.81]}}
 """

@@ -10,22 +10,18 @@ import pytest
 
 from benchmarks.torture.honesty import STREAMS, TRUTHS, error_of, played
 from gdfe_ros import Command, Pose, Simulation
-from gdfe_ros.scene import scene_from_text
 from gdfe_ros.step_result import StepResult
+from test.written import scene_of
 
 TEXT = """\
-name: held
 mesh: {{bar: {{size: {size}, cells: {cells}}}}}
 materials: {{rubber: {{law: neo_hookean, young: 1.0e5, poisson: 0.45}}}}
-regions: [{{material: rubber}}]
 handles: {{base: {{where: {{face: x-}}, fixed: true}}, tip: {{where: {{face: x+}}}}}}
 solver: {{tolerance: {tolerance}, torsion: {torsion}}}
 """
 SAGGING = """\
-name: sagging
 mesh: {{bar: {{size: [0.029, 0.01, 0.01], cells: [5, 2, 2]}}}}
 materials: {{rubber: {{law: neo_hookean, young: 1.0e5, poisson: 0.49, density: 1000}}}}
-regions: [{{material: rubber}}]
 handles: {{base: {{where: {{face: x-}}, fixed: true}}}}
 loads: {{weight: {{gravity: [0, 0, -85]}}}}
 solver: {{tolerance: {tolerance}}}
@@ -33,7 +29,7 @@ solver: {{tolerance: {tolerance}}}
 
 
 def _led(poses: list[Any], **keys: Any) -> StepResult:
-    simulation = Simulation(scene_from_text(TEXT.format(**keys)))
+    simulation = Simulation(scene_of(TEXT.format(**keys)))
     return [simulation.step(Command(handles={"tip": Pose(*pose)})) for pose in poses][-1]
 
 
@@ -82,7 +78,7 @@ def test_a_cold_step_of_a_nearly_incompressible_bar_is_within_the_tolerance() ->
     """The last pressures of a thick bar under its weight move it, and the solve does not end before that."""
 
     def sagged(tolerance: float) -> StepResult:
-        return Simulation(scene_from_text(SAGGING.format(tolerance=tolerance))).step(Command(loads={"weight": 1.0}))
+        return Simulation(scene_of(SAGGING.format(tolerance=tolerance))).step(Command(loads={"weight": 1.0}))
 
     loose, exact = sagged(1e-3), sagged(1e-8)
     assert loose.converged

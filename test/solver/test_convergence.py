@@ -13,15 +13,12 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from gdfe_ros import Command, Simulation
-from gdfe_ros.scene import scene_from_text
-from test.written import advance
+from test.written import advance, scene_of
 
 INNER, OUTER, YOUNG, PRESSURE = 0.010, 0.015, 1.0e6, 1.0e5
 SCENE = """
-name: ball
 mesh: {{sphere: {{inner: {inner}, outer: {outer}, cells: {cells}}}}}
 materials: {{m: {{law: neo_hookean, young: {young}, poisson: 0.5}}}}
-regions: [{{material: m}}]
 handles: {{base: {{where: {{vertices: [0]}}, fixed: true}}}}
 actuators: {{air: {{chamber: {{command: pressure}}}}}}
 solver: {{tolerance: 1.0e-6}}
@@ -44,7 +41,7 @@ def _exact(rest: NDArray[np.float64]) -> NDArray[np.float64]:
 def _error(cells: list[int]) -> float:
     """Return the root mean square error of the displacements divided by their root mean square."""
     text = SCENE.format(inner=INNER, outer=OUTER, young=YOUNG, cells=cells)
-    simulation = Simulation(scene_from_text(text))
+    simulation = Simulation(scene_of(text))
     result = advance(simulation, Command(actuators={"air": PRESSURE}))
     exact = _exact(simulation.mesh.vertices)
     found = result.positions - result.positions.mean(axis=0) - simulation.mesh.vertices

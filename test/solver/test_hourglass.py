@@ -44,18 +44,6 @@ def test_only_rigid_motions_are_free(make_body: MakeBody, element: HexMesh, law:
     assert values[6] > 5e-3
 
 
-def test_every_hourglass_mode_costs_energy(make_body: MakeBody, element: HexMesh, law: Material) -> None:
-    """Each of the twelve hourglass modes costs energy, and the same energy for either sign."""
-    body = make_body(element, law)
-    modes = body.shape.hourglass[0][:, np.argsort(body.cells[0])]
-    for mode, axis in product(range(4), range(3)):
-        move = np.zeros((8, 3))
-        move[:, axis] = 1e-4 * modes[mode]
-        there, back = (strain_energies(body, element.vertices + sign * move)[0] for sign in (1.0, -1.0))
-        assert there > 1e-3 * law.young0 * 0.1 * 1e-8
-        assert back == pytest.approx(there, rel=2e-2)
-
-
 @pytest.mark.parametrize("poisson", [0.0, 0.3, 0.45])
 @pytest.mark.parametrize("width", [0.25, 1.0, 3.0])
 @pytest.mark.parametrize("length", [0.5, 1.0, 4.0])
@@ -91,21 +79,20 @@ def torsion_constant(make_body: MakeBody, cell: tuple[float, float, float], pois
     return least / (0.5 * 1e5 / (2.0 * (1.0 + poisson)) * rate**2 * count * cell[0])
 
 
-@pytest.mark.parametrize("poisson", [0.0, 0.3, 0.45])
-@pytest.mark.parametrize("length", [0.5, 1.0, 4.0])
-def test_torsion_of_a_square_bar_one_element_thick(make_body: MakeBody, poisson: float, length: float) -> None:
-    """A square bar one cell thick has Saint-Venant's torsion constant within 1 %, for short and long cells."""
+@pytest.mark.parametrize(
+    ("ratio", "length", "poisson", "within"),
+    [
+        *((1.0, length, poisson, 0.01) for length in (0.5, 1.0, 4.0) for poisson in (0.0, 0.3, 0.45)),
+        *((ratio, 1.0, 0.3, 0.10) for ratio in (2.0, 4.0)),  # its warping is not exact
+    ],
+)
+def test_torsion_of_a_bar_one_element_thick(
+    make_body: MakeBody, ratio: float, length: float, poisson: float, within: float
+) -> None:
+    """A bar (ratio x 1) of one cell has Saint-Venant's torsion constant, for short and long cells."""
     h = 0.01
-    found = torsion_constant(make_body, (length * h, h, h), poisson)
-    assert found / (SAINT_VENANT[1.0] * h**4) == pytest.approx(1.0, rel=0.01)
-
-
-@pytest.mark.parametrize("ratio", [2.0, 4.0])
-def test_torsion_of_a_flat_bar_one_element_thick(make_body: MakeBody, ratio: float) -> None:
-    """A flat bar (ratio x 1) of one cell has Saint-Venant's torsion constant within 10 %; its warping is not exact."""
-    h = 0.01
-    found = torsion_constant(make_body, (h, ratio * h, h), 0.3)
-    assert found / (SAINT_VENANT[ratio] * ratio * h**4) == pytest.approx(1.0, rel=0.10)
+    found = torsion_constant(make_body, (length * h, ratio * h, h), poisson)
+    assert found / (SAINT_VENANT[ratio] * ratio * h**4) == pytest.approx(1.0, rel=within)
 
 
 def test_a_bar_two_cells_across_twists_as_saint_venants(make_body: MakeBody) -> None:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from gdfe_ros.constraints import Handle
 from gdfe_ros.element_fields import element_fields
-from gdfe_ros.materials import Linear, Material
+from gdfe_ros.materials import Material
 from gdfe_ros.mesh import HexMesh
 from gdfe_ros.paper.relative import RelativeEquilibrium
 from gdfe_ros.solver.body import Body
@@ -57,18 +57,6 @@ def test_linear_field_is_exact(
     np.testing.assert_allclose(fields.J, np.linalg.det(gradient), rtol=1e-6)
     assert np.ptp(fields.eps_eq) < 1e-6
     assert np.ptp(fields.energy_density) < 1e-5 * fields.energy_density.max()
-
-
-def test_linear_field_is_exact_in_two_materials_of_equal_stiffness(
-    make_body: MakeBody, boundary: Boundary, distorted: HexMesh
-) -> None:
-    """Dividing the mesh between two names of one material changes nothing."""
-    two = [Linear(young=1e5, poisson=0.3), Linear(young=1e5, poisson=0.3)]
-    which = (np.arange(distorted.n_cells) % 2).astype(np.int32)
-    body = make_body(distorted, two, [boundary(distorted)], which)
-    exact = distorted.vertices @ FIELDS["all"].T
-    outcome = solve(EquilibriumSolver(body), distorted.vertices.copy(), exact, tolerance=1e-9)
-    np.testing.assert_allclose(outcome.positions, exact, atol=1e-8 * distorted.size)
 
 
 def test_rigid_motion_is_exact_for_the_relative_policy(

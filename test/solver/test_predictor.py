@@ -10,11 +10,9 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from gdfe_ros import Command, Simulation
 from gdfe_ros.constraints import Handle
 from gdfe_ros.mesh import HexMesh, bar
 from gdfe_ros.paper.relative import assemble_centring
-from gdfe_ros.scene import load_scene
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.equilibrium.energy import EquilibriumSolver
 from gdfe_ros.solver.equilibrium.predictor import Predictor, find_screw, follow_screws
@@ -142,13 +140,6 @@ def test_other_motion_is_not_extrapolated(
     np.testing.assert_allclose(found.state.positions - bent(0.1), fresh.state.positions - REST, atol=1e-12)
 
 
-def test_nothing_moves_where_no_handle_moves(predictor: Predictor, moved: State) -> None:
-    """Repeating the same poses leaves the state unchanged bit by bit."""
-    found = predictor.predict(moved, lifted(0.1), NO_COMMANDS)
-    assert found.ratio == 0.0
-    np.testing.assert_array_equal(found.state.positions, bent(0.1))
-
-
 @pytest.mark.exact("an exact ratio without a shift")
 def test_commands_count_like_handles(predictor: Predictor, rest: State) -> None:
     """A tension that increases steadily without a handle's motion is extrapolated, a reversed one is not."""
@@ -184,13 +175,3 @@ def test_points_on_a_line_only_translate(count: int) -> None:
     line = np.outer(np.linspace(0.0, 1.0, count), [1.0, 2.0, 0.0])
     moved = Rotation.from_rotvec([0.0, 0.0, 1.0]).apply(line) + 1.0
     assert find_screw(line, moved, np.zeros(3)) == pytest.approx([0.0, 0.0, 0.0, *(moved - line).mean(axis=0)])
-
-
-@pytest.mark.parametrize("cells", [(12, 3, 3), (40, 10, 10)])
-def test_a_twist_takes_few_iterations_on_every_mesh(cells: tuple[int, int, int]) -> None:
-    """By 90 degrees in one step; from the handles' chords, a fine mesh took seven times as many as from their arcs."""
-    simulation = Simulation(load_scene("twist90_uniform", overrides={"mesh.bar.cells": list(cells)}))
-    program = simulation.scene.program
-    result = simulation.step(Command(handles=program.handle_poses(program.duration)))
-    assert result.converged
-    assert result.iterations <= 8

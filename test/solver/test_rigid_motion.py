@@ -10,16 +10,14 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from gdfe_ros import Command, Pose, Simulation
-from gdfe_ros.scene import load_scene, scene_from_text
+from gdfe_ros.scene import load_scene
 from gdfe_ros.solver.stepping.path import on_path
-from test.written import advance
+from test.written import advance, scene_of
 
 LENGTH = 0.2
 SCENE = f"""
-name: bar
 mesh: {{bar: {{size: [{LENGTH}, 0.05, 0.05], cells: [8, 3, 3]}}}}
 materials: {{soft: {{law: neo_hookean, young: 1.0e5, poisson: 0.45}}}}
-regions: [{{material: soft}}]
 handles:
   base: {{where: {{face: x-}}}}
   tip: {{where: {{face: x+}}}}
@@ -36,7 +34,7 @@ def together(turn: Sequence[float], *, extra: float = 0.0) -> dict[str, Pose]:
 @pytest.mark.parametrize("turn", [(0.0, 1.56, 0.0), (0.0, np.pi, 0.0), (1.5, 1.8, 1.9), (0.0, 0.0, 2.0 * np.pi)])
 def test_a_common_motion_takes_one_increment(turn: tuple[float, float, float]) -> None:
     """Without a strain, also about half a turn; along the line between both poses of the tip, the bar was crushed."""
-    simulation = Simulation(scene_from_text(SCENE))
+    simulation = Simulation(scene_of(SCENE))
     result = simulation.step(Command(handles=together(turn)))
     assert (result.converged, result.substeps, result.iterations) == (True, 1, 0)
     assert result.energy == pytest.approx(0.0, abs=1e-12)
@@ -44,7 +42,7 @@ def test_a_common_motion_takes_one_increment(turn: tuple[float, float, float]) -
 
 def test_a_deformed_body_turns_as_it_is() -> None:
     """A bar that a tendon has bent keeps its energy."""
-    simulation = Simulation(scene_from_text(SCENE))
+    simulation = Simulation(scene_of(SCENE))
     bent = advance(simulation, Command(actuators={"tendon": 2.0}))
     turned = advance(simulation, Command(handles=together((0.0, 2.5, 0.5))))
     assert turned.energy == pytest.approx(bent.energy, rel=1e-6)
@@ -53,14 +51,14 @@ def test_a_deformed_body_turns_as_it_is() -> None:
 @pytest.mark.parametrize("turn", [0.0, 2.0 * np.pi])
 def test_a_twist_by_a_whole_turn_is_no_common_motion(turn: float) -> None:
     """The tip's place is the same after a whole turn, but the bar is twisted."""
-    simulation = Simulation(scene_from_text(SCENE))
+    simulation = Simulation(scene_of(SCENE))
     result = simulation.step(Command(handles={"tip": Pose(rotation=(turn, 0.0, 0.0))}))
     assert (result.energy > 1e-3) == (turn > 0.0)
 
 
 def test_a_common_motion_with_a_stretch_is_none() -> None:
     """It ends at the same energy in one step as if the stretch came after the turn."""
-    whole, halves = (Simulation(scene_from_text(SCENE)) for _ in range(2))
+    whole, halves = (Simulation(scene_of(SCENE)) for _ in range(2))
     goal = Command(handles=together((0.0, 1.0, 0.0), extra=0.02))
     found = whole.step(goal)
     halves.step(Command(handles=together((0.0, 1.0, 0.0))))

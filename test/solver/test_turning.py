@@ -7,18 +7,14 @@ import numpy as np
 import pytest
 
 from gdfe_ros import Command, Pose, Simulation
-from gdfe_ros.checkpoint import load_state, save_state
 from gdfe_ros.errors import SceneError
-from gdfe_ros.scene import scene_from_text
-from test.written import advance
+from test.written import advance, scene_of
 
 LENGTH, EDGE, YOUNG = 0.2, 0.01, 1.0e6
 STIFFNESS = YOUNG * EDGE**4 / 12.0
 SCENE = """\
-name: beam
 mesh: {{bar: {{size: [0.2, 0.01, 0.01], cells: [40, 2, 2]}}}}
 materials: {{a: {{law: linear, young: 1.0e6, poisson: 0.3, density: 1000}}}}
-regions: [{{material: a}}]
 handles:
   base: {{where: {{face: x-}}, free: [{base}]}}
   tip: {{where: {{face: x+}}, free: [{tip}]}}
@@ -33,7 +29,7 @@ LEFT = 4.0 * STIFFNESS / LENGTH * 1e-4
 
 def beam(base: str, tip: str, load: str = GRAVITY, **overrides: object) -> Simulation:
     """Return the beam with the given free axes of its two ends."""
-    return Simulation(scene_from_text(SCENE.format(base=base, tip=tip, load=load), overrides=overrides or None))
+    return Simulation(scene_of(SCENE.format(base=base, tip=tip, load=load), overrides=overrides or None))
 
 
 def sag(simulation: Simulation) -> float:
@@ -96,31 +92,16 @@ def test_commands_about_other_axes_count() -> None:
     assert result.reactions["tip"][3] > 1e-4
 
 
-def test_state_holds_the_turns() -> None:
-    """A state saved between steps of a rising load continues in another simulation with the same bits."""
-    first, second = beam("ry", "x, ry"), beam("ry", "x, ry")
-    for part in range(1, 4):
-        first.step(Command(loads={"weight": 0.5 * part}), dt=0.1)
-    load_state(second, save_state(first))
-    for part in range(4, 7):
-        one, two = (each.step(Command(loads={"weight": 0.5 * part}), dt=0.1) for each in (first, second))
-        assert np.array_equal(one.positions, two.positions)
-        assert first.handle_pose("base") == second.handle_pose("base")
-    assert one.converged
-
-
 def test_relative_policy_and_commands_about_free_axes_are_refused() -> None:
     """The relative policy with free rotations, and a command of a free axis, are refused with a remedy."""
     with pytest.raises(SceneError, match=r"cannot take weight, base; remedy: policy: energy"):
         beam("ry", "", **{"solver.policy": "relative"})
     program = "program: {duration: 1, handles: {tip: [{time: 1, rotation_deg: [0, 5, 0]}]}}"
     with pytest.raises(SceneError, match=r"ry is free and cannot be commanded; use 0 for ry"):
-        scene_from_text(SCENE.format(base="", tip="ry", load=GRAVITY) + program)
+        scene_of(SCENE.format(base="", tip="ry", load=GRAVITY) + program)
 
 
 def test_a_handle_that_is_fixed_cannot_turn() -> None:
     """A handle with ``fixed: true`` and free axes is refused."""
     with pytest.raises(SceneError, match=r"fixed: true and free axes exclude each other"):
-        scene_from_text(
-            SCENE.format(base="", tip="rx], fixed: true, free: [rx", load=GRAVITY).replace("free: [rx], ", "")
-        )
+        scene_of(SCENE.format(base="", tip="rx], fixed: true, free: [rx", load=GRAVITY).replace("free: [rx], ", ""))

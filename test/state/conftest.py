@@ -11,18 +11,16 @@ from numpy.typing import NDArray
 
 from gdfe_ros import Command, Pose, Simulation
 from gdfe_ros.mesh import HexMesh
-from gdfe_ros.scene import scene_from_text
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.step_result import StepResult
+from test.written import scene_of
 
 FIXED = "base: {where: {face: x-}, fixed: true}"
 GROWTH = "heat: {growth: {stretch: [0.9, 1, 1], where: {box: {z: [0, 1]}}}}"
 CABLE = "pull: {cable: {points: [[0, 0, 0.008], [0.1, 0, 0.008]], command: tension}}"
 BAR = """\
-name: bar
 mesh: {{bar: {{size: [0.1, 0.02, 0.02], cells: [10, 2, 2]}}}}
 materials: {{rubber: {{law: neo_hookean, young: 1.0e6, poisson: 0.45, density: 1000}}}}
-regions: [{{material: rubber}}]
 handles: {{{handles}}}
 actuators: {{{actuators}}}
 probes: {{tip: [0.1, 0, 0]}}
@@ -40,7 +38,7 @@ class Lab:
     ) -> Scene:
         """Make the scene of the bar; keywords override scene keys, double underscores stand for dots."""
         overrides = {key.replace("__", "."): value for key, value in keys.items()}
-        return scene_from_text(BAR.format(handles=handles, actuators=actuators, more=more), overrides=overrides)
+        return scene_of(BAR.format(handles=handles, actuators=actuators, more=more), overrides=overrides)
 
     def bar(self, **how: object) -> Simulation:
         """Make a simulation of the bar, with the arguments of `scene`."""

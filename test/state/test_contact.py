@@ -1,55 +1,30 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Contact together with other state: checkpoints, cut steps, and places far from the origin."""
+"""Contact together with other state: cut steps, and places far from the origin."""
 
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
 
 import numpy as np
 import pytest
 
 from gdfe_ros import Command, Pose, Simulation
-from gdfe_ros.checkpoint import load_state, save_state
 from test.written import simulate
 
 BAR = """
-name: bar
 mesh: {bar: {size: [0.2, 0.04, 0.04], cells: [20, 3, 3]}}
 materials: {soft: {law: neo_hookean, young: 2.0e5, poisson: 0.45, density: 1000}}
-regions: [{material: soft}]
 handles: {base: {where: {face: x-}}, tip: {where: {face: x+}}}
 obstacles: {pin: {sphere: {radius: 0.015}, at: [0.13, 0.0, -0.04], friction: 0.4}}
 """
-MOVES = [(0.0, 0.008), (0.004, 0.012), (0.008, 0.012), (0.008, 0.004), (0.0, -0.01), (0.004, 0.01)]
-"""Positions of the pin along x and z [m]: it presses, rubs, separates and comes back."""
+MOVES = [(0.0, 0.008), (0.004, 0.012)]
+"""Positions of the pin along x and z [m]: it presses and rubs."""
 
 
-def pressed(simulation: Simulation, moves: list[tuple[float, float]] = MOVES) -> list[np.ndarray]:
-    """Move the pin; return the positions after each step."""
-    return [simulation.step(Command(handles={"pin": Pose((x, 0.0, z))})).positions for x, z in moves]
-
-
-@pytest.mark.parametrize(
-    "motion", [{}, {"dynamics": {"step": 0.005, "damping": {"viscosity": 100.0}}}], ids=["still", "m"]
-)
-def test_a_checkpoint_in_contact_goes_on_to_the_bit(motion: dict[str, Any]) -> None:
-    """A state saved while the pin rubs, and loaded elsewhere, continues with the same bits."""
-    first, second = simulate(BAR, **motion), simulate(BAR, **motion)
-    pressed(first, MOVES[:3])
-    load_state(second, save_state(first))
-    for one, two in zip(pressed(first, MOVES[3:]), pressed(second, MOVES[3:]), strict=True):
-        np.testing.assert_array_equal(one, two)
-
-
-def test_a_reset_forgets_what_touched() -> None:
-    """The same moves give the same bits after a reset and in a new simulation."""
-    simulation = simulate(BAR)
-    before = pressed(simulation)
-    simulation.reset()
-    for again, other, first in zip(pressed(simulation), pressed(simulate(BAR)), before, strict=True):
-        np.testing.assert_array_equal(again, first)
-        np.testing.assert_array_equal(other, first)
+def press(simulation: Simulation) -> None:
+    """Move the pin."""
+    for x, z in MOVES:
+        simulation.step(Command(handles={"pin": Pose((x, 0.0, z))}))
 
 
 def test_steps_that_are_cut_arrive_at_the_same_contact() -> None:
@@ -69,8 +44,7 @@ def test_steps_that_are_cut_arrive_at_the_same_contact() -> None:
 def test_far_from_the_origin_it_is_the_same_contact() -> None:
     """Contact forces a kilometre from the origin equal those at the origin."""
     near = simulate(BAR)
-    pressed(near, MOVES[:2])
-
+    press(near)
     scene = near.scene
     away = np.array([1000.0, -500.0, 200.0])
     mesh = dataclasses.replace(scene.mesh, vertices=scene.mesh.vertices + away)
@@ -81,6 +55,6 @@ def test_far_from_the_origin_it_is_the_same_contact() -> None:
         for handle in scene.handles
     )
     far = Simulation(dataclasses.replace(scene, mesh=mesh, handles=handles))
-    pressed(far, MOVES[:2])
+    press(far)
     np.testing.assert_allclose(far.result.reactions["pin"], near.result.reactions["pin"], rtol=2e-2, atol=1e-2)
     np.testing.assert_allclose(far.result.contacts["pin"].places - away, near.result.contacts["pin"].places, atol=1e-5)

@@ -9,15 +9,12 @@ from typing import Any
 import pytest
 
 from gdfe_ros import Command, Pose, Simulation, load_scene
-from gdfe_ros.scene import scene_from_text
 from gdfe_ros.step_result import StepResult
-from test.written import advance
+from test.written import advance, scene_of
 
 BALL = """\
-name: ball
 mesh: {sphere: {inner: 0.020, outer: 0.030, cells: [4, 2]}}
 materials: {rubber: {law: neo_hookean, young: 1.0e5, poisson: 0.45}}
-regions: [{material: rubber}]
 handles: {base: {where: {box: {x: [-1, -0.025]}}, fixed: true}}
 actuators: {air: {chamber: {command: pressure}}}
 """
@@ -35,7 +32,7 @@ def bend5() -> tuple[Simulation, Command]:
 
 def ball() -> tuple[Simulation, Command]:
     """Return a hollow ball, and a pressure that doubles its volume."""
-    return Simulation(scene_from_text(BALL)), Command(actuators={"air": 15e3})
+    return Simulation(scene_of(BALL)), Command(actuators={"air": 15e3})
 
 
 def drive(simulation: Simulation, command: Command, most: int, **cut: float) -> list[StepResult]:
@@ -79,7 +76,7 @@ def test_few_iterations_inflate_a_ball_in_the_end(lab: Any, most: int) -> None:
     """With fewer iterations per step than the pressure needs, a ball is not called unstable and arrives in the end."""
     simulation, command = ball()
     exact = simulation.step(command)
-    slow = Simulation(scene_from_text(BALL, overrides={"solver.max_iterations": most}))
+    slow = Simulation(scene_of(BALL, overrides={"solver.max_iterations": most}))
     results = drive(slow, command, ROUND * exact.iterations)
     assert all(result.iterations <= most for result in results)
     assert f"{most} iterations" in results[0].message

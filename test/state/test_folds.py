@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from gdfe_ros import Simulation
-from gdfe_ros.scene import scene_from_text
 from gdfe_ros.step_result import StepResult
+from test.written import scene_of
 
 FOLDED = r"fold|inside out"
 REMEDY = r"reset|rest|smaller|slower|set_positions|finer"
@@ -24,10 +24,8 @@ MESHES = {
     "solid": "cells: [12, 3, 3]",
 }
 TEXT = """\
-name: folds
 mesh: {{bar: {{size: [0.1, 0.02, 0.02], {mesh}}}}}
 materials: {{rubber: {{law: {law}, young: 1.0e6, poisson: 0.45}}}}
-regions: [{{material: rubber}}]
 handles: {{base: {{where: {{face: x-}}, fixed: true}}}}
 actuators: {{pull: {{cable: {{points: [[0, 0, 0.008], [0.1, 0, 0.008]], command: tension}}}}}}
 """
@@ -37,7 +35,7 @@ LINEAR = [("hollow", 8.0), ("solid", 20.0)]
 
 def folding(mesh: str, law: str = "neo_hookean") -> Simulation:
     """Return a bar whose elements fold when the cable along its upper edge is pulled."""
-    return Simulation(scene_from_text(TEXT.format(mesh=MESHES[mesh], law=law)))
+    return Simulation(scene_of(TEXT.format(mesh=MESHES[mesh], law=law)))
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,7 @@ from scipy.optimize import brentq, minimize_scalar
 
 from gdfe_ros import Command, Pose, Simulation
 from gdfe_ros.errors import GdfeError
-from gdfe_ros.scene import scene_from_text
+from test.written import scene_of
 
 BASE = "base: {where: {face: x-}, fixed: true}"
 HINGE = f"{BASE}, tip: {{where: {{face: x+}}, free: [x, z, ry]}}"
@@ -19,10 +19,8 @@ INSIDE = "pull: {{cable: {{points: [[0.02, 0, 0.008], [0.08, 0, 0.008]], command
 HANDLE = "pull: {{cable: {{points: [[0, -0.005, 0.008], [0, 0.005, 0.008]], command: {mode}}}}}"
 ACROSS = "pull: {{cable: {{points: [[0, 0, 0.008], [0.1, 0, 0.008]], command: {mode}}}}}"
 BALL = """\
-name: ball
 mesh: {sphere: {inner: 0.010, outer: 0.015, cells: [2, 1]}}
 materials: {rubber: {law: neo_hookean, young: 1.0e6, poisson: 0.45}}
-regions: [{material: rubber}]
 handles: {base: {where: {box: {x: [-1, -0.0101]}}, fixed: true}}
 actuators: {air: {chamber: {command: pressure}}}
 probes: {side: [0.0149, 0, 0]}
@@ -78,7 +76,7 @@ class Filled:
     """
 
     def __init__(self, lab: Any) -> None:
-        scene = scene_from_text(BALL, overrides={"actuators.air.chamber.command": "volume"})
+        scene = scene_of(BALL, overrides={"actuators.air.chamber.command": "volume"})
         self._simulation = lab.fresh(Simulation(scene))
         self.rest = self._simulation.actuator_states()["air"].extent
         found = minimize_scalar(lambda ratio: -self.at(ratio)[0], bounds=(2.0, 8.0), options={"xatol": 1e-4})
@@ -105,7 +103,7 @@ def filled(lab: Any) -> Filled:
 
 def blown(pressure: float) -> Simulation:
     """Return the ball at a commanded pressure."""
-    simulation = Simulation(scene_from_text(BALL))
+    simulation = Simulation(scene_of(BALL))
     for command in (STABLE, pressure):
         simulation.step(Command(actuators={"air": command}))
     return simulation

@@ -8,9 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gdfe_ros import Command
 from gdfe_ros.checkpoint import load_state, save_state
-from gdfe_ros.errors import CommandError
 
 
 def equal(one: Any, other: Any) -> bool:
@@ -87,18 +85,3 @@ def test_results_and_positions_cannot_change_the_simulation(lab: Any) -> None:
             assert "read-only" in str(error)  # noqa: PT017 - either answer is sound
     assert np.array_equal(simulation.positions, plain.positions)
     assert equal(lab.go(simulation, pull=0.4), lab.go(plain, pull=0.4))
-
-
-@pytest.mark.parametrize("dt", [-1.0, -1e-9, float("nan"), float("inf")])
-def test_time_that_runs_backwards_is_refused(lab: Any, dt: float) -> None:
-    """A step with an invalid dt and a rate limit raises an error that names dt, and changes nothing."""
-    how = {"actuators__pull__cable__rate": 1.0}
-    simulation, plain = lab.bar(**how), lab.bar(**how)
-    for each in (simulation, plain):
-        each.step(Command(actuators={"pull": 0.1}), dt=0.1)
-    with pytest.raises(CommandError, match="dt"):
-        simulation.step(Command(actuators={"pull": 0.5}), dt=dt)
-    assert (simulation.time, simulation.commands) == (plain.time, plain.commands)
-    assert simulation.actuator_states() == plain.actuator_states()
-    results = [each.step(Command(actuators={"pull": 0.2}), dt=0.1) for each in (simulation, plain)]
-    assert equal(*results)

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import copy
 from typing import Any
 
 import numpy as np
@@ -19,7 +18,7 @@ from gdfe_ros.scene import scene_from_text
 from gdfe_ros.scene.entity import read_entity, with_body, without_bodies
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.simulation import Simulation
-from test.torture.examples import entries_of, examples
+from test.torture.examples import ODD, entries_of, examples, with_value
 
 SCENE = """\
 name: small
@@ -43,16 +42,6 @@ BODIES = [
     )
 ]
 pytestmark = pytest.mark.usefixtures("limited")
-ODD = st.one_of(
-    st.none(),
-    st.booleans(),
-    st.integers(-(10**20), 10**20),
-    st.floats(),
-    st.sampled_from([0, -1, 1e-300, 1e-170, 1e-15, 1e-5, 1e300, "soft", "body_hard", "", "a\0b", "a" * 5000, [], {}]),
-    st.lists(st.floats(), max_size=4),
-)
-
-
 CHOICES = [(number, place) for number, body in enumerate(BODIES) for place in entries_of(body)]
 
 
@@ -75,14 +64,9 @@ def scene() -> Scene:
 def test_a_body_with_one_odd_value(scene: Scene, choice: tuple[int, tuple[Any, ...]], value: Any) -> None:
     """It is refused with a reason, or its first step converges to finite places, and it leaves nothing behind."""
     number, place = choice
-    data = copy.deepcopy(BODIES[number])
-    target = data
-    for key in place[:-1]:
-        target = target[key]
-    target[place[-1]] = value
     joined, reason = None, ""
     try:
-        body = read_entity(yaml.safe_dump(data))
+        body = read_entity(yaml.safe_dump(with_value(BODIES[number], place, value)))
         joined = with_body(scene, "body", body, origin=np.array([0.4, 0.0, 0.2]), turn=Rotation.identity())
         new = Simulation(joined)
         take_over(Simulation(scene), new)

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from gdfe_ros.errors import SceneError
 from gdfe_ros.scene import scene_from_text
 from gdfe_ros.simulation import Simulation
-from test.torture.examples import entries_of, examples
+from test.torture.examples import ODD, entries_of, examples, with_value
 
 SOUND = """\
 name: sound
@@ -55,17 +55,6 @@ solver: {policy: energy, tolerance: 1.0e-3, max_iterations: 200}
 DATA = yaml.safe_load(SOUND)
 pytestmark = pytest.mark.usefixtures("limited")
 QUICK = examples(120)
-ODD = st.one_of(
-    st.none(),
-    st.booleans(),
-    st.integers(-(10**20), 10**20),
-    st.floats(),
-    st.sampled_from([0, -1, 1e-300, 1e300, "x", "", "1e3", "nan", [], {}, [1, 2], {"a": 1}, "energy", "x-"]),
-    st.text(max_size=8),
-    st.lists(st.floats(), max_size=4),
-)
-
-
 PLACES = entries_of(DATA)
 
 
@@ -99,12 +88,7 @@ def _check(text: str) -> None:
 @QUICK
 def test_one_odd_value(place: tuple[Any, ...], value: Any) -> None:
     """A valid scene with one value replaced by anything loads or is refused."""
-    data = copy.deepcopy(DATA)
-    target = data
-    for key in place[:-1]:
-        target = target[key]
-    target[place[-1]] = value
-    _check(yaml.safe_dump(data, sort_keys=False))
+    _check(yaml.safe_dump(with_value(DATA, place, value), sort_keys=False))
 
 
 @given(st.lists(st.sampled_from(PLACES), min_size=1, max_size=4, unique=True))

@@ -15,19 +15,15 @@ from gdfe_ros.solver.contact.stencil import add_loads
 from test.written import simulate
 
 CUBE = """
-name: cube
 mesh: {bar: {size: [0.1, 0.1, 0.1], cells: [4, 4, 4]}}
 materials: {soft: {law: neo_hookean, young: 2.0e5, poisson: 0.45, density: 1000}}
-regions: [{material: soft}]
 handles: {top: {where: {face: z+}}}
 obstacles: {ball: {sphere: {radius: 0.04}, at: [0.05, 0, -0.09]}}
 solver: {tolerance: 1.0e-5}
 """
 SLIDER = """
-name: slider
 mesh: {bar: {size: [0.1, 0.1, 0.04], cells: [3, 3, 2]}}
 materials: {soft: {law: neo_hookean, young: 2.0e5, poisson: 0.45, density: 1000}}
-regions: [{material: soft}]
 handles: {}
 obstacles: {floor: {plane: [0, 0, 1], at: [0, 0, -0.02], fixed: true}}
 dynamics: {scheme: bdf2, step: 0.005, damping: {viscosity: 500}}

@@ -6,14 +6,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gdfe_ros import Simulation
-from gdfe_ros.scene.loader import scene_from_text
+from test.written import advance, simulate, trace
 
 BLOCK = """
-name: block
 mesh: {bar: {size: [0.2, 0.1, 0.1], cells: [8, 4, 4]}}
 materials: {soft: {law: neo_hookean, young: 0.2e+6, poisson: 0.45, density: 1000}}
-regions: [{material: soft}]
 handles: {}
 obstacles: {floor: {plane: [0, 0, 1], at: [0, 0, -0.05], friction: 0.5}}
 loads: {weight: {gravity: [0, 0, -9.81]}}
@@ -25,10 +22,9 @@ MASS = 2.0
 
 def test_a_block_lands_in_few_iterations_and_enters_nothing() -> None:
     """A block that falls half a millimetre takes at most ten iterations a step, and stays above the floor to 1e-9."""
-    simulation = Simulation(scene_from_text(BLOCK, overrides={"obstacles.floor.at": [0, 0, -0.0505]}))
+    simulation = simulate(BLOCK, obstacles__floor__at=[0, 0, -0.0505])
     for _ in range(14):
-        result = simulation.step()
-        assert result.converged, result.message
+        result = advance(simulation)
         assert result.iterations <= 10
         assert result.positions[:, 2].min() > -0.0505 - 1e-9 * SIZE
 
@@ -37,11 +33,7 @@ def test_a_block_lands_in_few_iterations_and_enters_nothing() -> None:
 def test_the_published_force_is_the_weight(scheme: str) -> None:
     """The mean force of the floor on a damped block that settles is its weight, in long steps, with every scheme."""
     dynamics = {"scheme": scheme, "step": 0.01, "damping": {"viscosity": 500}}
-    simulation, forces = Simulation(scene_from_text(BLOCK, overrides={"dynamics": dynamics})), []
-    for _ in range(80):
-        result = simulation.step()
-        assert result.converged, result.message
-        forces.append(result.reactions["floor"][2])
+    forces = trace(simulate(BLOCK, dynamics=dynamics), 80, lambda result: result.reactions["floor"][2])
     assert min(forces[20:]) > 0.0
     assert np.mean(forces[20:]) == pytest.approx(MASS * 9.81, rel=0.01)
 
@@ -49,12 +41,8 @@ def test_the_published_force_is_the_weight(scheme: str) -> None:
 @pytest.mark.parametrize(("push", "acceleration"), [(3.0, 0.0), (6.0, 6.0 - 0.5 * 9.81)])
 def test_a_pushed_block_sticks_or_slides(push: float, acceleration: float) -> None:
     """Within the cone of friction a block does not move at all; beyond it, it slides with a constant acceleration."""
-    more = {"loads.weight.gravity": [push, 0, -9.81], "dynamics.damping": {"viscosity": 500}}
-    simulation, places = Simulation(scene_from_text(BLOCK, overrides=more)), []
-    for _ in range(200):
-        result = simulation.step()
-        assert result.converged, result.message
-        places.append(result.positions[:, 0].mean())
+    simulation = simulate(BLOCK, loads__weight__gravity=[push, 0, -9.81], dynamics__damping={"viscosity": 500})
+    places = trace(simulation, 200, lambda result: result.positions[:, 0].mean())
     times = 0.005 * np.arange(200)
     assert 2.0 * np.polyfit(times[120:], places[120:], 2)[0] == pytest.approx(acceleration, abs=1e-6)
     if acceleration == 0.0:

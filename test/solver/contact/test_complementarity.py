@@ -17,25 +17,21 @@ def solved(w, q, mu, start=None):
     return force, q + w @ force
 
 
-def test_a_heavy_point_sticks_or_slides():
-    """Hold a point of unit compliance on a plane; beyond the cone it slides by what the cone does not hold."""
-    for pull, slip in ((0.3, 0.0), (0.8, 0.3)):
-        force, place = solved(np.eye(3), np.array([-1.0, pull, 0.0]), [0.5])
-        np.testing.assert_allclose(force, [1.0, -min(pull, 0.5), 0.0], atol=1e-13)
-        np.testing.assert_allclose(place, [0.0, slip, 0.0], atol=1e-13)
-
-
-def test_points_apart_have_no_force():
-    """Leave points without force that stay apart, also from a start with forces."""
-    force, _ = solved(np.eye(6), np.array([1.0, 0.2, 0.0, 2.0, 0.0, 0.1]), [0.5, 0.5], start=np.ones(6))
-    assert not force.any()
-
-
-def test_without_friction_nothing_holds_a_slide():
-    """Give no tangential force at zero friction."""
-    force, place = solved(np.eye(3), np.array([-1.0, 0.3, -0.2]), [0.0])
-    np.testing.assert_allclose(force, [1.0, 0.0, 0.0])
-    np.testing.assert_allclose(place, [0.0, 0.3, -0.2])
+@pytest.mark.parametrize(
+    ("q", "mu", "forces", "places"),
+    [
+        pytest.param([-1, 0.3, 0], [0.5], [1, -0.3, 0], [0, 0, 0], id="within the cone it sticks"),
+        pytest.param([-1, 0.8, 0], [0.5], [1, -0.5, 0], [0, 0.3, 0], id="beyond the cone it slides"),
+        pytest.param([-1, 0.3, -0.2], [0.0], [1, 0, 0], [0, 0.3, -0.2], id="without friction it slides"),
+        pytest.param([1, 0.2, 0, 2, 0, 0.1], [0.5, 0.5], [0] * 6, [1, 0.2, 0, 2, 0, 0.1], id="apart"),
+    ],
+)
+def test_points_of_unit_compliance(q: list[float], mu: list[float], forces: list[float], places: list[float]) -> None:
+    """Hold a point as far as its cone does, and leave points without force that stay apart, whatever the start."""
+    for start in (np.zeros(len(q)), np.ones(len(q))):
+        force, place = solved(np.eye(len(q)), np.array(q, float), mu, start=start)
+        np.testing.assert_allclose(force, forces, atol=1e-13)
+        np.testing.assert_allclose(place, places, atol=1e-13)
 
 
 def test_a_violation_is_that_of_its_point():

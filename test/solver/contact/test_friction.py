@@ -10,15 +10,12 @@ import numpy as np
 import pytest
 
 from gdfe_ros import Command, Pose, Simulation
-from gdfe_ros.scene.loader import scene_from_text
-from test.written import advance
+from test.written import advance, scene_of, trace
 
 G = 9.81
 DRAGGED = """
-name: dragged
 mesh: {bar: {size: [0.05, 0.05, 0.05], cells: [2, 2, 2]}}
 materials: {soft: {law: neo_hookean, young: 2.0e5, poisson: 0.4, density: 1000}}
-regions: [{material: soft}]
 handles: {top: {where: {face: z+}}}
 obstacles: {ball: {sphere: {radius: 0.03}, at: [0.003, 0.002, -0.0552], fixed: true, friction: 1.0}}
 solver: {skip: []}
@@ -36,11 +33,7 @@ def tilted(
 
 def ways(simulation: Simulation, steps: int) -> np.ndarray:
     """Return the slab's mean displacement (steps,) [m] along the slope after each step."""
-    found = []
-    for _ in range(steps):
-        result = advance(simulation)
-        found.append(result.positions[:, 0].mean())
-    return np.array(found)
+    return trace(simulation, steps, lambda result: result.positions[:, 0].mean())
 
 
 @pytest.mark.parametrize("friction", [0.1, 0.3, 0.5])
@@ -88,7 +81,7 @@ def test_what_is_dragged_over_a_ball_stays_when_it_is_asked_again() -> None:
 
     The normal force turns as the vertex slips around the ball. Earlier, 4.5 tolerances remained after convergence.
     """
-    simulation, slipped = Simulation(scene_from_text(DRAGGED)), 0
+    simulation, slipped = Simulation(scene_of(DRAGGED)), 0
     for way in ((0.0, 0.0, -0.004), (0.001, 0.0, -0.006), (0.004, 0.001, -0.006), (0.01, 0.002, -0.006)):
         command = Command(handles={"top": Pose(way)})
         result = advance(simulation, command)
@@ -100,10 +93,8 @@ def test_what_is_dragged_over_a_ball_stays_when_it_is_asked_again() -> None:
 
 
 FINGER = """
-name: dragged
 mesh: {bar: {size: [0.012, 0.012, 0.06], cells: [3, 3, 12]}}
 materials: {soft: {law: neo_hookean, young: 5.0e5, poisson: 0.45, density: 1000}}
-regions: [{material: soft}]
 handles: {base: {where: {face: z+}}}
 obstacles: {table: {box: {size: [0.3, 0.1, 0.02]}, at: [0, 0, AT], friction: 1, fixed: true}}
 """
@@ -111,8 +102,8 @@ obstacles: {table: {box: {size: [0.3, 0.1, 0.02]}, at: [0, 0, AT], friction: 1, 
 
 def test_a_finger_that_is_dragged_over_a_table_is_found_at_every_step() -> None:
     """Every step converges while a slender finger is pressed on a table and dragged, where friction lifts it."""
-    low = scene_from_text(FINGER.replace("AT", "-1")).mesh.vertices[:, 2].min()
-    simulation = Simulation(scene_from_text(FINGER.replace("AT", str(low - 0.0101))))
+    low = scene_of(FINGER.replace("AT", "-1")).mesh.vertices[:, 2].min()
+    simulation = Simulation(scene_of(FINGER.replace("AT", str(low - 0.0101))))
     poses = [Pose((0.0, 0.0, -0.003 * step / 20)) for step in range(1, 21)]
     poses += [Pose((0.08 * step / 128, 0.0, -0.003)) for step in range(1, 65)]
     missed = [pose for pose in poses if not simulation.step(Command({"base": pose})).converged]

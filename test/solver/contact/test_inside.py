@@ -6,30 +6,24 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchmarks.torture.bodies import distance
 from gdfe_ros import Command, Pose, Simulation, load_scene
-from gdfe_ros.scene.loader import scene_from_text
 from gdfe_ros.solver.contact.own_contact import DEEPEST, OwnContact
 from test.solver.contact.stacks import stack
-from test.written import advance
+from test.written import advance, scene_of
 
 BLOCKS = """
-name: blocks
 meshes:
   low: {bar: {size: [0.05, 0.05, 0.05], cells: [2, 2, 2]}}
   high: {bar: {size: [0.05, 0.05, 0.05], cells: [1, 1, 1]}, at: [0, 0, 0.051]}
 materials: {soft: {law: neo_hookean, young: 2.0e5, poisson: 0.4, density: 1000}}
-regions: [{material: soft}]
 handles: {low: {where: {mesh: low, face: z-}, fixed: true}, high: {where: {mesh: high, face: z+}}}
 self_contact: {}
 """
 PLATES = """
-name: plates
 meshes:
   low: {bar: {size: [0.02, 0.002, 0.02], cells: [8, 1, 8]}}
   high: {bar: {size: [0.02, 0.002, 0.02], cells: [8, 1, 8]}, at: [0, 0, 0.0205]}
 materials: {soft: {law: neo_hookean, young: 1.0e5, poisson: 0.45, density: 1000}}
-regions: [{material: soft}]
 handles: {low: {where: {mesh: low, face: z-}, fixed: true}, high: {where: {mesh: high, face: z+}}}
 self_contact: {}
 """
@@ -91,7 +85,7 @@ def test_a_coarse_block_does_not_end_inside_of_another(friction: float) -> None:
     Earlier they ended a sixth of their size inside each other and were reported as converged. A step that stops before
     its target says so.
     """
-    simulation = Simulation(scene_from_text(BLOCKS, overrides={"self_contact": {"friction": friction}}))
+    simulation = Simulation(scene_of(BLOCKS, overrides={"self_contact": {"friction": friction}}))
     random = np.random.default_rng(0)
     for _ in range(6):
         way = tuple(random.uniform([-0.02, -0.02, -0.07], [0.02, 0.02, -0.03]))
@@ -102,13 +96,13 @@ def test_a_coarse_block_does_not_end_inside_of_another(friction: float) -> None:
         assert result.min_det > 0.0
     for _ in range(3):
         result = advance(simulation, Command(handles={"high": Pose()}))
-    assert distance(result.positions, simulation.mesh.vertices, simulation.mesh.size) < 1e-3
+    assert np.abs(result.positions - simulation.mesh.vertices).max() < 1e-3 * simulation.mesh.size
 
 
 def test_a_step_that_ends_inside_says_who_where_and_how_deep() -> None:
     """Where blocks would penetrate each other, the message names both, the depth, the position and a remedy."""
     far = {"meshes.low.at": [50, 0, 0], "meshes.high.at": [50, 0, 0.051], "solver.max_iterations": 2000}
-    simulation = Simulation(scene_from_text(BLOCKS, overrides=far))
+    simulation = Simulation(scene_of(BLOCKS, overrides=far))
     result = simulation.step(Command(handles={"high": Pose((0.005, 0.0, -0.06))}))
     assert not result.converged
     assert "m inside of mesh" in result.message
@@ -119,9 +113,7 @@ def test_a_step_that_ends_inside_says_who_where_and_how_deep() -> None:
 
 def test_what_is_put_inside_comes_out_or_says_so_again() -> None:
     """From vertices placed inside another mesh, a step converges with them outside, or reports that they are inside."""
-    simulation = Simulation(
-        scene_from_text(BLOCKS, overrides={"handles.high": {"where": {"mesh": "high", "face": "x+"}}})
-    )
+    simulation = Simulation(scene_of(BLOCKS, overrides={"handles.high": {"where": {"mesh": "high", "face": "x+"}}}))
     x = simulation.mesh.vertices.copy()
     x[x[:, 2] > 0.0255, 2] -= 0.008
     x[the_contact(simulation)._body.handles[1].vertices, 2] += 0.008
@@ -145,7 +137,7 @@ def test_a_step_with_friction_stays_when_it_is_asked_again(friction: float) -> N
         "meshes.low.bar.cells": [5, 4, 4],
         "meshes.high": {"bar": {"size": [0.04] * 3, "cells": [3, 3, 2]}, "at": [0.002, 0.001, 0.0455]},
     }
-    simulation = Simulation(scene_from_text(BLOCKS, overrides=overrides))
+    simulation = Simulation(scene_of(BLOCKS, overrides=overrides))
     slipped, tolerance = 0, 1e-4 * simulation.mesh.size
     for way in ((0.002, 0.001, -0.002), (-0.003, 0.003, -0.003), (0.004, -0.002, -0.002)):
         for turn in ((0.0, 0.05, 0.0), (0.08, -0.05, 0.05)):
@@ -160,7 +152,7 @@ def test_a_step_with_friction_stays_when_it_is_asked_again(friction: float) -> N
 @pytest.mark.parametrize("overlap", [0.001, 0.0015, 0.0025])
 def test_plates_of_one_cell_that_overlap_in_their_plane_are_told(overlap: float) -> None:
     """Where all vertices lie on the other plate's surface, the middles of faces tell that the plates overlap."""
-    simulation = Simulation(scene_from_text(PLATES))
+    simulation = Simulation(scene_of(PLATES))
     x = simulation.mesh.vertices.copy()
     x[simulation.mesh.parts["high"].first_vertex :, 2] -= 0.0005 + overlap
     depth, text = the_contact(simulation).penetration.told(turned(x), 1e-6)

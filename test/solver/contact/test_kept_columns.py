@@ -12,10 +12,8 @@ from gdfe_ros.solver.matrix.substitution import solve_unturned
 from test.written import advance, simulate
 
 SCENE = """
-name: strip
 mesh: {bar: {size: [0.1, 0.02, 0.02], cells: [10, 4, 4]}}
 materials: {m: {law: neo_hookean, young: 1.0e6, poisson: 0.45}}
-regions: [{material: m}]
 handles: {base: {where: {face: x-}, fixed: true}TIP}
 actuators:
   wire: {cable: {points: [[0, 0, 0.008], [0.05, 0, 0.008], [0.1, 0, 0.008]], command: shortening}}

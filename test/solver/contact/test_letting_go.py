@@ -6,15 +6,12 @@ from __future__ import annotations
 import pytest
 
 from gdfe_ros import Command, Pose, Simulation
-from gdfe_ros.scene.loader import scene_from_text
 from gdfe_ros.solver.vectors import largest_distance
-from test.written import advance
+from test.written import advance, scene_of
 
 POKED = """
-name: poked
 mesh: {bar: {size: [0.10, 0.05, 0.05], cells: [8, 4, 4]}}
 materials: {soft: {law: neo_hookean, young: 1.0e5, poisson: 0.4}}
-regions: [{material: soft}]
 handles: {base: {where: {face: x-}, fixed: true}}
 obstacles: {thing: {box: {size: [0.04, 0.03, 0.02]}, at: [0.06, 0.0, 0.125], friction: 0.5}}
 solver: {tolerance: 1.0e-6, max_iterations: 2000}
@@ -30,7 +27,7 @@ AWAY = Pose((0.0, 0.0, 0.5))
 @pytest.fixture
 def poked() -> Simulation:
     """Return a body whose last step into the box did not converge: it is between its start and the box's last pose."""
-    simulation = Simulation(scene_from_text(POKED))
+    simulation = Simulation(scene_of(POKED))
     for pose in INTO:
         result = simulation.step(Command(handles={"thing": pose}))
         assert result.min_det > 0.0
@@ -72,7 +69,7 @@ def test_a_box_that_cannot_be_pulled_out_is_given_up_early() -> None:
     """Increments in which the steps of contact shrink no more end soon: none of them uses all of its iterations."""
     box = {"box": {"size": [0.03] * 3}, "at": [0.0, 0.0, 0.2], "friction": 0.5}
     coarse = {"mesh.bar.cells": [4, 2, 2], "obstacles": {"thing": box}}
-    simulation = Simulation(scene_from_text(POKED, overrides=coarse))
+    simulation = Simulation(scene_of(POKED, overrides=coarse))
     inside = Pose((0.038, 0.032, -0.212), (1.14, 0.03, 1.04))
     results = [simulation.step(Command(handles={"thing": pose})) for pose in (inside, AWAY)]
     assert max(result.iterations for result in results) < simulation.scene.solver.max_iterations

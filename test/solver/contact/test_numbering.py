@@ -12,16 +12,13 @@ from numpy.typing import NDArray
 
 from gdfe_ros import Simulation
 from gdfe_ros.constraints.obstacle import NAME
-from gdfe_ros.scene.loader import scene_from_text
-from test.written import advance
+from test.written import scene_of, trace
 
 CUBE = {"bar": {"size": [0.04, 0.04, 0.04], "cells": [3, 3, 3]}}
 PLACES = {"low": (0.0, 0.0, 0.02), "high": (0.007, 0.004, 0.11)}
 PAIR = """
-name: pair
 meshes: {}
 materials: {soft: {law: neo_hookean, young: 1.0e5, poisson: 0.4, density: 1000}}
-regions: [{material: soft}]
 handles: {}
 loads: {weight: {gravity: [0, 0, -9.81]}}
 obstacles: {floor: {plane: [0, 0, 1], at: [0, 0, 0], friction: 0.5, fixed: true}}
@@ -39,12 +36,9 @@ def fallen(
     """
     meshes: dict[str, Any] = {name: {**CUBE, "at": np.add(PLACES[name], origin).tolist()} for name in order}
     given = {"materials.soft.young": 1e5 * unit, "materials.soft.density": 1000 * unit, "obstacles.floor.at": [*origin]}
-    simulation, touched = Simulation(scene_from_text(PAIR, overrides={"meshes": meshes, **given})), False
-    for _ in range(50):
-        result = advance(simulation)
-        touched = touched or len(result.contacts[NAME].presses) > 0
-    assert touched
-    halves = np.split((result.positions - origin) / simulation.mesh.size, 2)
+    simulation = Simulation(scene_of(PAIR, overrides={"meshes": meshes, **given}))
+    assert trace(simulation, 50, lambda result: len(result.contacts[NAME].presses)).any()
+    halves = np.split((simulation.result.positions - origin) / simulation.mesh.size, 2)
     return dict(zip(order, halves, strict=True))
 
 

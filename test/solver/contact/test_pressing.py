@@ -12,27 +12,22 @@ import trimesh
 
 from gdfe_ros import Command, Pose, Simulation
 from gdfe_ros.mesh.packing import pack_surface
-from gdfe_ros.scene.loader import scene_from_text
 from test.solver.contact.balls import ball_between_plates, hertz, tatara
-from test.written import advance
+from test.written import advance, scene_of
 
 REFERENCE = Path(__file__).parents[2] / "data" / "reference" / "contact_block_on_ball.npz"
 QUADRATIC = {0.012: 84.8, 0.016: 128.9, 0.02: 178.8}
 """Dict from displacement [m] to force [N]: quadratic elements on 16^3 cells, by the makers of the reference."""
 BEAM = """
-name: beam
 mesh: {bar: {size: [1.0, 0.005, 0.005], cells: [160, 1, 1]}}
 materials: {steel: {law: linear, young: 1.0e8, poisson: 0.0, density: 1000}}
-regions: [{material: steel}]
 handles: {base: {where: {face: x-}, fixed: true}}
 obstacles: {floor: {plane: [0, 0, 1], at: [0, 0, -0.0225], fixed: true}}
 loads: {weight: {gravity: [0, 0, -9.81]}}
 """
 NEEDLE = """
-name: needle
 mesh: {bar: {size: [0.1, 0.02, 0.01], cells: [20, 4, 2]}}
 materials: {soft: {law: neo_hookean, young: 2.0e5, poisson: 0.45, density: 1000}}
-regions: [{material: soft}]
 handles: {base: {where: {face: x-}}}
 obstacles: {needle: {capsule: {radius: 0.005, length: 0.05}, at: [0.09, 0, -0.0151], friction: 0.0}}
 """
@@ -92,7 +87,7 @@ def test_forces_go_on_to_nothing_when_the_obstacle_leaves(cube: Callable[..., Si
 
 def test_a_beam_that_lies_down_touches_where_theory_says() -> None:
     """A clamped beam that sags onto a floor first touches it at (72 E I H / q)^(1/4), within 3 %."""
-    simulation = Simulation(scene_from_text(BEAM))
+    simulation = Simulation(scene_of(BEAM))
     for factor in np.linspace(0.1, 1.0, 6):
         result = advance(simulation, Command(loads={"weight": float(factor)}))
     touch = result.contacts["floor"]
@@ -109,7 +104,7 @@ def test_a_pressed_ball_gives_way_as_theory_says() -> None:
 @pytest.mark.parametrize("friction", [0.0, 0.5])
 def test_a_needle_that_presses_into_a_bar_takes_few_iterations(friction: float) -> None:
     """Normals that turn by large angles between steps of the minimisation do not keep it from converging."""
-    simulation = Simulation(scene_from_text(NEEDLE, overrides={"obstacles.needle.friction": friction}))
+    simulation = Simulation(scene_of(NEEDLE, overrides={"obstacles.needle.friction": friction}))
     for move in np.linspace(0.002, 0.024, 12):
         result = advance(simulation, Command(handles={"base": Pose((0.0, 0.0, -float(move)))}))
         assert result.iterations <= 30

@@ -14,6 +14,7 @@ import trimesh
 from gdfe_ros import Simulation, load_scene
 from gdfe_ros.scene.loader import scene_from_text
 from gdfe_ros.solver.contact.rigid_contact import RoundContact
+from test.written import advance
 
 G = 9.81
 SCENE = """
@@ -51,9 +52,7 @@ def on_slope() -> Callable[..., Simulation]:
 
 def run(simulation: Simulation, duration: float) -> None:
     """Make steps for a duration [s]; each must converge."""
-    for _ in range(round(duration / simulation.scene.dynamics.step)):
-        result = simulation.step()
-        assert result.converged, result.message
+    advance(simulation, count=round(duration / simulation.scene.dynamics.step))
 
 
 def moved(simulation: Simulation) -> float:

@@ -10,27 +10,22 @@ import pytest
 
 from gdfe_ros import Command, Pose, Simulation, load_scene
 from gdfe_ros.constraints.obstacle import NAME
-from gdfe_ros.scene.loader import scene_from_text
 from gdfe_ros.solver.settings import SolverSettings
 from gdfe_ros.step_result import StepResult
 from test.solver.contact.stacks import PRESSED, pressures, stack
-from test.written import advance
+from test.written import advance, scene_of
 
 TUBE = """
-name: tube
 mesh: {tube: {inner: 0.006, outer: 0.01, length: 0.02, cells: [2, 32, 8]}}
 materials: {rubber: {law: neo_hookean, young: 1.0e5, poisson: 0.4, density: 1100}}
-regions: [{material: rubber}]
 handles:
   low: {where: {box: {y: [-1, -0.0085]}}, fixed: true}
   top: {where: {box: {y: [0.0085, 1]}}}
 self_contact: {friction: 0.3}
 """
 SHOT = """
-name: shot
 mesh: {bar: {size: [0.09, 0.03, 0.03], cells: [9, 3, 3], cut: [{box: {x: [0.03, 0.05]}}]}}
 materials: {soft: {law: neo_hookean, young: 2.0e5, poisson: 0.4, density: 1000}}
-regions: [{material: soft}]
 handles: {}
 loads: {push: {surface: {where: {face: x-}, force: [0.63, 0, 0]}}}
 self_contact: {}
@@ -117,7 +112,7 @@ def test_a_notch_closes_and_holds() -> None:
 
 def test_a_tube_is_pressed_flat_node_on_node() -> None:
     """A tube whose wall meets itself, vertex on vertex, is pressed flat in few iterations, with friction."""
-    simulation, iterations = Simulation(scene_from_text(TUBE)), 0
+    simulation, iterations = Simulation(scene_of(TUBE)), 0
     for k in range(1, 29):
         result = advance(simulation, Command(handles={"top": Pose((0.0, -5e-4 * k, 0.0))}))
         iterations += result.iterations
@@ -131,7 +126,7 @@ def test_two_soft_bodies_collide(scheme: str, swing: float) -> None:
 
     Generalised alpha balances forces between the ends of a step: the energy at the ends oscillates as blocks separate.
     """
-    simulation, totals, touched = Simulation(scene_from_text(SHOT, overrides={"dynamics.scheme": scheme})), [], []
+    simulation, totals, touched = Simulation(scene_of(SHOT, overrides={"dynamics.scheme": scheme})), [], []
     for step in range(150):
         result = advance(simulation, Command(loads={"push": 1.0 if step < 30 else 0.0}))
         momentum = (simulation.stepper.mass @ result.velocities).sum(axis=0)

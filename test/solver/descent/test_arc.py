@@ -7,16 +7,14 @@ import numpy as np
 import pytest
 
 from gdfe_ros import Simulation
-from gdfe_ros.scene import scene_from_text
 from gdfe_ros.solver.descent import arc
 from gdfe_ros.solver.equilibrium.solve import Solve
+from test.written import scene_of
 
 LENGTH = 0.1
 STRIP = """
-name: strip
 mesh: {bar: {size: [0.1, 0.01, 0.01], cells: [20, 2, 2]}}
 materials: {m: {law: neo_hookean, young: 1.0e6, poisson: 0.45, density: 1000}}
-regions: [{material: m}]
 handles: {base: {where: {face: x-}, fixed: true}}
 loads: {weight: {gravity: [0, 0, -1.0]}}
 """
@@ -24,7 +22,7 @@ loads: {weight: {gravity: [0, 0, -1.0]}}
 
 def bent(angle: float) -> tuple[float, np.ndarray, np.ndarray]:
     """Bend the strip at rest to first order, its tip by ``angle`` [rad]; return factor, d and c at the tip's middle."""
-    equilibrium = Simulation(scene_from_text(STRIP)).stepper.equilibrium
+    equilibrium = Simulation(scene_of(STRIP)).stepper.equilibrium
     body, minimiser = equilibrium.body, equilibrium.minimiser
     task = Solve.at(equilibrium.model, equilibrium.at_rest()).evaluate()
     work, (x, y, z) = task.active.workspace, body.rest.T

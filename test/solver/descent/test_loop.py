@@ -11,43 +11,33 @@ import numpy as np
 import pytest
 
 from gdfe_ros import Command, Pose, Simulation, load_scene
-from gdfe_ros.scene import scene_from_text
-from test.written import advance
+from test.written import advance, scene_of
 
 STRIP = """
-name: strip
 mesh: {bar: {size: [0.2, 0.02, 0.001], cells: [40, 4, 1]}}
 materials: {m: {law: neo_hookean, young: 1.0e5, poisson: 0.45, density: 1000}}
-regions: [{material: m}]
 handles: {base: {where: {face: x-}, fixed: true}, tip: {where: {face: x+}}}
 solver: {tolerance: 1.0e-4, max_iterations: 20000}
 """
 TUBE = """
-name: tube
 mesh: {tube: {inner: 0.009, outer: 0.010, length: 0.08, cells: [1, 20, 24], cap: 0.004}}
 materials: {m: {law: neo_hookean, young: 6.0e5, poisson: 0.45}}
-regions: [{material: m}]
 handles: {left: {where: {face: x-}, fixed: true}, right: {where: {face: x+}, fixed: true}}
 actuators: {air: {chamber: {command: pressure}}}
 """
 MEMBRANE = """
-name: membrane
 mesh: {bar: {size: [0.06, 0.06, 0.001], cells: [20, 20, 1]}}
 materials: {m: {law: neo_hookean, young: 6.0e5, poisson: 0.45}}
-regions: [{material: m}]
 handles: {rim: {where: {any: [{face: x-}, {face: x+}, {face: y-}, {face: y+}]}, fixed: true}}
 loads: {p: {surface: {where: {face: z-}, traction: [0, 0, 1]}}}
 """
 CANTILEVER = """
-name: cantilever
 mesh: {bar: {size: [1.0, 0.1, 0.003], cells: [6, 2, 2]}}
 materials: {m: {law: neo_hookean, young: 8.0e5, poisson: 0.45, density: 1100}}
-regions: [{material: m}]
 handles: {base: {where: {face: x-}, fixed: true}}
 loads: {weight: {gravity: [0, 0, -9.81]}}
 """
 CONTRAST = """
-name: contrast
 mesh: {bar: {size: [0.2, 0.04, 0.04], cells: [16, 4, 4]}}
 materials:
   soft: {law: neo_hookean, young: 1.0e3, poisson: 0.45}
@@ -56,27 +46,21 @@ regions: [{material: soft}, {material: stiff, where: {box: {x: [0.08, 0.12]}}}]
 handles: {base: {where: {face: x-}, fixed: true}, tip: {where: {face: x+}}}
 """
 COARSE = """
-name: coarse
 mesh: {bar: {size: [1.0, 0.1, 0.01], cells: [6, 2, 2]}}
 materials: {m: {law: neo_hookean, young: 8.0e5, poisson: 0.45, density: 1100}}
-regions: [{material: m}]
 handles: {base: {where: {face: x-}, fixed: true}}
 loads: {weight: {gravity: [0, 0, -9.81]}}
 solver: {tolerance: 1.0e-2}
 """
 SHEET = """
-name: sheet
 mesh: {bar: {size: [0.2, 0.2, 0.0005], cells: [12, 12, 1]}}
 materials: {m: {law: neo_hookean, young: 1.0e5, poisson: 0.45}}
-regions: [{material: m}]
 handles: {base: {where: {face: x-}, fixed: true}, tip: {where: {face: x+}}}
 solver: {tolerance: 1.0e-3}
 """
 SHELL = """
-name: shell
 mesh: {sphere: {inner: 0.049, outer: 0.05, cells: [8, 1]}}
 materials: {m: {law: neo_hookean, young: 1.0e5, poisson: 0.45}}
-regions: [{material: m}]
 handles: {base: {where: {box: {x: [-1.0, -0.045]}}, fixed: true}}
 actuators: {air: {chamber: {cavity: 0, command: volume}}}
 """
@@ -85,9 +69,9 @@ CRUMPLING = ((0.0, 0.05, 0.0), (0.05, 0.0, 0.0), (-0.02, 0.0, 0.01), (0.1, 0.0, 
 
 def true_errors(text: str, commands: list[Command]) -> list[float]:
     """Return the distance of each step to the same step solved to 1e-9, divided by tolerance and size."""
-    simulation, errors = Simulation(scene_from_text(text)), []
+    simulation, errors = Simulation(scene_of(text)), []
     settings = replace(simulation.settings, tolerance=1e-9, max_iterations=20000)
-    fine = Simulation(scene_from_text(text), settings=settings)
+    fine = Simulation(scene_of(text), settings=settings)
     size, tolerance = simulation.stepper.body.size, simulation.settings.tolerance
     for command in commands:
         result = advance(simulation, command)

@@ -10,23 +10,19 @@ import numpy as np
 import pytest
 
 from gdfe_ros import Command, Simulation, load_scene
-from gdfe_ros.checkpoint import load_state, save_state
-from gdfe_ros.scene import scene_from_text
 from gdfe_ros.solver.equilibrium.solve import Solve
 from gdfe_ros.solver.minimise.curvature import TangentProducts
 from gdfe_ros.solver.minimise.level import TangentLevel
 from test.solver.whole_tangent import whole_tangent
-from test.written import advance
+from test.written import advance, scene_of
 
 STRIP = """
-name: strip
 mesh:
   bar:
     size: [0.1, 0.02, 0.02]
     cells: [10, 4, 4]
     cut: [{box: {x: [0.01, 0.09], y: [-0.005, 0.005], z: [-0.005, 0.005]}}]
 materials: {m: {law: neo_hookean, young: 1.0e6, poisson: 0.45}}
-regions: [{material: m}]
 handles: {base: {where: {face: x-}, fixed: true}}
 actuators:
   wire: {cable: {points: [[0, 0, 0.008], [0.05, 0, 0.008], [0.1, 0, 0.008]], command: shortening}}
@@ -36,19 +32,9 @@ actuators:
 
 def pulled() -> Simulation:
     """Return a strip whose cable is shorter and whose chamber is larger than at rest."""
-    simulation = Simulation(scene_from_text(STRIP))
+    simulation = Simulation(scene_of(STRIP))
     assert simulation.step(Command(actuators={"wire": 5e-4, "air": 1.05 * simulation.commands["air"]})).converged
     return simulation
-
-
-def test_states_with_springs_are_saved_to_the_bit() -> None:
-    """Such a strip, saved and loaded into another simulation, continues with the same bits."""
-    first, second = pulled(), Simulation(scene_from_text(STRIP))
-    load_state(second, save_state(first))
-    assert len(second.state.tangent.springs) == 2
-    found = [each.step(Command(actuators={"wire": 6e-4})) for each in (first, second)]
-    assert found[0].iterations == found[1].iterations
-    assert np.array_equal(found[0].positions, found[1].positions)
 
 
 def test_a_patch_that_changes_takes_few_iterations() -> None:

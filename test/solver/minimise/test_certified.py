@@ -11,15 +11,12 @@ import pytest
 from benchmarks.torture.honesty import FORKS, PROMISE, error_of
 from benchmarks.torture.slender_bodies import FINGERS, fork
 from gdfe_ros import Simulation
-from gdfe_ros.scene import scene_from_text
 from gdfe_ros.simulation import Command
-from test.written import advance
+from test.written import advance, scene_of
 
 STRIP = """
-name: strip
 mesh: {bar: {size: [0.1, 0.01, 0.01], cells: [10, 2, 2]}}
 materials: {soft: {law: neo_hookean, young: 1.0e6, poisson: 0.45, density: 1000}}
-regions: [{material: soft}]
 handles: {base: {where: {face: x-}, fixed: true}}
 loads: {weight: {gravity: [0, 0, -1.0]}}
 """
@@ -45,7 +42,7 @@ def test_a_fork_that_is_drawn_in_one_step_is_near_or_says_that_it_is_not(name: s
 
 def test_a_step_that_continues_no_motion_takes_few_iterations() -> None:
     """A strip whose load rises and falls takes at most six iterations for each load, and is near its equilibrium."""
-    scene = scene_from_text(STRIP)
+    scene = scene_of(STRIP)
     simulation, fine = Simulation(scene), Simulation(scene, settings=replace(scene.solver, tolerance=1e-8))
     for weight in (1.0, 3.0, 2.0, 4.0, 3.0, 5.0, 4.0, 6.0):
         result = advance(simulation, Command(loads={"weight": weight}))

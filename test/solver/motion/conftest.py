@@ -12,10 +12,8 @@ from gdfe_ros import Simulation
 from test.written import simulate
 
 BAR = """
-name: bar
 mesh: {bar: {size: [0.1, 0.02, 0.02], cells: [5, 1, 1]}}
 materials: {rubber: {law: neo_hookean, young: 1.0e6, poisson: 0.45, density: 1000}}
-regions: [{material: rubber}]
 handles: {base: {where: {face: x-}}}
 dynamics: {scheme: newmark, step: 0.002}
 """

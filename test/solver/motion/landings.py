@@ -9,22 +9,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from gdfe_ros import Simulation
-from gdfe_ros.scene.loader import scene_from_text
+from test.written import scene_of
 
 SCENE = """
-name: landing
 materials: {soft: {law: neo_hookean, poisson: 0.45, density: 1000}}
-regions: [{material: soft}]
 handles: {}
 """
 CUBE = "{bar: {size: [0.04, 0.04, 0.04], cells: [4, 4, 4]}}"
 BAR = "{bar: {size: [0.2, 0.02, 0.02], cells: [20, 2, 2]}}"
 BALL = "{sphere: {inner: 0.03, outer: 0.04, cells: [6, 2]}}"
 THROWN = """
-name: cube
 mesh: {bar: {size: [0.1, 0.1, 0.1], cells: [4, 4, 4]}}
 materials: {soft: {law: neo_hookean, young: 1.0e6, poisson: 0.4, density: 1000}}
-regions: [{material: soft}]
 handles: {}
 solver: {tolerance: 1.0e-5}
 """
@@ -70,9 +66,9 @@ class Landing:
             **{name.replace("__", "."): value for name, value in more.items()},
         }
         text = f"{SCENE}mesh: {self.mesh}\n"
-        lowest = (scene_from_text(text, overrides=keys).mesh.vertices @ up).min()
+        lowest = (scene_of(text, overrides=keys).mesh.vertices @ up).min()
         floor = {"plane": up.tolist(), "at": ((lowest - self.height) * up).tolist(), "fixed": True}
-        return Simulation(scene_from_text(text, overrides={**keys, "obstacles": {"floor": floor}}))
+        return Simulation(scene_of(text, overrides={**keys, "obstacles": {"floor": floor}}))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -141,4 +137,4 @@ def thrown(
         "dynamics": {**scheme, "step": step, "velocity": [0.0, 0.0, -SPEED]},
         "obstacles": {"floor": floor},
     }
-    return Simulation(scene_from_text(text, overrides=keys))
+    return Simulation(scene_of(text, overrides=keys))

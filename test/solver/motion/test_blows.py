@@ -9,13 +9,11 @@ import numpy as np
 import pytest
 
 from gdfe_ros import Simulation
-from gdfe_ros.scene.loader import scene_from_text
 from test.solver.motion.landings import thrown
-from test.written import advance
+from test.written import advance, scene_of
 
 SOFT = """
 materials: {soft: {law: neo_hookean, young: 1.0e6, poisson: 0.4, density: 1000}}
-regions: [{material: soft}]
 handles: {}
 solver: {tolerance: 1.0e-5}
 """
@@ -87,7 +85,7 @@ def test_what_lies_on_a_floor_lies_still(scheme: str) -> None:
         "loads": {"weight": {"gravity": [0, 0, -9.81]}},
         "obstacles": {"floor": {"plane": [0, 0, 1], "at": [0, 0, LOWEST["cube"]], "fixed": True}},
     }
-    simulation = Simulation(scene_from_text(f"name: laid\n{MESHES['cube']}{SOFT}", overrides=keys))
+    simulation = Simulation(scene_of(f"name: laid\n{MESHES['cube']}{SOFT}", overrides=keys))
     result = advance(simulation, count=400)
     weight = float(simulation.stepper.mass.sum()) * 9.81
     assert np.abs(result.velocities).max() < 1e-5

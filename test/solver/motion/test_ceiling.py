@@ -9,16 +9,14 @@ import numpy as np
 import pytest
 
 from gdfe_ros import Command, Simulation
-from gdfe_ros.scene.loader import scene_from_text
 from gdfe_ros.solver.motion.ledger import Accounts
 from gdfe_ros.step_result import StepResult
 from test.solver.motion.landings import THROWN, thrown
+from test.written import scene_of
 
 CUBE = """
-name: cube
 mesh: {bar: {size: [0.05, 0.05, 0.05], cells: [3, 3, 3]}}
 materials: {soft: {law: neo_hookean, young: 1.0e5, poisson: 0.4, density: 1000}}
-regions: [{material: soft}]
 handles: {}
 loads: {weight: {gravity: [0, 0, -9.81]}}
 obstacles: {floor: {plane: [0, 0, 1], at: [0, 0, -0.075], fixed: true}}
@@ -58,7 +56,7 @@ def test_a_soft_cube_that_falls_by_a_metre_gains_nothing(scheme: str, young: flo
     Earlier, elements folded.
     """
     dynamics = {f"dynamics.{key}": value for key, value in SCHEMES[scheme].items()}
-    cube = Simulation(scene_from_text(CUBE, overrides={"materials.soft.young": young, **dynamics}))
+    cube = Simulation(scene_of(CUBE, overrides={"materials.soft.young": young, **dynamics}))
     above = 0.25 if scheme == "bdf2" else 0.031
     assert flaws([cube.step() for _ in range(120)], above_least=above) == []
 

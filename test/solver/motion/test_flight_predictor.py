@@ -7,13 +7,11 @@ import numpy as np
 import pytest
 
 from gdfe_ros import Simulation
-from gdfe_ros.scene import scene_from_text
+from test.written import scene_of
 
 TEXT = """\
-name: pulled
 mesh: {{bar: {{size: [0.12, 0.01, 0.01], cells: [36, 3, 3]}}}}
 materials: {{rubber: {{law: neo_hookean, young: 1.0e5, poisson: 0.45, density: 1100}}}}
-regions: [{{material: rubber}}]
 handles: {{base: {{where: {{face: x-}}, fixed: true}}}}
 loads: {{pull: {{point: {{at: [0.12, 0.005, 0.005], force: [0, 0, 0.03]}}}}}}
 dynamics: {{step: {step}}}
@@ -24,7 +22,7 @@ def test_a_force_at_a_light_vertex_leads_where_short_steps_lead() -> None:
     """A corner that its force alone would move by 25 cells a step moves as with short steps, without added energy."""
     moved = {}
     for step in (0.0005, 0.005):
-        simulation = Simulation(scene_from_text(TEXT.format(step=step)))
+        simulation = Simulation(scene_of(TEXT.format(step=step)))
         before = simulation.positions.copy()
         results = [simulation.step() for _ in range(round(0.01 / step))]
         assert all(result.converged for result in results)

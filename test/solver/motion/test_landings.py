@@ -10,9 +10,8 @@ import pytest
 
 from gdfe_ros import Command, Pose, Simulation
 from gdfe_ros.checkpoint import load_state, save_state
-from gdfe_ros.scene.loader import scene_from_text
 from test.solver.motion.landings import BALL, BAR, WAYS, Landing, Outcome, landed
-from test.written import advance
+from test.written import advance, scene_of
 
 HARD = Landing(up="corner", young=1e5, speed=3.0, step=0.002, height=0.001, lasts=0.03)
 """A landing in which the fold barrier acts after three steps."""
@@ -78,13 +77,11 @@ def test_threads_land_to_the_same_bits() -> None:
 
 
 PAIR = """
-name: pair
 meshes:
   low: {bar: {size: [0.04, 0.04, 0.04], cells: [4, 4, 4]}}
   high: {bar: {size: [0.04, 0.04, 0.04], cells: [4, 4, 4]}, at: [0.0, 0.0, 0.07], rotation_deg: [-36.0, 36.0, 0.0]}
 self_contact: {}
 materials: {soft: {law: neo_hookean, young: 1.0e5, poisson: 0.45, density: 1000}}
-regions: [{material: soft}]
 handles: {base: {where: {box: {z: [-0.021, -0.019]}}, fixed: true}}
 loads: {push: {gravity: [0.0, 0.0, -60.0]}}
 dynamics: {step: 0.002}
@@ -93,7 +90,7 @@ dynamics: {step: 0.002}
 
 def test_a_cube_lands_on_another_with_its_corner() -> None:
     """A cube pushed corner first onto another with six times its weight converges while the fold barrier acts."""
-    simulation = Simulation(scene_from_text(PAIR))
+    simulation = Simulation(scene_of(PAIR))
     results = [simulation.step() for _ in range(13)]
     assert all(result.converged for result in results), [result.message for result in results if result.message]
     assert 0.0 < min(result.min_det for result in results) < 0.2
@@ -131,10 +128,8 @@ def test_a_fall_that_folds_corners_goes_on() -> None:
 
 
 PRESS = """
-name: press
 mesh: {bar: {size: [0.04, 0.04, 0.04], cells: [4, 4, 4]}}
 materials: {soft: {law: neo_hookean, young: 1.0e5, poisson: 0.4, density: 1000}}
-regions: [{material: soft}]
 handles: {base: {where: {face: z+}, fixed: true}}
 """
 
@@ -143,9 +138,9 @@ handles: {base: {where: {face: z+}, fixed: true}}
 def test_a_press_goes_on_past_where_corners_fold(way: str) -> None:
     """A cube pressed on an edge or corner by 60 % of its side converges at each step and returns to its shape."""
     up = np.array(WAYS[way]) / np.linalg.norm(WAYS[way])
-    at = (scene_from_text(PRESS).mesh.vertices @ up).min() * up
+    at = (scene_of(PRESS).mesh.vertices @ up).min() * up
     plate = {"plane": up.tolist(), "at": at.tolist()}
-    simulation = Simulation(scene_from_text(PRESS, overrides={"obstacles": {"plate": plate}}))
+    simulation = Simulation(scene_of(PRESS, overrides={"obstacles": {"plate": plate}}))
     for share in (0.15, 0.3, 0.45, 0.6):
         result = advance(simulation, Command(handles={"plate": Pose(tuple(share * 0.04 * up))}))
         assert result.min_det > 0.0

@@ -61,20 +61,6 @@ def test_long_steps_are_cut_into_internal_ones(moving: Callable) -> None:
     assert parts.step(dt=0.0).iterations == 0
 
 
-def test_a_checkpoint_goes_on_to_the_last_bit(moving: Callable) -> None:
-    """A run saved in the middle of a swing continues elsewhere with the same positions, velocities and energies."""
-    series = {"dynamics__prony": [{"share": 0.2, "time": 0.01}], "dynamics__scheme": "bdf2"}
-    first, second = (moving(handles=HELD, loads=WEIGHT, **series) for _ in range(2))
-    for _ in range(5):
-        first.step()
-    load_state(second, save_state(first))
-    for _ in range(5):
-        one, two = first.step(), second.step()
-        np.testing.assert_array_equal(one.positions, two.positions)
-        np.testing.assert_array_equal(one.velocities, two.velocities)
-        assert one.energies == two.energies
-
-
 def test_a_deadline_tells_how_far_it_came(moving: Callable) -> None:
     """A cut step reports the simulated time; a step with the same ``cut_after`` ends at the same positions."""
     cut, again = moving(handles=HELD, loads=WEIGHT), moving(handles=HELD, loads=WEIGHT)
@@ -98,16 +84,6 @@ def test_an_interruption_is_repeated(moving: Callable, queries: int) -> None:
     assert (again.iterations, again.substeps, again.time) == (result.iterations, result.substeps, result.time)
     np.testing.assert_array_equal(again.positions, result.positions)
     np.testing.assert_array_equal(again.velocities, result.velocities)
-
-
-def test_a_cut_step_goes_on_from_a_checkpoint_to_the_last_bit(moving: Callable) -> None:
-    """After a step that was cut, a run and its copy loaded from a checkpoint give the same bits."""
-    first, second = (moving(handles=HELD, loads=WEIGHT, dynamics__step=0.02) for _ in range(2))
-    first.step()
-    assert not first.step(dt=0.08, cut_after=1).converged
-    load_state(second, save_state(first))
-    for _ in range(3):
-        np.testing.assert_array_equal(first.step().positions, second.step().positions)
 
 
 def test_a_deadline_makes_no_energy(moving: Callable) -> None:

@@ -7,14 +7,11 @@ import numpy as np
 import pytest
 
 from gdfe_ros import Command, Pose, Simulation
-from gdfe_ros.scene import scene_from_text
-from test.written import advance
+from test.written import advance, scene_of
 
 BAR = """
-name: bar
 mesh: {bar: {size: [0.1, 0.03, 0.03], cells: [8, 3, 3]}}
 materials: {soft: {law: neo_hookean, young: 1.0e5, poisson: 0.45, density: 1100}}
-regions: [{material: soft}]
 handles: {base: {where: {face: x-}}}
 obstacles: {ball: {sphere: {radius: 0.03}, at: [0.07, 0.004, -0.040], friction: 2.0}}
 loads: {weight: {gravity: [0, 0, -9.81]}, push: {surface: {where: {face: x+}, force: [0, 0.05, 0]}}}
@@ -26,7 +23,7 @@ NEAR = 1e-4
 
 def pressed(friction: float, pushes: list[float]) -> Simulation:
     """Press the ball into the bar, and push the bar sideways in steps."""
-    simulation = Simulation(scene_from_text(BAR, overrides={"obstacles.ball.friction": friction}))
+    simulation = Simulation(scene_of(BAR, overrides={"obstacles.ball.friction": friction}))
     assert simulation.step(Command({"ball": Pose((0.0, 0.0, 0.006))}, loads={"push": 0.5})).converged
     for push in pushes:
         assert simulation.step(Command({"ball": Pose((0.0, 0.0, 0.0055))}, loads={"push": push})).converged
@@ -70,10 +67,8 @@ def test_a_body_that_slips() -> None:
 
 
 CUBE = """
-name: cube
 mesh: {bar: {size: [0.02, 0.02, 0.02], cells: [2, 2, 2]}}
 materials: {soft: {law: neo_hookean, young: 3.0e5, poisson: 0.4}}
-regions: [{material: soft}]
 handles: {top: {where: {face: z+}, fixed: true}}
 obstacles: {floor: {plane: [0, 0, 1], at: [0, 0, -0.012]}}
 probes: {foot: [0.01, 0, -0.01]}
@@ -83,7 +78,7 @@ solver: {tolerance: 1.0e-9, max_iterations: 100000}
 
 def test_a_body_that_hardly_touches() -> None:
     """Vertices pressed by a micrometre into a plane move with the plane, although they are close to separation."""
-    simulation = Simulation(scene_from_text(CUBE))
+    simulation = Simulation(scene_of(CUBE))
     assert simulation.step(Command({"floor": Pose((0.0, 0.0, 0.002 + 1e-6))})).converged
     exact = simulation.sensitivities(["probes.foot"], ["obstacles.floor.z"]).matrix[:, 0]
     assert exact[2] == pytest.approx(1.0, abs=1e-4)
@@ -92,5 +87,5 @@ def test_a_body_that_hardly_touches() -> None:
 def test_a_light_touch_converges_at_a_tight_tolerance() -> None:
     """Forces of a micrometre's overlap converge at a tolerance of 1e-9, whatever the rounding (11 of 40 did not)."""
     for depth in 1e-6 * np.linspace(1.0, 1.04, 20):
-        result = advance(Simulation(scene_from_text(CUBE)), Command({"floor": Pose((0.0, 0.0, 0.002 + depth))}))
+        result = advance(Simulation(scene_of(CUBE)), Command({"floor": Pose((0.0, 0.0, 0.002 + depth))}))
         assert result.iterations < 500

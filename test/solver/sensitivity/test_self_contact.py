@@ -149,16 +149,6 @@ def test_in_motion(friction: float) -> None:
     agree(exact, (4.0 * near - far) / 3.0, SLIPPING if friction == 0.1 else NEAR)
 
 
-@pytest.mark.parametrize("friction", [0.0, 0.1])
-def test_asking_leaves_the_state(friction: float) -> None:
-    """Computing derivatives in contact leaves the next step bitwise unchanged."""
-    asked, plain = pressed(friction, [4e-4]), pressed(friction, [4e-4])
-    asked.sensitivities(["positions", "reactions.lid"], ["handles.lid.x", "materials.soft.young"])
-    for simulation in (asked, plain):
-        assert simulation.step(lid(8e-4)).converged
-    np.testing.assert_array_equal(asked.positions, plain.positions)
-
-
 CROSS = """
 name: cross
 meshes:

@@ -10,15 +10,12 @@ from gdfe_ros import Command, Pose, Simulation
 from gdfe_ros.checkpoint import load_state, save_state
 from gdfe_ros.errors import CommandError, GdfeError, SceneError
 from gdfe_ros.node.remodelling import take_over, with_moduli
-from gdfe_ros.scene import scene_from_text
 from gdfe_ros.testing import make_env
-from test.written import advance
+from test.written import advance, scene_of
 
 BAR = """
-name: cup
 mesh: {bar: {size: [0.04, 0.02, 0.02], cells: [4, 2, 2]}}
 materials: {m: {law: neo_hookean, young: 1.0e5, poisson: 0.4, density: 1000}}
-regions: [{material: m}]
 solver: {tolerance: 1.0e-8}
 handles: {base: {where: {face: x-}}}
 """
@@ -48,7 +45,7 @@ def _still(simulation: Simulation, count: int, command: Command | None = None) -
 
 def _carried() -> tuple[Simulation, list[np.ndarray]]:
     """Return a simulation in which a hand has taken a body, lifted and turned it, and let go; and its positions."""
-    simulation, found = Simulation(scene_from_text(CARRY)), []
+    simulation, found = Simulation(scene_of(CARRY)), []
     for k in range(40):
         lift = Pose((0, 0, 5e-4 * min(k, 20)), (0.02 * min(k, 20), 0, 0))
         _still(simulation, 1, Command(actuators={"cup": 1.0}, handles={"hand": lift}))
@@ -96,7 +93,7 @@ def test_a_run_with_a_grip_is_repeated_to_the_bit() -> None:
 def test_a_held_face_has_the_shape_and_force_of_a_handle() -> None:
     """A face that an obstacle holds, moves and turns is in the same equilibrium as one that a handle moves."""
     with_handle = BAR.replace("handles: {", "handles: {tip: {where: {face: x+}}, ")
-    held, driven = (Simulation(scene_from_text(text)) for text in (HAND, with_handle))
+    held, driven = (Simulation(scene_of(text)) for text in (HAND, with_handle))
     held.step(ON)
     for k in range(1, 5):
         turn, shift = (0.0, 0.0, 0.1 * k), np.array([0.002 * k, 0.001 * k, 0.0])
@@ -114,7 +111,7 @@ def test_a_held_face_has_the_shape_and_force_of_a_handle() -> None:
 
 def test_derivatives_while_a_face_is_held() -> None:
     """Derivatives of positions and reactions by the hand's pose agree with differences; those by the grip are zero."""
-    simulation = Simulation(scene_from_text(HAND + "probes: {middle: [0.02, 0.01, 0.0]}\n"))
+    simulation = Simulation(scene_of(HAND + "probes: {middle: [0.02, 0.01, 0.0]}\n"))
     simulation.step(ON)
 
     def values(shift: float) -> tuple[np.ndarray, np.ndarray]:
@@ -144,7 +141,7 @@ dynamics: {step: 0.005, scheme: bdf2, damping: {viscosity: 300.0}}
 
 def test_a_soft_arm_lifts_a_body_with_its_face() -> None:
     """A body that hangs at the face of a soft arm: the base bears both weights, and the pull is the body's weight."""
-    simulation = Simulation(scene_from_text(SOFT))
+    simulation = Simulation(scene_of(SOFT))
     result = simulation.step(ON, dt=0.005)
     result = advance(simulation, dt=0.005, count=150)
     assert simulation.actuator_states()["cup"].effort == pytest.approx(0.02 * 9.81, rel=1e-4)
@@ -156,7 +153,7 @@ def test_a_soft_arm_lifts_a_body_with_its_face() -> None:
 def test_momentum_is_kept_at_release(scheme: str) -> None:
     """A body that a hand moves at a constant velocity flies on with this velocity after the release."""
     text = CARRY.replace("scheme: bdf2", f"scheme: {scheme}").replace("loads: {w: {gravity: [0, 0, -9.81]}}", "")
-    simulation, places = Simulation(scene_from_text(text)), []
+    simulation, places = Simulation(scene_of(text)), []
     for k in range(1, 91):
         time, rising = 0.002 * k, min(0.002 * k, 0.1)
         shift = 0.3 * (0.5 * rising - 0.05 / np.pi * np.sin(np.pi * rising / 0.1) + time - rising)
@@ -169,13 +166,13 @@ def test_momentum_is_kept_at_release(scheme: str) -> None:
 
 def test_what_cannot_be_gripped_is_refused() -> None:
     """Something out of reach, a held body that is put elsewhere, and wrong entries of a scene are refused by name."""
-    far = Simulation(scene_from_text(CARRY.replace("0.0151", "0.0251")))
+    far = Simulation(scene_of(CARRY.replace("0.0151", "0.0251")))
     with pytest.raises(CommandError, match=r"body 'box' is 0\.0101 m from 'hand'; allowed: up to its `reach`, 0\.005"):
         far.step(ON)
     with pytest.raises(CommandError, match="no actuator 'cap'"):
         far.step(Command(actuators={"cap": 1.0}))
     assert far.step(OFF, dt=0.002).converged
-    simulation = Simulation(scene_from_text(CARRY))
+    simulation = Simulation(scene_of(CARRY))
     _still(simulation, 2, ON)
     with pytest.raises(CommandError, match="body 'box' is held by grip 'cup'"):
         simulation.step(Command(bodies={"box": Pose((0, 0.1, 0))}))
@@ -187,17 +184,17 @@ def test_what_cannot_be_gripped_is_refused() -> None:
     }
     for key, (text, said) in wrong.items():
         with pytest.raises(SceneError, match=said):
-            scene_from_text(CARRY.replace(key, text))
+            scene_of(CARRY.replace(key, text))
     with pytest.raises(SceneError, match="newmark does not damp"):
-        scene_from_text(CARRY.replace("bdf2", "newmark"))
+        scene_of(CARRY.replace("bdf2", "newmark"))
     with pytest.raises(SceneError, match="handles hold some of these vertices already: base"):
-        scene_from_text(HAND.replace("where: {face: x+}", "where: {face: y+}"))
+        scene_of(HAND.replace("where: {face: x+}", "where: {face: y+}"))
 
 
 @pytest.mark.parametrize("place", ["0.0149999", "-0.0150001"])
 def test_contact_adds_nothing_to_the_force_of_a_grip(place: str) -> None:
     """A held body that touches the hand from below, or rests on it, is held by its weight, step after step."""
-    simulation = Simulation(scene_from_text(CARRY.replace("0.0151", place)))
+    simulation = Simulation(scene_of(CARRY.replace("0.0151", place)))
     for k in range(40):
         result = _still(
             simulation, 1, Command(actuators={"cup": 1.0}, handles={"hand": Pose((0, 1e-4 * min(k, 20), 0))})
@@ -208,7 +205,7 @@ def test_contact_adds_nothing_to_the_force_of_a_grip(place: str) -> None:
 
 def test_a_face_that_is_pressed_and_gripped_is_pulled_and_let_go() -> None:
     """A hand that presses a face, grips, pulls and tilts it has the base's reaction, and leaves the face at rest."""
-    simulation = Simulation(scene_from_text(HAND.replace("0.0451, 0, 0]", "0.0451, 0, 0], friction: 0.5")))
+    simulation = Simulation(scene_of(HAND.replace("0.0451, 0, 0]", "0.0451, 0, 0], friction: 0.5")))
     pressed = simulation.step(Command(handles={"hand": Pose((-0.0015, 0, 0))})).reactions["hand"]
     assert pressed[0] < -1.0
     np.testing.assert_allclose(simulation.step(ON).reactions["hand"], pressed, atol=1e-7)
@@ -227,7 +224,7 @@ TWO_CUPS = TWO_CUPS.replace("body: box}}}", "body: box}}, cap: {grip: {to: hook,
 
 def test_two_grips_share_a_body_and_cannot_pull_it_apart() -> None:
     """Two grips bear one weight together; a step in which they pull the body apart fails soon, and says why."""
-    simulation = Simulation(scene_from_text(TWO_CUPS))
+    simulation = Simulation(scene_of(TWO_CUPS))
     result = _still(simulation, 20, Command(actuators={"cup": 1.0, "cap": 1.0}))
     assert result.reactions["hand"][2] + result.reactions["hook"][2] == pytest.approx(0.981, abs=1e-6)
     apart = simulation.step(Command(handles={"hand": Pose((0, 0, 1e-3))}), dt=0.002)
@@ -250,7 +247,7 @@ loads: {w: {gravity: [0, 0, -9.81]}}
 dynamics: {step: 0.002, scheme: bdf2}
 """
     )
-    simulation = Simulation(scene_from_text(text))
+    simulation = Simulation(scene_of(text))
     _still(simulation, 60, ON)
     box, ball = simulation.handle_pose("box"), simulation.handle_pose("ball")
     arm = np.array([0.0, 0.0, 0.0202])
@@ -262,7 +259,7 @@ dynamics: {step: 0.002, scheme: bdf2}
 
 def test_resets_let_go() -> None:
     """After a reset, and after a reset of the shape, nothing is held; the grip can take hold anew."""
-    simulation = Simulation(scene_from_text(CARRY))
+    simulation = Simulation(scene_of(CARRY))
     for reset in (simulation.reset, simulation.reset_shape):
         _still(simulation, 3, ON)
         assert simulation.actuator_states()["cup"].extent == 1.0
@@ -273,10 +270,10 @@ def test_resets_let_go() -> None:
 
 def test_a_spawn_keeps_what_is_held() -> None:
     """A motion goes on with a held body in a scene that has one body more, as without it."""
-    simulation = Simulation(scene_from_text(CARRY))
+    simulation = Simulation(scene_of(CARRY))
     _still(simulation, 5, ON)
     more = CARRY.replace("bodies: {", "bodies: {ball: {sphere: {radius: 0.01}, mass: 0.02, at: [0.3, 0, 0]}, ")
-    other = Simulation(scene_from_text(more))
+    other = Simulation(scene_of(more))
     take_over(simulation, other)
     for each in (simulation, other):
         _still(each, 5, Command(handles={"hand": Pose((0, 0, 0.001))}))
@@ -286,7 +283,7 @@ def test_a_spawn_keeps_what_is_held() -> None:
 
 def test_other_moduli_need_free_grips_in_statics() -> None:
     """Without dynamics, another modulus is refused while something is held: its places at rest are not known."""
-    simulation = Simulation(scene_from_text(HAND))
+    simulation = Simulation(scene_of(HAND))
     simulation.step(ON)
     with pytest.raises(GdfeError, match="grips hold something"):
         with_moduli(simulation, {"m": 2e5})
@@ -298,7 +295,7 @@ def test_an_environment_grips_what_is_within_reach() -> None:
     """Actions of an environment take hold and let go; an action to grip something out of reach changes nothing."""
     for place, holds in (("0.0151", 1.0), ("0.0251", 0.0)):
         env = make_env(
-            scene_from_text(CARRY.replace("0.0151", place) + "probes: {tip: [0.04, 0, 0]}\n"),
+            scene_of(CARRY.replace("0.0151", place) + "probes: {tip: [0.04, 0, 0]}\n"),
             reward=lambda simulation, action: 0.0,
             dt=0.01,
         )
@@ -318,7 +315,7 @@ def test_an_environment_grips_what_is_within_reach() -> None:
 def test_a_program_grips_and_releases() -> None:
     """Values of a program between 0 and 1 count as the nearer of the two."""
     text = CARRY + "program: {duration: 0.04, actuators: {cup: [{time: 0.01, value: 1}, {time: 0.031, value: 0}]}}\n"
-    simulation = Simulation(scene_from_text(text))
+    simulation = Simulation(scene_of(text))
     program, held = simulation.scene.program, []
     for moment in np.arange(1, 21) * 0.002:
         simulation.step(Command(actuators=program.actuator_values(moment)), dt=0.002)

@@ -15,16 +15,13 @@ from gdfe_ros.materials import NeoHookean
 from gdfe_ros.mesh import Mesh, bar
 from gdfe_ros.mesh.faces import turned
 from gdfe_ros.mesh.tetmesh import divided
-from gdfe_ros.scene import scene_from_text
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.terms.load import PressureTerm
 from gdfe_ros.solver.terms.term import TermTable, terms_energy
-from test.written import advance
+from test.written import advance, scene_of
 
 HEAD = """
-name: pressed
 materials: {m: {law: neo_hookean, young: 1.0e6, poisson: 0.0, density: 1000}}
-regions: [{material: m}]
 solver: {tolerance: 1.0e-7}
 """
 STRIP = (
@@ -69,7 +66,7 @@ def _elastica(pressure: float) -> np.ndarray:
 
 def test_a_strip_curls_as_the_elastica_under_a_follower_pressure() -> None:
     """The tip of a cantilever that turns by more than 90 degrees is the elastica's; the base bears the pressure."""
-    simulation = Simulation(scene_from_text(STRIP))
+    simulation = Simulation(scene_of(STRIP))
     for factor in (0.125, 0.25, 0.375, 0.5, 0.625):
         result = advance(simulation, Command(loads={"p": factor}))
         tip, expected = simulation.probe_positions()["tip"], _elastica(200.0 * factor)
@@ -97,7 +94,7 @@ loads: {p: {pressure: {where: {any: [{face: x+}, {face: y+}, {face: z+}]}, press
 @pytest.mark.parametrize("factor", [1.0, -0.5])
 def test_a_block_under_pressure_on_three_faces_shrinks_evenly(factor: float) -> None:
     """Beside three planes of symmetry, a pressed block has the stretch of the hydrostatic closed form."""
-    simulation = Simulation(scene_from_text(BLOCK))
+    simulation = Simulation(scene_of(BLOCK))
     result = advance(simulation, Command(loads={"p": factor}))
     mu, lame, pressure = 1e6 / 2.8, 1e6 * 0.4 / (1.4 * 0.2), 4e5 * factor
     stretch = brentq(lambda a: (mu * (a**2 - 1) + lame * np.log(a**3)) / a**3 + pressure, 0.5, 2.0)
@@ -141,7 +138,7 @@ def test_forces_are_the_gradient_of_the_energy(mesh: Mesh) -> None:
 
 def test_derivatives_agree_with_differences() -> None:
     """With forces that have no potential, derivatives by the factor and by the modulus agree with differences."""
-    simulation = Simulation(scene_from_text(STRIP))
+    simulation = Simulation(scene_of(STRIP))
     simulation.step(Command(loads={"p": 0.2}))
 
     def tip(factor: float) -> np.ndarray:
@@ -160,9 +157,9 @@ def test_derivatives_agree_with_differences() -> None:
 @pytest.mark.parametrize("scheme", ["bdf2", "newmark", "generalised_alpha"])
 def test_the_energy_of_a_motion_is_accounted_for(scheme: str) -> None:
     """A strip that a pressure on its open face swings about its equilibrium: energies balance."""
-    still = Simulation(scene_from_text(STRIP))
+    still = Simulation(scene_of(STRIP))
     still.step(Command(loads={"p": 0.1}))
-    moving = Simulation(scene_from_text(f"{STRIP}dynamics: {{step: 0.002, scheme: {scheme}}}\n"))
+    moving = Simulation(scene_of(f"{STRIP}dynamics: {{step: 0.002, scheme: {scheme}}}\n"))
     heights = []
     for _ in range(120):
         result = advance(moving, Command(loads={"p": 0.1}), dt=0.002)
@@ -177,4 +174,4 @@ def test_the_energy_of_a_motion_is_accounted_for(scheme: str) -> None:
 def test_cut_cells_and_missing_faces_are_refused() -> None:
     """Faces that are not there are told with the mesh's extent."""
     with pytest.raises(SceneError, match="no boundary face is there"):
-        scene_from_text(STRIP.replace("where: {face: z+}", "where: {box: {x: [1, 2]}}"))
+        scene_of(STRIP.replace("where: {face: z+}", "where: {box: {x: [1, 2]}}"))

@@ -8,14 +8,12 @@ import numpy as np
 import pytest
 
 from gdfe_ros import Command, Simulation
-from gdfe_ros.scene import scene_from_text
+from test.written import scene_of
 
 LENGTH, WIDTH, YOUNG, POISSON, PRESSURE = 0.1, 0.02, 3.0e5, 0.4, 1200.0
 SCENE = f"""
-name: pressed
 mesh: {{bar: {{size: [{LENGTH}, {WIDTH}, {WIDTH}], cells: [4, 4, 4]}}}}
 materials: {{soft: {{law: neo_hookean, young: {YOUNG}, poisson: {POISSON}, density: 1000}}}}
-regions: [{{material: soft}}]
 handles: {{base: {{where: {{face: x-}}}}}}
 loads: {{p: {{pressure: {{where: {{face: z+}}, pressure: {PRESSURE}}}}}}}
 probes: {{tip: [{LENGTH}, 0, 0]}}
@@ -50,7 +48,7 @@ def _felupe_tip(cells: tuple[int, ...]) -> np.ndarray:
 )
 def test_a_bar_bends_under_a_follower_pressure_as_in_felupe(cells: tuple[int, ...], within: float) -> None:
     """The tip is FElupe's, with twice as many cells in each direction, where the bar has turned by about 90 degrees."""
-    simulation = Simulation(scene_from_text(SCENE.replace("[4, 4, 4]", str([2 * count for count in cells]))))
+    simulation = Simulation(scene_of(SCENE.replace("[4, 4, 4]", str([2 * count for count in cells]))))
     for factor in (0.25, 0.5, 0.75, 1.0):
         assert simulation.step(Command(loads={"p": factor})).converged
     moved = simulation.probe_positions()["tip"] - [LENGTH, 0.0, 0.0]

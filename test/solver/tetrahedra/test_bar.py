@@ -15,16 +15,14 @@ from gdfe_ros.materials import Material, NeoHookean, Ogden
 from gdfe_ros.mesh import Mesh, bar
 from gdfe_ros.mesh.inspection import inspect_mesh
 from gdfe_ros.mesh.tetmesh import divided
-from gdfe_ros.scene import scene_from_text
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.equilibrium.energy import EquilibriumSolver
 from gdfe_ros.solver.forces.actuation import Actuation
 from gdfe_ros.solver.solution import Increment
+from test.written import scene_of
 
 SAGGING = """
-name: sagging
 materials: {m: {law: neo_hookean, young: 2.0e5, poisson: 0.45, density: 1000}}
-regions: [{material: m}]
 handles: {base: {where: {face: x-}, fixed: true}}
 loads: {weight: {gravity: [0, 0, -9.81]}}
 probes: {tip: [0.1, 0.0, 0.0]}
@@ -74,7 +72,7 @@ def test_the_hexahedra_that_an_inspection_names_have_the_error_that_it_states() 
     (note,) = inspect_mesh(divided(bar([0.1, 0.02, 0.02], [15, 3, 3]))).remarks
     assert "about 5 times less than with 810 tetrahedra" in note
     (named,) = re.findall(r"`(mesh: .*?)`", note)
-    simulation = Simulation(scene_from_text(named + SAGGING))
+    simulation = Simulation(scene_of(named + SAGGING))
     assert simulation.mesh.n_cells == 320
     tip = simulation.probe_positions()["tip"][2]
     assert simulation.step().converged

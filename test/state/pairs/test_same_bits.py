@@ -18,8 +18,16 @@ from gdfe_ros import Command, Simulation
 from gdfe_ros.checkpoint import load_state, save_state
 from gdfe_ros.errors import CommandError, GdfeError
 from gdfe_ros.scene import scene_from_text
+from test.state.pairs.conftest import FEATURES, HISTORIES, Feature
 
+EVERY = {**FEATURES, **HISTORIES}
 WRONG = Command(actuators={"nobody": 1.0}), Command(loads={"nobody": 1.0})
+
+
+@pytest.fixture(scope="session", params=EVERY)
+def feature(request: pytest.FixtureRequest) -> Feature:
+    """Give each feature in turn, also those whose states depend on their paths."""
+    return EVERY[request.param]()
 
 
 def test_the_feature_is_at_work(feature: Any) -> None:
@@ -134,7 +142,7 @@ def test_a_refused_command_changes_nothing(feature: Any, differences: Any) -> No
 
 
 def test_asking_changes_nothing(feature: Any, differences: Any) -> None:
-    """Computing fields, states, checkpoints and a Jacobian between steps leaves the steps' bits unchanged."""
+    """Computing fields, states, checkpoints and derivatives between steps leaves the steps' bits unchanged."""
     simulation, found = feature.simulation(), []
     for index, step in enumerate(feature.way):
         simulation.fields()
@@ -143,6 +151,7 @@ def test_asking_changes_nothing(feature: Any, differences: Any) -> None:
         if index == len(feature.way) // 2:
             with suppress(GdfeError):  # a step that was cut has no derivative
                 simulation.jacobian()
+                simulation.sensitivities(["positions", "reactions.base"], simulation.parameter_names)
         found += feature.run(simulation, [step])
     assert not differences.run(found, feature.results)
 
