@@ -103,7 +103,7 @@ def total_forces(points: Mapping[str, NDArray], handles: Iterable[Handle]) -> di
     """
     touched = [handle for handle in handles if isinstance(handle, Obstacle)]
     pairs = [(None, thing) for thing in touched] + list(rigid_pairs(touched))
-    forces = np.stack([points[push] + points[shear] for push, shear in zip(_PUSH, _SHEAR, strict=True)], axis=1)
+    _, forces = places_and_forces(points)
     totals = {thing.name: np.zeros(3) for thing in touched}
     for number, (rigid, thing) in enumerate(pairs):
         force = forces[points["contact"] == number].sum(axis=0, dtype=np.float64)
@@ -111,6 +111,12 @@ def total_forces(points: Mapping[str, NDArray], handles: Iterable[Handle]) -> di
         if rigid is not None:
             totals[rigid.name] += force
     return totals
+
+
+def places_and_forces(points: Mapping[str, NDArray]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Return the positions (k, 3) [m] of contact points as in `total_forces`, and the forces (k, 3) [N] on them."""
+    places = np.stack([points[axis] for axis in "xyz"], axis=1)
+    return places, np.stack([points[push] + points[shear] for push, shear in zip(_PUSH, _SHEAR, strict=True)], axis=1)
 
 
 def _points(number: int, touch: Touch) -> NDArray[np.void]:
