@@ -104,8 +104,7 @@ def total_forces(points: Mapping[str, NDArray], handles: Iterable[Handle]) -> di
         points: contact points (k,) as `POINT`, or a dict from each of its fields to an array (k,).
         handles: the scene's handles.
     """
-    pairs = _contact_pairs(handles)
-    forces = np.stack([points[push] + points[shear] for push, shear in zip(_PUSH, _SHEAR, strict=True)], axis=1)
+    pairs, (_, forces) = _contact_pairs(handles), places_and_forces(points)
     totals = {thing.name: np.zeros(3) for _, thing in pairs}
     for number, (rigid, thing) in enumerate(pairs):
         force = forces[points["contact"] == number].sum(axis=0, dtype=np.float64)
@@ -113,6 +112,12 @@ def total_forces(points: Mapping[str, NDArray], handles: Iterable[Handle]) -> di
         if rigid is not None:
             totals[rigid.name] += force
     return totals
+
+
+def places_and_forces(points: Mapping[str, NDArray]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Return the positions (k, 3) [m] of contact points as in `total_forces`, and the forces (k, 3) [N] on them."""
+    places = np.stack([points[axis] for axis in _PLACE], axis=1)
+    return places, np.stack([points[push] + points[shear] for push, shear in zip(_PUSH, _SHEAR, strict=True)], axis=1)
 
 
 def _points(number: int, touch: Touch) -> NDArray[np.void]:

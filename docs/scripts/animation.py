@@ -59,7 +59,7 @@ def draw_replay(bag: str) -> Path:
     apart = [np.abs(one - other).max() for (one, _), (other, _) in zip(recorded, repeated, strict=True)]
     titles = [f"recorded by the node: {time}" for time in times]
     again = [f"replayed without ROS: farthest from the recorded vertices {distance:.1g} m" for distance in apart]
-    above, below = (_pictures(run.mesh, *each) for each in ((recorded, titles), (repeated, again)))
+    above, below = (_pictures(run.scene.mesh, *each) for each in ((recorded, titles), (repeated, again)))
     return _write([_stack(pair) for pair in zip(above, below, strict=True)][::2], "replay")
 
 

@@ -41,7 +41,7 @@ def draw(name: str, path: Path, *, moment: float, dt: float) -> None:
     def told(view: View) -> None:
         page.take(view)
         if view.record.time > moment - dt / 2:
-            session.pause(True)
+            session.stepper.pause(True)
 
     session = LiveSession(Simulation(scene), dt=dt, told=told, warn=page.say)
     page.show(session)

@@ -17,9 +17,7 @@ from numpy.typing import NDArray
 from gdfe_ros.analysis.message_values import Values, cloud_values, message_values, record_values
 from gdfe_ros.contacts import total_forces
 from gdfe_ros.errors import RecordingError
-from gdfe_ros.mesh import HexMesh
 from gdfe_ros.recording.bag_info import TopicInfo
-from gdfe_ros.recording.decoding import array_decoder
 from gdfe_ros.recording.reader import BagReader
 from gdfe_ros.recording.step import StepRecord
 from gdfe_ros.scene import Scene, scene_from_text
@@ -100,7 +98,7 @@ class BagSteps:
     def __init__(self, run: BagRun, *, topics: Collection[str] | None = None) -> None:
         self.run = run
         self._roles = {name: role for role, name in run.roles.items()}
-        self.topics = {role: name for role, name in run.roles.items() if _is_step_topic(role)}
+        self.topics = {role: name for role, name in run.roles.items() if not (role.startswith("/") or _is_known(role))}
         known = {*self.topics.values(), *(name for role, name in run.roles.items() if _is_known(role))}
         self.foreign = sorted(name for name, count in run.reader.counts.items() if count and name not in known)
         if topics is not None:
@@ -143,10 +141,6 @@ class BagSteps:
         return [(short, content) for short, time, content in early if time == moment]
 
 
-def _is_step_topic(role: str) -> bool:
-    return not role.startswith("/") and not _is_known(role)
-
-
 def _is_known(role: str) -> bool:
     """Return whether a topic is an input of the node, or is not published once per step."""
     owner, _, last = role.rpartition("/")
@@ -175,25 +169,15 @@ class BagRun:
 
     def __init__(self, path: str | Path) -> None:
         self.reader = BagReader(path)
-        self.decode = array_decoder(self.reader.topics.values())
+        self.decode = self.reader.decoder()
         self.roles = _roles(self.reader.topics.values())
         if self.reader.run is None or not self.topics(f"/{RECORD}"):
             raise RecordingError(f"bag {path} {_what_it_is(self.reader.topics)}")
-
-    @property
-    def message_count(self) -> int:
-        """Number of messages in the bag."""
-        return len(self.reader)
 
     @cached_property
     def scene(self) -> Scene:
         """Scene that was simulated."""
         return scene_from_text(self.reader.run.scene, origin=f"of bag {self.reader.path}")
-
-    @property
-    def mesh(self) -> HexMesh:
-        """Undeformed mesh."""
-        return self.scene.mesh
 
     @cached_property
     def records(self) -> list[StepRecord]:

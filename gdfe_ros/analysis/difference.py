@@ -139,12 +139,12 @@ class Differences:
         """Compare all published arrays of one step."""
         self.steps += 1
         self.unmatched.update(set(first) ^ set(second))
-        tolerance = self._reached(first.get(RECORD, {}))
+        tolerance = self._find_accuracy(first.get(RECORD, {}))
         for topic in first:
             if topic in second:
                 self._add_topic(key, topic, first[topic], second[topic], tolerance)
 
-    def _reached(self, record: Values) -> float:
+    def _find_accuracy(self, record: Values) -> float:
         """Return a step's accuracy: the tolerance if it converged, else the largest estimate since a converged step."""
         if "converged" not in record or record["converged"].item():
             self._open = self._tolerance
@@ -302,7 +302,7 @@ def compare_bags(first: str | Path, second: str | Path) -> Comparison:
     common = set(keys[0]) & set(keys[1])
     differences = Differences(runs[0].scene)
     steps = [BagSteps(run) for run in runs]
-    pairs = zip(*(_chosen(source, common) for source in steps), strict=True)
+    pairs = zip(*((step for step in source if step.key in common) for source in steps), strict=True)
     waiting: tuple[dict[StepKey, BagStep], dict[StepKey, BagStep]] = {}, {}
     # A reset sets stamps back, so the second bag may have the same keys in another order.
     for pair in pairs:
@@ -312,10 +312,6 @@ def compare_bags(first: str | Path, second: str | Path) -> Comparison:
             differences.add(key, waiting[0].pop(key).samples, waiting[1].pop(key).samples)
     only = len(keys[0]) - len(common), len(keys[1]) - len(common)
     return Comparison(differences, only, (steps[0].foreign, steps[1].foreign), _scene_changes(*runs))
-
-
-def _chosen(steps: BagSteps, keys: set[StepKey]) -> Iterator[BagStep]:
-    return (step for step in steps if step.key in keys)
 
 
 def _scene_changes(first: BagRun, second: BagRun) -> dict[str, tuple[Any, Any]]:

@@ -189,7 +189,7 @@ def write_npz(steps: Iterable[BagStep], scene: Scene, path: Path) -> int:
     times = []
     for number, step in enumerate(steps):
         times.append(step.record.time)
-        for name, values in _named(step):
+        for name, values in _name_arrays(step):
             columns[name][number] = values
         if points := step.samples.get(CONTACTS):
             columns[f"{CONTACTS}/row"][number] = np.full(len(points["x"]), number)
@@ -208,7 +208,7 @@ def write_npz(steps: Iterable[BagStep], scene: Scene, path: Path) -> int:
     return len(times)
 
 
-def _named(step: BagStep) -> Iterable[tuple[str, np.ndarray]]:
+def _name_arrays(step: BagStep) -> Iterable[tuple[str, np.ndarray]]:
     for topic, fields in step.samples.items():
         if topic == "mesh":
             yield "positions", np.stack([fields[axis] for axis in "xyz"], axis=1)

@@ -95,7 +95,7 @@ def _draw_surfaces(axes: Axes3D, body: Surface, positions: NDArray[np.float64], 
     size, drawn = float(np.ptp(positions, axis=0).max()), [body]
     for solid in obstacles:
         if np.ptp(solid.reshape(-1, 3), axis=0).max() <= size:
-            drawn.append(_looks(_divided(solid, size / PIECES)))
+            drawn.append(_looks(_divide(solid, size / PIECES)))
             continue
         before = (solid.mean(axis=(0, 1)) - positions.mean(axis=0)) @ _towards_the_eye() > 0.0
         axes.add_collection3d(obstacle_collection(solid, zorder=2 if before else 0))
@@ -119,7 +119,7 @@ def _looks(faces: NDArray[np.float64]) -> Surface:
     return faces, colours, np.tile((0.0, 0.0, 0.0, 0.08), (len(faces), 1))
 
 
-def _divided(faces: NDArray[np.float64], length: float) -> NDArray[np.float64]:
+def _divide(faces: NDArray[np.float64], length: float) -> NDArray[np.float64]:
     """Return quads (f, 4, 3) [m] divided into pieces no longer than ``length`` [m]; triangles stay whole."""
     count = int(np.ceil(np.linalg.norm(faces - np.roll(faces, 1, axis=1), axis=2).max() / length))
     if faces.shape[1] != 4 or count < 2:

@@ -6,7 +6,7 @@ from __future__ import annotations
 import dataclasses
 import time
 from collections import Counter
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any
@@ -109,28 +109,12 @@ class Replay:
 
     def run(self) -> ReplayReport:
         """Repeat and compare all steps before the first step whose initial state the bag does not determine."""
-        started = time.perf_counter()
-        differences = Differences(self._run.scene)
-        steps = BagSteps(self._run)
-        unknown, failed = set(steps.foreign), 0
-        for step, result in self.steps(steps):
-            made = self._published(result, step.record, step.samples)
-            unknown |= step.samples.keys() - made.keys()
-            known = {topic: values for topic, values in step.samples.items() if topic in made}
-            differences.add(step.key, known, made)
-            failed += not result.converged and not step.record.cut
-        records = self._run.records[: self.count]
-        return ReplayReport(
-            differences,
-            tuple(sorted(unknown)),
-            steps.strays.copy(),
-            0 if self._changed else sum(record.cut_after is not None for record in records),
-            failed,
-            sum(record.dt for record in records),
-            time.perf_counter() - started,
-            tail=steps.tail.copy(),
-            end=self.end,
+        started, steps = time.perf_counter(), BagSteps(self._run)
+        repeated = (
+            (step, self._publish(result, step.record, step.samples), result.converged)
+            for step, result in self.steps(steps)
         )
+        return compare_steps(steps, repeated, changed=self._changed, started=started, end=self.end)
 
     def steps(self, steps: BagSteps) -> Iterator[tuple[BagStep, StepResult]]:
         """Repeat the steps in order; yield each recorded step with the result of its repetition."""
@@ -142,7 +126,7 @@ class Replay:
             if self.end and number == self.count:
                 return
 
-    def _published(self, result: StepResult, record: StepRecord, topics: Collection[str]) -> dict[str, Values]:
+    def _publish(self, result: StepResult, record: StepRecord, topics: Collection[str]) -> dict[str, Values]:
         """Return the arrays of the last step's messages, by topic and field, in their published types.
 
         Args:
@@ -165,12 +149,47 @@ class Replay:
         return self.simulation.step(command_of(record), dt=record.dt, cut_after=cut_after, interrupted=lambda: False)
 
 
+def compare_steps(
+    steps: BagSteps,
+    repeated: Iterable[tuple[BagStep, Mapping[str, Values], bool]],
+    *,
+    changed: bool,
+    started: float,
+    **more: Any,
+) -> ReplayReport:
+    """Compare recorded steps with their repetitions and return the report.
+
+    Args:
+        steps: the recorded steps.
+        repeated: each of them with the arrays of its repetition, by topic and field, and whether that converged.
+        changed: whether overrides make the runs differ, so that no solve was ended where the recorded one was.
+        started: when the replay began, on the clock ``time.perf_counter`` [s].
+        more: other attributes of the report.
+    """
+    differences, records = Differences(steps.run.scene), []
+    unknown, failed = set(steps.foreign), 0
+    for step, found, converged in repeated:
+        unknown |= step.samples.keys() - found.keys()
+        known = {topic: values for topic, values in step.samples.items() if topic in found}
+        differences.add(step.key, known, {topic: found[topic] for topic in known})
+        failed += not converged and not step.record.cut
+        records.append(step.record)
+    return ReplayReport(
+        differences,
+        tuple(sorted(unknown)),
+        steps.strays.copy(),
+        0 if changed else sum(record.cut_after is not None for record in records),
+        failed,
+        sum(record.dt for record in records),
+        time.perf_counter() - started,
+        tail=steps.tail.copy(),
+        **more,
+    )
+
+
 def command_of(record: StepRecord) -> Command:
     """Return the command that a step consumed; the record's attributes have the names of ``Command``'s."""
-    parts = {
-        part.name: getattr(record, part.name) for part in dataclasses.fields(Command) if hasattr(record, part.name)
-    }
-    return Command(**parts)
+    return Command(**{part.name: getattr(record, part.name) for part in dataclasses.fields(Command)})
 
 
 def replayable(run: BagRun) -> tuple[int, str]:

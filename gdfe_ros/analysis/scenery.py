@@ -15,7 +15,7 @@ from gdfe_ros.actuators import Cable, Chamber
 from gdfe_ros.constraints import Pose
 from gdfe_ros.constraints.form import Plane, form_faces
 from gdfe_ros.constraints.obstacle import Obstacle
-from gdfe_ros.contacts import contact_points
+from gdfe_ros.contacts import contact_points, places_and_forces
 from gdfe_ros.mesh import HexMesh
 
 if TYPE_CHECKING:
@@ -181,7 +181,4 @@ def _inside(
 
 def _pushes(points: NDArray | Mapping[str, NDArray] | None) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return positions (c, 3) [m] and forces (c, 3) [N] of contact points with the fields of `contacts.POINT`."""
-    if points is None:
-        return _no_points(), _no_points()
-    places = np.stack([points[axis] for axis in "xyz"], axis=1)
-    return places, np.stack([points[f"f{axis}"] + points[f"t{axis}"] for axis in "xyz"], axis=1)
+    return (_no_points(), _no_points()) if points is None else places_and_forces(points)

@@ -236,15 +236,6 @@ def flat_row(case: str, overrides: dict[str, Any], result: dict[str, Any]) -> Re
     return {"case": case, **settings, **result}
 
 
-def draw_results(rows: Sequence[Result], path: Path, *, title: str) -> None:
-    """Write the picture of `results_figure`.
-
-    Raises:
-        OSError: the picture cannot be written.
-    """
-    results_figure(rows, title=title).savefig(path)
-
-
 def results_figure(rows: Sequence[Result], *, title: str, shown: Sequence[str] = SHOWN) -> Figure:
     """Return a figure of the ``shown`` quantities over the first varied key.
 

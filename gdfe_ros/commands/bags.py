@@ -7,6 +7,7 @@ import argparse
 import time
 from collections.abc import Iterator
 from enum import Enum
+from importlib import import_module
 from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -75,7 +76,7 @@ def _write(kind: Format, steps: Iterator[BagStep], recorded: BagRun, out: Path) 
     if kind is Format.VTK:
         from gdfe_ros.analysis.export import write_vtk_series
 
-        return write_vtk_series(steps, recorded.mesh, out)
+        return write_vtk_series(steps, recorded.scene.mesh, out)
     if kind is Format.NPZ:
         from gdfe_ros.analysis.export import write_npz
 
@@ -150,11 +151,11 @@ def add_report(parser: argparse.ArgumentParser) -> None:
 
 def write_page(arguments: argparse.Namespace) -> int:
     """Write the HTML page, the PNG and, on request, the animation; return 0."""
-    from gdfe_ros.analysis.report.pictures import draw_steps, require_video, write_gif, write_mp4, write_png
+    from gdfe_ros.analysis.report.pictures import draw_steps, write_gif, write_mp4, write_png
     from gdfe_ros.analysis.report.writer import write_report
 
     if arguments.mp4:
-        require_video()
+        import_module("av")  # missing, it is named before anything is written
     if arguments.out is not None and arguments.out.suffix.lower() not in (".html", ".htm"):
         text = "a page ends with .html, or no browser opens it"
         raise GdfeError(f"--out {arguments.out}: {text}; remedy: {arguments.out}.html")

@@ -40,7 +40,7 @@ def run(arguments: argparse.Namespace) -> int:
                 _compile(name, {})
         return 0
     with progress_bar("compiling", len(work()) + 1) as update:
-        for name in _compiled(max(1, arguments.jobs)):
+        for name in _compile_all(max(1, arguments.jobs)):
             update(advance=1, description=f"compiling, {name} is ready")
     return 0
 
@@ -53,7 +53,7 @@ def work() -> list[tuple[str, dict[str, object]]]:
     return [(FIRST, {}), *VARIANTS, *((name, {}) for name in loadable_names() if name != FIRST)]
 
 
-def _compiled(jobs: int) -> Iterator[str]:
+def _compile_all(jobs: int) -> Iterator[str]:
     """Compile with ``jobs`` processes; yield the name of each scene when its kernels are compiled."""
     first, *others = work()
     with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:

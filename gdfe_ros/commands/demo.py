@@ -89,5 +89,5 @@ def _table(scene: Scene, bag: BagRun, first: float) -> Table:
     ):
         for name, vector in places.items():
             table.add_row(f"{name}: {what}", "  ".join(f"{value:.4g}" for value in vector), unit)
-    table.add_row("messages in the bag", str(bag.message_count), "")
+    table.add_row("messages in the bag", str(len(bag.reader)), "")
     return table

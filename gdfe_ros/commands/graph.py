@@ -6,13 +6,12 @@ from __future__ import annotations
 import argparse
 import sys
 from itertools import islice
-from typing import Any
 
 import numpy as np
 
 from gdfe_ros.bounded_text import plain_lines
 from gdfe_ros.commands.remote.message_text import parse, show
-from gdfe_ros.commands.remote.peer import full_name, get_parameters, open_peer, set_parameter
+from gdfe_ros.commands.remote.peer import Peer, full_name, get_parameters, set_parameter
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.spelling import did_you_mean
 
@@ -31,7 +30,7 @@ def add_topics(parser: argparse.ArgumentParser) -> None:
 
 def list_topics(arguments: argparse.Namespace) -> int:
     """Print a line for each topic: name, type, publishers, subscriptions; return 0, or 1 if no topic is listed."""
-    with open_peer() as peer:
+    with Peer() as peer:
         found = [row for row in peer.topics() if arguments.part in row[0]]
     rows = [("topic", "type", "publishers", "subscriptions"), *found]
     widths = [max(len(str(row[column])) for row in rows) for column in range(3)]
@@ -46,7 +45,7 @@ def add_nodes(parser: argparse.ArgumentParser) -> None:
 
 def list_nodes(arguments: argparse.Namespace) -> int:
     """Print the full name of each node; return 0."""
-    with open_peer() as peer:
+    with Peer() as peer:
         print(*peer.nodes(), sep="\n")
     return 0
 
@@ -62,7 +61,7 @@ def add_params(parser: argparse.ArgumentParser) -> None:
 def show_params(arguments: argparse.Namespace) -> int:
     """Print parameters as YAML after a requested change; return 0, or 1 if the node refused the change."""
     node, wanted = full_name(arguments.node), arguments.name
-    with open_peer() as peer:
+    with Peer() as peer:
         names = peer.call(f"{node}/list_parameters", {}, patience=arguments.wait).result.names
         if wanted is not None and wanted not in names:
             raise GdfeError(
@@ -80,12 +79,8 @@ def show_params(arguments: argparse.Namespace) -> int:
                 return REFUSED
             values = [value]
     for name, value in zip(names, values, strict=True):
-        print(plain_lines(f"{name}: {_text(value)}"))
+        print(plain_lines(f"{name}: {value}"))
     return 0
-
-
-def _text(value: Any) -> str:
-    return str(value if isinstance(value, (bool, int, float, str)) or value is None else list(value))
 
 
 def add_lifecycle(parser: argparse.ArgumentParser) -> None:
@@ -98,7 +93,7 @@ def add_lifecycle(parser: argparse.ArgumentParser) -> None:
 def change_lifecycle(arguments: argparse.Namespace) -> int:
     """Print the state of a node, after the transition if one was requested; return 0, or 1 if it failed."""
     name, patience = full_name(arguments.node), arguments.wait
-    with open_peer() as peer:
+    with Peer() as peer:
         done, wanted = True, arguments.transition
         offered = peer.call(f"{name}/get_available_transitions", {}, patience=patience).available_transitions
         if wanted is not None:
@@ -132,7 +127,7 @@ def measure_rate(arguments: argparse.Namespace) -> int:
     if arguments.count < 2:
         raise GdfeError(f"--count {arguments.count}; allowed: 2 or more")
     times: list[float] = []
-    with open_peer() as peer:
+    with Peer() as peer:
         for time in peer.arrivals(arguments.topic, patience=arguments.wait):
             times.append(time)
             late = len(times) > 1 and time - times[0] > arguments.seconds
@@ -158,7 +153,7 @@ def add_pub(parser: argparse.ArgumentParser) -> None:
 def publish(arguments: argparse.Namespace) -> int:
     """Publish a message; return 0 once every subscriber has received it, or 1 if one of them refused it."""
     values = parse(arguments.message)
-    with open_peer() as peer:
+    with Peer() as peer:
         count, refusals = peer.publish(arguments.topic, values)
     print(f"published on {full_name(arguments.topic)} to {count} listener{'s' if count > 1 else ''}")
     if ".nan" in arguments.message.lower():
@@ -182,7 +177,7 @@ def echo(arguments: argparse.Namespace) -> int:
     """Print messages as YAML; return 0 after the requested number of messages."""
     if arguments.count < 1:
         raise GdfeError(f"--count {arguments.count}; allowed: 1 or more")
-    with open_peer() as peer:
+    with Peer() as peer:
         for message in islice(peer.listen(arguments.topic, patience=arguments.wait), arguments.count):
             print(show(message), "---", sep="\n", flush=True)
     return 0
@@ -198,7 +193,7 @@ def add_call(parser: argparse.ArgumentParser) -> None:
 def call(arguments: argparse.Namespace) -> int:
     """Call a service and print its response as YAML; return 0, or 1 if the response reports a failure."""
     values = parse(arguments.request)
-    with open_peer() as peer:
+    with Peer() as peer:
         response = peer.call(arguments.service, values, patience=arguments.wait)
     print(show(response))
     return 0 if getattr(response, "success", True) else REFUSED

@@ -9,7 +9,6 @@ import os
 import sys
 import threading
 import webbrowser
-from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
 from gdfe_ros.bounded_text import plain_lines
@@ -157,8 +156,6 @@ def _end_on_signals(ending: threading.Event) -> None:
 
 def _require(arguments: argparse.Namespace) -> None:
     """Raise a `GdfeError` if arguments are invalid, before slow modules are imported."""
-    if find_spec("viser") is None:
-        raise GdfeError("the page needs viser; install it: pip install 'gdfe_ros[live]'")
     _require_source(arguments)
     if not 1 <= arguments.port <= 65535:
         raise GdfeError(f"--port is {arguments.port}; allowed: 1 to 65535")
@@ -171,7 +168,7 @@ def _require(arguments: argparse.Namespace) -> None:
 def _require_source(arguments: argparse.Namespace) -> None:
     """Raise a `GdfeError` unless the arguments name either a scene or a node.
 
-    Also raise it if a node is named and an option of a scene is given, or rclpy is missing.
+    Also raise it if a node is named and an option of a scene is given.
     """
     if (arguments.scene is None) == (arguments.ros is None):
         given = "neither" if arguments.ros is None else f"scene {arguments.scene!r} and --ros {arguments.ros}"
@@ -184,8 +181,6 @@ def _require_source(arguments: argparse.Namespace) -> None:
             f"{', '.join(refused)} cannot stand beside --ros; remedy: leave it out, and set the node's "
             "parameters instead"
         )
-    if find_spec("rclpy") is None:
-        raise GdfeError("--ros needs rclpy; source a ROS 2, or: pip install 'gdfe_ros[ros]'")
 
 
 def _say(text: str) -> None:

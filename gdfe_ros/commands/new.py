@@ -103,7 +103,7 @@ def _body(arguments: argparse.Namespace) -> tuple[dict, Mesh]:
             raise MeshError(f"mesh {source}", [text])
         return {"file": _relative(source, folder), **scale}, read_mesh(source, scale=arguments.scale)
     if arguments.cavity:
-        source = _joined(arguments)
+        source = _join(arguments)
         scale = {}
     vertices, _ = read_surface(source, scale=scale.get("scale"), closed=False)
     sizes = _sizes(arguments, vertices)
@@ -111,7 +111,7 @@ def _body(arguments: argparse.Namespace) -> tuple[dict, Mesh]:
     return {"tets": entry}, from_surface(source, **sizes, scale=scale.get("scale"))
 
 
-def _joined(arguments: argparse.Namespace) -> Path:
+def _join(arguments: argparse.Namespace) -> Path:
     """Write the body and its cavities as one surface in metres beside the scene; return its path."""
     trimesh = import_module("trimesh")
     paths, surfaces, defects = [arguments.source, *arguments.cavity], [], []

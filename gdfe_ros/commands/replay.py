@@ -70,7 +70,7 @@ def _replay(path: Path, overrides: dict[str, object], factor: float, *, ros: boo
     for text in _remarks(run, report, overrides):
         console.print(text)
     passed = verdict in (Difference.IDENTICAL, Difference.WITHIN)
-    text = _partly(report, factor) if verdict is Difference.INCOMPLETE else verdict.value
+    text = _describe_incomplete(report, factor) if verdict is Difference.INCOMPLETE else verdict.value
     console.print(
         f"{text}: {path}, {differences.steps} steps, "
         f"{differences.compared} arrays; {report.duration:.3g} s of simulation in {report.wall_time:.3g} s",
@@ -79,7 +79,7 @@ def _replay(path: Path, overrides: dict[str, object], factor: float, *, ros: boo
     return passed
 
 
-def _partly(report: ReplayReport, factor: float) -> str:
+def _describe_incomplete(report: ReplayReport, factor: float) -> str:
     if not report.differences.compared:
         return "nothing compared"
     return f"incomplete, {report.differences.verdict(factor).value} as far as it was compared"
@@ -139,7 +139,7 @@ def compare(arguments: argparse.Namespace) -> int:
     comparison = compare_bags(arguments.first, arguments.second)
     differences, console = comparison.differences, wide_console()
     verdict = comparison.verdict(arguments.within)
-    for text in _differ(comparison):
+    for text in _describe_changes(comparison):
         console.print(text)
     if differences.differing:
         console.print(difference_table(differences, factor=arguments.within))
@@ -149,7 +149,7 @@ def compare(arguments: argparse.Namespace) -> int:
     return 0 if passed else DIFFERENT
 
 
-def _differ(comparison: Comparison) -> list[str]:
+def _describe_changes(comparison: Comparison) -> list[str]:
     """Return remarks on what else differs: scenes, steps and topics."""
     remarks = []
     if comparison.scene_changes:

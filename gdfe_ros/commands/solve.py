@@ -69,7 +69,7 @@ def run(arguments: argparse.Namespace) -> int:
         _draw(arguments.picture, simulation, last)
     print_failures(results)
     if not last.converged and not arguments.keep_going:
-        text = stopped(results, beyond=_withdrawn(simulation, last))
+        text = stopped(results, beyond=_is_withdrawn(simulation, last))
         PlainConsole(stderr=True, soft_wrap=True).print(text, style="red", highlight=False)
     if interrupted:
         print(f"gdfe solve: interrupted after t = {last.time:.4g} s", file=sys.stderr)
@@ -98,7 +98,7 @@ def stopped(results: list[StepResult], *, beyond: bool = False) -> str:
     return f"{text}; --keep-going plays the rest of the program"
 
 
-def _withdrawn(simulation: Simulation, last: StepResult) -> bool:
+def _is_withdrawn(simulation: Simulation, last: StepResult) -> bool:
     """Return whether a failed step went back to an equilibrium whose commands are not yet the program's."""
     program = simulation.scene.program
     if last.converged or program is None or not 0.0 <= last.error_estimate <= simulation.settings.tolerance:
@@ -134,7 +134,7 @@ def _play(simulation: Simulation, *, keep_going: bool) -> tuple[list[StepResult]
 def _table(simulation: Simulation, results: list[StepResult], wall_time: float) -> Table:
     last, mesh = results[-1], simulation.mesh
     failed = "" if last.converged else ": the last step did not converge, its values are no equilibrium"
-    if _withdrawn(simulation, last):
+    if _is_withdrawn(simulation, last):
         failed = ": the last step failed, the values are those of the last equilibrium before its command"
     title = f"{simulation.scene.name}, policy {last.policy.value}{failed}"
     table = make_table(title, QUANTITIES, right=("value",), min_width=64)

@@ -52,7 +52,7 @@ def add_sweep(parser: argparse.ArgumentParser) -> None:
 def sweep(arguments: argparse.Namespace) -> int:
     """Run all cases and write the results; return 0, or 1 if a case failed or did not converge."""
     from gdfe_ros.analysis.export import write_parquet
-    from gdfe_ros.analysis.sweep import Archive, draw_results, flat_row
+    from gdfe_ros.analysis.sweep import Archive, flat_row, results_figure
 
     with waiting(f"loading {arguments.scene}"):
         scene = load_scene(arguments.scene)
@@ -63,7 +63,7 @@ def sweep(arguments: argparse.Namespace) -> int:
     _complete(arguments, scene.source, cases, archive)
     rows = [flat_row(case.name, dict(case.overrides), archive.find(case)) for case in cases]
     write_parquet(rows, arguments.out / "results.parquet")
-    draw_results(rows, arguments.out / "results.png", title=f"{scene.name}: {len(rows)} cases")
+    results_figure(rows, title=f"{scene.name}: {len(rows)} cases").savefig(arguments.out / "results.png")
     bad = [row for row in rows if row["status"] != "converged"]
     console = PlainConsole(soft_wrap=True)
     alike: dict[tuple[str, str], list[dict]] = {}
@@ -90,7 +90,8 @@ def _complete(arguments: argparse.Namespace, scene: str, cases: list[Case], arch
     """Run the cases that have no result in the archive and, with ``--retry``, the failed cases; store the results."""
     from gdfe_ros.analysis.sweep import run_cases
 
-    left = [case for case in cases if _is_left(archive, case, retry=arguments.retry)]
+    done = ("converged", "not converged") if arguments.retry else ("converged", "not converged", "failed")
+    left = [case for case in cases if (archive.find(case) or {}).get("status") not in done]
     if len(left) < len(cases):
         PlainConsole(stderr=True).print(f"{len(cases) - len(left)} of {len(cases)} cases are done already")
     if not left:
@@ -102,11 +103,6 @@ def _complete(arguments: argparse.Namespace, scene: str, cases: list[Case], arch
         for case, result in run_cases(client, scene, left):
             archive.keep(case, result)
             update(advance=1)
-
-
-def _is_left(archive: Archive, case: Case, *, retry: bool) -> bool:
-    result = archive.find(case)
-    return result is None or (retry and result["status"] == "failed")
 
 
 UNREACHED = 3

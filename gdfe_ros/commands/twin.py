@@ -139,8 +139,6 @@ def _page(arguments: argparse.Namespace) -> Page | None:
 
 def _require(arguments: argparse.Namespace) -> dict[str, str]:
     """Return the dict from probe to topic; raise a `GdfeError` if an argument is invalid, before slow imports."""
-    if find_spec("rclpy") is None:
-        raise GdfeError("gdfe twin needs rclpy; source a ROS 2, or: pip install 'gdfe_ros[ros]'")
     if arguments.port and find_spec("viser") is None:
         raise GdfeError("the page needs viser; install it: pip install 'gdfe_ros[live]', or use --port 0")
     allowed = {"noise": (1e-6, 1e6), "delay": (0.0, 5.0), "seconds": (0.0, math.inf), "dt": (1e-3, 1.0)}

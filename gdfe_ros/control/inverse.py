@@ -97,7 +97,7 @@ class InverseControl:
         self.names = tuple(usual if actuators is None else actuators)
         self._limits = CommandLimits.of_scene(scene, self.names)
         self.simulation, self._trust = simulation, 1.0
-        self._jacobian = KeptJacobian(self._exact)
+        self._jacobian = KeptJacobian(lambda: self._stack.jacobian(self.names))
 
     @property
     def targets(self) -> tuple[Aim, ...]:
@@ -122,14 +122,14 @@ class InverseControl:
             error = self._errors(wanted)
             while tries < MOST_TRIES and not stuck and not self._stack.reached(error):
                 try:
-                    moved, error, spent = self._nearer(wanted, error)
+                    moved, error, spent = self._approach(wanted, error)
                 except GdfeError as flaw:
                     if not tries:
                         raise
                     reason = str(flaw)
                     break
                 tries, stuck = tries + spent, not moved
-        return self._told(error, tries, reason)
+        return self._report(error, tries, reason)
 
     def move(self, goals: ArrayLike, dt: float) -> Reach:
         """Change the commands once towards the goals, as far as the rates allow in ``dt`` [s]; for control loops.
@@ -147,8 +147,8 @@ class InverseControl:
         with self._all_or_nothing():
             error = self._errors(wanted)
             if not self._stack.reached(error):
-                _, error, tries = self._nearer(wanted, error, dt)
-        return self._told(error, tries)
+                _, error, tries = self._approach(wanted, error, dt)
+        return self._report(error, tries)
 
     @contextmanager
     def _all_or_nothing(self) -> Iterator[None]:
@@ -162,7 +162,7 @@ class InverseControl:
             self.simulation.restore(before)
             raise
 
-    def _nearer(self, wanted: Array, error: Array, dt: float | None = None) -> tuple[bool, Array, int]:
+    def _approach(self, wanted: Array, error: Array, dt: float | None = None) -> tuple[bool, Array, int]:
         """Change the commands once; return whether the errors decreased, the new errors (m,), and the number of tries.
 
         ``error`` (m,) are the present errors relative to the goals ``wanted`` (t, 3). The change takes ``dt`` [s], or
@@ -178,7 +178,7 @@ class InverseControl:
             change = least_squares(rows, fraction * error, *self._limits.room(now, dt), **given)
             gain = length - float(np.linalg.norm(error - rows @ change))
             worth = np.linalg.norm(rows @ change) >= STANDSTILL and gain >= FAINT
-            if worth and self._went(now, change, dt):
+            if worth and self._go(now, change, dt):
                 after = self._errors(wanted)
                 if length - float(np.linalg.norm(after)) > ENOUGH * gain:
                     self._trust = min(1.0, LONGER * self._trust)
@@ -188,7 +188,7 @@ class InverseControl:
                 self.simulation.restore(here)
             if not self._jacobian.fresh:
                 self._jacobian.forget()
-                moved, error, spent = self._nearer(wanted, error, dt)
+                moved, error, spent = self._approach(wanted, error, dt)
                 return moved, error, tries + spent
             self._trust = SHORTER * min(self._trust, distance)
             if not worth or self._trust * length < distance:
@@ -196,7 +196,7 @@ class InverseControl:
         self._trust = 1.0
         return False, error, tries
 
-    def _went(self, now: Array, change: Array, dt: float | None) -> bool:
+    def _go(self, now: Array, change: Array, dt: float | None) -> bool:
         """Step the model to the commands after a change (n,); return whether it found an equilibrium."""
         commands = dict(zip(self.names, self._limits.changed(now, change).tolist(), strict=True))
         time = self._limits.time(change) if dt is None else dt
@@ -211,11 +211,7 @@ class InverseControl:
         states = self.simulation.actuator_states()
         return np.array([states[name].command for name in self.names])
 
-    def _exact(self) -> Array:
-        """Return the exact Jacobian (m, n) of the errors in `Stack`."""
-        return self._stack.jacobian(self.names)
-
-    def _told(self, error: Array, tries: int, reason: str = "") -> Reach:
+    def _report(self, error: Array, tries: int, reason: str = "") -> Reach:
         now = self._now()
         message = self._stack.message(error, self._stack.values(), self._limits.ended(now))
         return Reach(

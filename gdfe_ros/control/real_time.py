@@ -97,9 +97,9 @@ class RealTimeControl:
                 if self._closed:
                     return
                 wanted, self._wanted = self._wanted, None
-            self._followed(wanted)
+            self._follow(wanted)
 
-    def _followed(self, wanted: dict[str, float]) -> None:
+    def _follow(self, wanted: dict[str, float]) -> None:
         """Step the model to commands and pass its equilibrium to the controller; on failure, restore the model."""
         before = self._simulation.snapshot()
         try:

@@ -164,40 +164,40 @@ class JointCoupling:
             count, halvings = max(1, math.ceil(duration / self._dynamics.step - NEGLIGIBLE)), MOVING_HALVINGS
         state = self._stepper.started(state, commands)
         task = _Task(state=state, links=links, motors=motors, targets=targets, commands=commands)
-        return self._in_parts(task, count, duration, deadline, halvings)
+        return self._step_in_parts(task, count, duration, deadline, halvings)
 
-    def _in_parts(
+    def _step_in_parts(
         self, task: _Task, count: int, duration: float, deadline: Deadline | None, halvings: int
     ) -> CoupledStep:
         """Return the outcome of a task in ``count`` equal parts; it ends with the first part that fails."""
         h, state, links, march = float(f"{duration / count:.9g}"), task.state, task.links, None
         for number in range(count):
-            found = self._made(task.part(number, count, state, links), h, deadline, halvings)
-            march, links = _joined(march, found.march), found.links
+            found = self._make(task.part(number, count, state, links), h, deadline, halvings)
+            march, links = _join(march, found.march), found.links
             state = march.state
             if march.reached and number + 1 < count and past(deadline):
                 told = f"{number + 1} of {count} parts of the step are done: {deadline.reason}"
-                march = changed(_flawed(march, told), reached=False)
+                march = changed(_flaw(march, told), reached=False)
             if not march.reached or (self._dynamics is None and not march.sound):
                 break
         return CoupledStep(march=march, links=links, poses=found.poses)
 
-    def _made(self, task: _Task, h: float, deadline: Deadline | None, halvings: int) -> CoupledStep:
+    def _make(self, task: _Task, h: float, deadline: Deadline | None, halvings: int) -> CoupledStep:
         """Return the outcome of a task; if it fails, that of its two halves if they succeed.
 
         At the joints' first positions a long step may press the body too far. In a motion, the wrench may jump where
         the stepper of the body chooses another scheme for the step.
         """
-        found = self._balanced(task, h, deadline)
+        found = self._balance(task, h, deadline)
         hopeless = self._dynamics is not None and found.balanced
         if found.march.sound or hopeless or not halvings or past(deadline):
             return found
-        halves = self._in_parts(task, 2, h, deadline, halvings - 1)
+        halves = self._step_in_parts(task, 2, h, deadline, halvings - 1)
         chosen = halves if halves.march.sound else found
         spent = found.march.iterations + halves.march.iterations
         return changed(chosen, march=changed(chosen.march, iterations=spent))
 
-    def _balanced(self, task: _Task, h: float, deadline: Deadline | None) -> CoupledStep:
+    def _balance(self, task: _Task, h: float, deadline: Deadline | None) -> CoupledStep:
         """Return body and joints in balance at the end of a task, or what is nearest to it."""
         balance = JointBalance(
             arms=self._arms,
@@ -231,7 +231,7 @@ class JointCoupling:
         q, march = best
         balanced = least <= near or not march.converged
         if march.reached and not least <= near:
-            march = _flawed(march, f"yielding joints are not in balance: the flange is {least:.3g} m away from it")
+            march = _flaw(march, f"yielding joints are not in balance: the flange is {least:.3g} m away from it")
         march = changed(march, iterations=spent)
         moved = balance.moved(q, march.simulated)
         return CoupledStep(march=march, links=moved, poses=balance.poses(q), balanced=balanced)
@@ -252,17 +252,17 @@ class JointCoupling:
         return self._near * reduction(max(balance.swing(), body), self._size)
 
 
-def _flawed(march: March, flaw: str) -> March:
+def _flaw(march: March, flaw: str) -> March:
     """Return an outcome that has not converged, with a further flaw in its message."""
     return march.told(join(march.message, flaw), converged=False)
 
 
-def _joined(first: March | None, second: March) -> March:
+def _join(first: March | None, second: March) -> March:
     """Return the outcome of two successive parts of a step; ``first`` is None before the first part."""
     if first is None:
         return second
     if not first.converged and first.message != second.message:
-        second = _flawed(second, f"in an earlier part of the step: {first.message}")
+        second = _flaw(second, f"in an earlier part of the step: {first.message}")
     return changed(
         second.counting(first),
         snapped=first.snapped or second.snapped,

@@ -178,7 +178,7 @@ class Admission:
         handlers = server._websock_server._incoming_handlers
         for kind in list(handlers):
             if kind in checks:
-                handlers[kind] = [self._checked(handler, checks[kind]) for handler in handlers[kind]]
+                handlers[kind] = [self._guard(handler, checks[kind]) for handler in handlers[kind]]
             else:
                 del handlers[kind]
 
@@ -188,7 +188,7 @@ class Admission:
         for kind in set(handlers) - {messages.ViewerCameraMessage}:
             del handlers[kind]
 
-    def _checked(self, handler: Handler, wrong: Callable[[Any], str]) -> Handler:
+    def _guard(self, handler: Handler, wrong: Callable[[Any], str]) -> Handler:
         async def handle(client: int, message: Any) -> None:
             try:
                 reason = wrong(message)
@@ -218,7 +218,7 @@ class Admission:
         if handle is None:
             return ""  # removed meanwhile; viser ignores the message
         if not isinstance(message.updates, dict) or set(message.updates) != {"value"}:
-            return f"a viewer may change only the value of a control, not {_shown(message.updates)}"
+            return f"a viewer may change only the value of a control, not {_show(message.updates)}"
         label, value = getattr(handle, "label", "a control"), message.updates["value"]
         return f"{label}: {reason}" if (reason := _wrong_value(handle, value)) else ""
 
@@ -227,10 +227,10 @@ def _wrong_value(handle: Any, value: Any) -> str:
     """Return why a value is not one of a control; empty if it is."""
     match handle:
         case viser.GuiButtonHandle() | viser.GuiCheckboxHandle():
-            return "" if isinstance(value, bool) else f"{_shown(value)} is given; allowed: true, false"
+            return "" if isinstance(value, bool) else f"{_show(value)} is given; allowed: true, false"
         case viser.GuiDropdownHandle():
             good = isinstance(value, str) and value in handle.options
-            return "" if good else f"{_shown(value)} is given; allowed: {', '.join(handle.options)}"
+            return "" if good else f"{_show(value)} is given; allowed: {', '.join(handle.options)}"
         case viser.GuiSliderHandle() | viser.GuiNumberHandle():
             low = -math.inf if handle.min is None else handle.min
             high = math.inf if handle.max is None else handle.max
@@ -238,15 +238,15 @@ def _wrong_value(handle: Any, value: Any) -> str:
             slack = 1e-9 * max(abs(low), abs(high)) if math.isfinite(high - low) else 0.0
             if _are_finite([value], 1) and low - slack <= value <= high + slack:
                 return ""
-            return f"{_shown(value)} is given; allowed: a number from {low:g} to {high:g}"
+            return f"{_show(value)} is given; allowed: a number from {low:g} to {high:g}"
     return "it cannot be changed by viewers"
 
 
 def _wrong_pose(message: Any) -> str:
     if not _are_finite(message.position, 3) or max(map(abs, message.position)) > _FARTHEST:
-        return f"a control is dragged to {_shown(message.position)}; allowed: three numbers up to {_FARTHEST:g}"
+        return f"a control is dragged to {_show(message.position)}; allowed: three numbers up to {_FARTHEST:g}"
     if not _are_finite(message.wxyz, 4) or not 0.5 < math.hypot(*message.wxyz) < 2.0:
-        return f"a control is turned to {_shown(message.wxyz)}; allowed: a quaternion of unit length"
+        return f"a control is turned to {_show(message.wxyz)}; allowed: a quaternion of unit length"
     return ""
 
 
@@ -261,5 +261,5 @@ def _are_finite(values: Iterable[Any], count: int) -> bool:
     return len(numbers) == count and real and all(abs(each) < 1e300 for each in numbers)
 
 
-def _shown(value: object) -> str:
+def _show(value: object) -> str:
     return repr(value)[:80]

@@ -89,9 +89,9 @@ class Leading:
         """Start a thread that builds the control of the probe, unless such a thread is running."""
         if self._making != self._probe:
             self._making = self._probe
-            threading.Thread(target=self._made, args=(self._probe,), name="model of a probe", daemon=True).start()
+            threading.Thread(target=self._build, args=(self._probe,), name="model of a probe", daemon=True).start()
 
-    def _made(self, probe: str) -> None:
+    def _build(self, probe: str) -> None:
         # Imported here, so that the page opens before the compiler is imported.
         from gdfe_ros.control import FeedbackControl, Target
         from gdfe_ros.scene.loader import scene_from_text

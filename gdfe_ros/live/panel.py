@@ -14,7 +14,6 @@ from typing import Any
 
 import viser
 
-from gdfe_ros.actuators import Actuator
 from gdfe_ros.live.interface import Ability, ShownRun, View
 from gdfe_ros.node.interface import MODULUS
 from gdfe_ros.node.orders import ActuatorOrder
@@ -57,7 +56,8 @@ class Panel:
         if scene.actuators or scene.loads or scene.arms:
             with gui.add_folder("Commands"):
                 for actuator in scene.actuators:
-                    self._add_actuator(actuator)
+                    label = f"{actuator.name}, {actuator.mode.value} [{actuator.mode.unit or 1}]"
+                    self._add_input(actuator.name, label, actuator.low, actuator.high)
                 for load in scene.loads:
                     self._add_input(load.name, f"{load.name}, factor [1]", 0.0, _LARGEST_FACTOR)
                 for joint in (joint for arm in scene.arms for joint in arm.joints):
@@ -92,10 +92,6 @@ class Panel:
     def _label(self, ability: Ability, text: str) -> None:
         if ability in self._buttons:
             self._buttons[ability].label = text
-
-    def _add_actuator(self, actuator: Actuator) -> None:
-        label = f"{actuator.name}, {actuator.mode.value} [{actuator.mode.unit or 1}]"
-        self._add_input(actuator.name, label, actuator.low, actuator.high)
 
     def _add_input(self, name: str, label: str, low: float, high: float) -> None:
         """Add a slider from ``low`` to ``high`` or, if the range is unbounded, a number field."""

@@ -6,7 +6,6 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import Future
-from datetime import datetime
 from pathlib import Path
 from time import monotonic
 from typing import TYPE_CHECKING, Any
@@ -22,8 +21,8 @@ from gdfe_ros.node.pace import ClockMode, FastPace, Timing, WallPace
 from gdfe_ros.node.refusals import RefusalLog
 from gdfe_ros.node.remodelling import moduli_of, with_moduli
 from gdfe_ros.node.stepper import SteppingThread
+from gdfe_ros.recording.bag_info import new_bag
 from gdfe_ros.recording.step import Begin, Step, to_nanoseconds
-from gdfe_ros.regular_file import path_inside
 from gdfe_ros.scene.program import Program
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.simulation import Simulation
@@ -54,10 +53,9 @@ class Programme:
         self._left: set[str] = set()
         self._giving = threading.Lock()
 
-    @property
-    def duration(self) -> float:
-        """Length of the program [s]."""
-        return self._program.duration
+    def progress(self, time: float) -> str:
+        """Return a text with the progress of the program at a simulation time [s]."""
+        return f"plays the program, {max(0.0, time - self.start):.2f} of {self._program.duration:g} s"
 
     def leave(self, names: Iterable[str]) -> None:
         """Stop commanding the named handles, actuators, loads and joints, because another source commands them now."""
@@ -184,7 +182,7 @@ class LiveSession(ShownRun):
 
     @property
     def paused(self) -> bool:
-        """Whether only `advance` makes steps."""
+        """Whether steps are made only on request."""
         return self.stepper.paused
 
     def doing(self) -> tuple[str, bool]:
@@ -196,10 +194,7 @@ class LiveSession(ShownRun):
             return f"{work[0]}, since {monotonic() - work[1]:.1f} s", False
         if self.paused:
             return "paused", False
-        if playing is None:
-            return "", False
-        moment = max(0.0, self.last.record.time - playing.start)
-        return f"plays the program, {moment:.2f} of {playing.duration:g} s", False
+        return "" if playing is None else playing.progress(self.last.record.time), False
 
     def ask(self, ability: Ability) -> Future[str] | None:
         """Carry out a request; return a ``Future`` of a text for users if it begins or completes a bag, else None."""
@@ -207,14 +202,13 @@ class LiveSession(ShownRun):
             case Ability.PLAY:
                 self.play()
             case Ability.PAUSE:
-                self.pause(not self.paused)
+                self.stepper.pause(not self.paused)
             case Ability.STEP:
-                self.advance()
+                self.stepper.post(self.stepper.advance)
             case Ability.RESET:
                 self.reset()
             case Ability.RECORD:
-                name = f"{self.scene.name}_{datetime.now():%Y%m%d_%H%M%S_%f}"
-                return self.record(path_inside(Path("runs"), name) if self._bag is None else None)
+                return self.record(new_bag(self.scene.name) if self._bag is None else None)
         return None
 
     def start(self) -> None:
@@ -261,14 +255,6 @@ class LiveSession(ShownRun):
             self.stepper.pause(False)
 
         self.stepper.post(begin)
-
-    def pause(self, paused: bool) -> None:
-        """Pause or resume the stepping."""
-        self.stepper.pause(paused)
-
-    def advance(self) -> None:
-        """Make one step, even while paused."""
-        self.stepper.post(self.stepper.advance)
 
     def reset(self) -> None:
         """Set the simulation to its initial state at time 0, and end the program."""

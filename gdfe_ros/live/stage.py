@@ -19,7 +19,7 @@ from gdfe_ros.constraints import Handle, Pose
 from gdfe_ros.constraints.form import Plane
 from gdfe_ros.constraints.obstacle import ArmLink, Obstacle
 from gdfe_ros.constraints.rigid_body import RigidBody
-from gdfe_ros.contacts import contact_names
+from gdfe_ros.contacts import contact_names, places_and_forces
 from gdfe_ros.live.interface import View
 from gdfe_ros.live.solids import Arms, Arrows, Chambers, Solids, turn_of
 from gdfe_ros.live.surface import AlternatingBody, DrawnSurface, RealRobot
@@ -288,11 +288,10 @@ class Stage:
         """Draw the force on each contact point as an arrow that ends at the point, in the colour of its kind."""
         if CONTACTS in self._groups:
             points = view.contacts()
-            ends = self._scale * np.stack([points[name] for name in "xyz"], axis=1)
-            forces = np.stack([points[f"f{name}"] + points[f"t{name}"] for name in "xyz"], axis=1)
-            slips = points["slips"] == 1
+            (places, forces), slips = places_and_forces(points), points["slips"] == 1
             parts = {"sticks": ~slips, "slips": slips}
-            self._arrows[CONTACTS].draw({kind: (ends[part], forces[part]) for kind, part in parts.items()})
+            ends = {kind: (self._scale * places[part], forces[part]) for kind, part in parts.items()}
+            self._arrows[CONTACTS].draw(ends)
 
     def _noise(self, view: View) -> float:
         """Return the size of forces that may be an error of the solve [N]: stiffness times estimated distance."""

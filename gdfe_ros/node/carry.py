@@ -71,23 +71,23 @@ def with_bodies_of(moving: Snapshot, fresh: Snapshot, same: Correspondence) -> S
         same: what the parts of the new scene were in the old one.
     """
     before, start = moving.state, fresh.state
-    terms = {name: _continued(before.terms.get(name), own) for name, own in start.terms.items()}
+    terms = {name: _continue(before.terms.get(name), own) for name, own in start.terms.items()}
     old, own = before.terms[inertia.NAME], start.terms[inertia.NAME]
     terms[inertia.NAME] = {
-        name: array if len(array) == 1 else _taken(array, own[name], same.vertices) for name, array in old.items()
+        name: array if len(array) == 1 else _take(array, own[name], same.vertices) for name, array in old.items()
     }
     if viscosity.NAME in terms:
-        terms[viscosity.NAME] = _of_viscosity(before.terms[viscosity.NAME], start.terms[viscosity.NAME], same.cells)
-    flawed = before.with_flaw(CHANGED, reactions=_known(before.summary.reactions, start.summary.reactions))
+        terms[viscosity.NAME] = _carry_viscosity(before.terms[viscosity.NAME], start.terms[viscosity.NAME], same.cells)
+    flawed = before.with_flaw(CHANGED, reactions=_keep_known(before.summary.reactions, start.summary.reactions))
     state = flawed.with_(
-        positions=_taken(before.positions, start.positions, same.vertices),
-        base=_taken(before.base, start.base, same.vertices),
-        poses=_known(before.poses, start.poses),
-        slides=_taken(before.slides, start.slides, same.loose),
-        turns=_taken(before.turns, start.turns, same.loose),
+        positions=_take(before.positions, start.positions, same.vertices),
+        base=_take(before.base, start.base, same.vertices),
+        poses=_keep_known(before.poses, start.poses),
+        slides=_take(before.slides, start.slides, same.loose),
+        turns=_take(before.turns, start.turns, same.loose),
         motion=None,
         terms=terms,
-        elements=_of_cells(before.elements, start.elements, same),
+        elements=_carry_elements(before.elements, start.elements, same),
         operators=start.operators,
         tangent=start.tangent,
         unfinished=None,
@@ -95,10 +95,10 @@ def with_bodies_of(moving: Snapshot, fresh: Snapshot, same: Correspondence) -> S
         anchor=None,
         ledger=changed(before.ledger, failure=None, bound=None),
     )
-    return replace(moving, state=state, targets=_known(moving.targets, fresh.targets), scene=fresh.scene)
+    return replace(moving, state=state, targets=_keep_known(moving.targets, fresh.targets), scene=fresh.scene)
 
 
-def _continued(old: Saved | None, own: Saved) -> Saved:
+def _continue(old: Saved | None, own: Saved) -> Saved:
     """Return the stored state of a term: the old one, or ``own`` with the old losses if it has other points now."""
     if old is None:
         return own
@@ -107,20 +107,20 @@ def _continued(old: Saved | None, own: Saved) -> Saved:
     return {**own, "lost": old["lost"]} if "lost" in old else own
 
 
-def _of_viscosity(old: Saved, own: Saved, cells: NDArray[np.intp]) -> Saved:
+def _carry_viscosity(old: Saved, own: Saved, cells: NDArray[np.intp]) -> Saved:
     """Return the stored strains of viscosity, each cell's with the cell; a new cell is undeformed."""
     each = len(own["strain"]) // len(cells)
     rows = np.where(cells[:, None] < 0, -1, each * cells[:, None] + np.arange(each)).ravel()
-    found = {name: _taken(old[name], own[name], rows) for name in ("strain", "before")}
+    found = {name: _take(old[name], own[name], rows) for name in ("strain", "before")}
     pairs = zip(old["branches"], own["branches"], strict=True)
-    branches = [_taken(held, fresh, rows) for held, fresh in pairs]
+    branches = [_take(held, fresh, rows) for held, fresh in pairs]
     return {**old, **found, "branches": np.array(branches).reshape(own["branches"].shape)}
 
 
-def _of_cells(old: ElementState, new: ElementState, same: Correspondence) -> ElementState:
+def _carry_elements(old: ElementState, new: ElementState, same: Correspondence) -> ElementState:
     """Return the state of the elements, with the values of ``old`` in the cells and materials that it has."""
     rows = {field.name: same.materials if field.name == "bulk" else same.cells for field in fields(ElementState)}
-    return ElementState(**{name: _taken(getattr(old, name), getattr(new, name), rows[name]) for name in rows})
+    return ElementState(**{name: _take(getattr(old, name), getattr(new, name), rows[name]) for name in rows})
 
 
 def match_vertices(
@@ -146,13 +146,13 @@ def _loose(handles: Sequence[Handle]) -> list[tuple[str, int]]:
     return [(name, k) for name, k, piece in pieces if piece.loose]
 
 
-def _taken(old: NDArray[np.float64], new: NDArray[np.float64], rows: NDArray[np.intp]) -> NDArray[np.float64]:
+def _take(old: NDArray[np.float64], new: NDArray[np.float64], rows: NDArray[np.intp]) -> NDArray[np.float64]:
     """Return ``new`` with the rows of ``old`` whose indices are in ``rows``; -1 keeps a row of ``new``."""
     found, kept = new.copy(), rows >= 0
     found[kept] = old[rows[kept]]
     return found
 
 
-def _known(old: Mapping[str, _Value], new: Mapping[str, _Value]) -> dict[str, _Value]:
+def _keep_known(old: Mapping[str, _Value], new: Mapping[str, _Value]) -> dict[str, _Value]:
     """Return the entries of ``new``, with the values of ``old`` where it has them."""
     return {name: old.get(name, value) for name, value in new.items()}

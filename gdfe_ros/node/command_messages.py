@@ -53,7 +53,7 @@ def pose_order(message: PoseStamped, handle: Handle, *, size: float, frames: Fra
             is not of unit length, or the translation exceeds ten times the body's size.
     """
     _require_movable(handle)
-    return PoseOrder(handle.name, *_given(message, handle, size, frames))
+    return PoseOrder(handle.name, *_read_place(message, handle, size, frames))
 
 
 def put_order(message: PoseStamped, handle: Handle, *, size: float, frames: Frames) -> TeleportOrder:
@@ -62,7 +62,7 @@ def put_order(message: PoseStamped, handle: Handle, *, size: float, frames: Fram
     Raises:
         Refusal: as for ``pose_order``, except for fixed handles.
     """
-    return TeleportOrder(handle.name, *_given(message, handle, size, frames))
+    return TeleportOrder(handle.name, *_read_place(message, handle, size, frames))
 
 
 def placed_order(handle: Handle, place: Placement, *, size: float, frames: Frames) -> PoseOrder:
@@ -72,7 +72,7 @@ def placed_order(handle: Handle, place: Placement, *, size: float, frames: Frame
         Refusal: the place is farther from rest than ten times the body's size.
     """
     rest = frames.rests()[frames.rest(handle.name)]
-    return PoseOrder(handle.name, *_near(rest.inverse() @ place, size))
+    return PoseOrder(handle.name, *_unpack_near(rest.inverse() @ place, size))
 
 
 def require_pose(pose: PoseMessage) -> Placement:
@@ -109,17 +109,17 @@ def twist_order(message: TwistStamped, handle: Handle, *, size: float, frames: F
     return TwistOrder(handle.name, linear, angular)
 
 
-def _given(message: PoseStamped, handle: Handle, size: float, frames: Frames) -> tuple[Vector, Quaternion]:
+def _read_place(message: PoseStamped, handle: Handle, size: float, frames: Frames) -> tuple[Vector, Quaternion]:
     """Return a message's translation from rest [m] and quaternion, bitwise as sent if they need no transform."""
     place = frames.relative(message.header.frame_id, handle.name)
     if place is not None:
-        return _near(place @ require_pose(message.pose), size)
+        return _unpack_near(place @ require_pose(message.pose), size)
     translation, quaternion = require_place(message.pose.position, message.pose.orientation, UNIT_SLACK)
     require_near(translation, size)
     return translation, quaternion
 
 
-def _near(place: Placement, size: float) -> tuple[Vector, Quaternion]:
+def _unpack_near(place: Placement, size: float) -> tuple[Vector, Quaternion]:
     """Return translation [m] and quaternion of a placement relative to rest; refuse it if it is too far from rest."""
     translation = tuple(place.origin.tolist())
     require_near(translation, size)
@@ -171,7 +171,7 @@ class ActuatorOrders:
                 )
                 raise Refusal(Reason.WRONG_SIZE, text)
             if not math.isnan(array[place]):  # ros2_control's "no command"
-                values[name] = self._checked(name, array[place])
+                values[name] = self._check(name, array[place])
         return ActuatorOrder(values)
 
     def from_grip(self, message: String, *, holds: float, present: Callable[[], Mapping[str, float]]) -> ActuatorOrder:
@@ -205,7 +205,7 @@ class ActuatorOrders:
             text = f"{len(message.data)} values for {len(names)} actuators; allowed: one for each of {', '.join(names)}"
             raise Refusal(Reason.WRONG_SIZE, text)
         pairs = zip(names, message.data, strict=True)
-        return ActuatorOrder({name: self._checked(name, value) for name, value in pairs})
+        return ActuatorOrder({name: self._check(name, value) for name, value in pairs})
 
     def from_trajectory(
         self, message: JointTrajectory, *, now: float, convert: Callable[[int], float]
@@ -234,12 +234,8 @@ class ActuatorOrders:
         times = np.array([_seconds(point.time_from_start) for point in message.points])
         if times[0] < 0.0 or (np.diff(times) <= 0.0).any():
             raise Refusal(Reason.OUT_OF_ORDER, f"time_from_start {times.tolist()} s must ascend from 0 on")
-        rows = []
-        for place, point in enumerate(message.points):
-            if len(point.positions) != len(names):
-                text = f"point {place} has {len(point.positions)} positions for {len(names)} joint_names"
-                raise Refusal(Reason.WRONG_SIZE, text)
-            rows.append([self._checked(name, value) for name, value in zip(names, point.positions, strict=True)])
+        points = [zip(names, row, strict=True) for row in _rows(message, "positions")]
+        rows = [[self._check(name, value) for name, value in point] for point in points]
         stamp = message.header.stamp
         start = convert(stamp.sec * 10**9 + stamp.nanosec) if stamp.sec or stamp.nanosec else None
         if start is not None and start > now + LATEST_START:
@@ -265,7 +261,7 @@ class ActuatorOrders:
         if len(set(names)) != len(names):
             raise Refusal(Reason.MALFORMED, f"names {list(names)} contain a name twice")
 
-    def _checked(self, name: str, value: float) -> float:
+    def _check(self, name: str, value: float) -> float:
         try:
             return self._orders.require(name, value)
         except CommandError as error:
@@ -279,16 +275,23 @@ def _table(message: JointTrajectory, field: str) -> NDArray[np.float64] | None:
     Raises:
         Refusal: a point has the wrong number of values, or a value is not finite.
     """
-    rows = [list(getattr(point, field)) for point in message.points]
-    if not all(rows):
+    if not all(len(getattr(point, field)) for point in message.points):
         return None
+    rows = _rows(message, field)
+    for place, row in enumerate(rows):
+        if not all(map(math.isfinite, row)):
+            raise Refusal(Reason.NOT_FINITE, f"point {place} has the {field} {row}; allowed: finite numbers")
+    return np.array(rows)
+
+
+def _rows(message: JointTrajectory, field: str) -> list[list[float]]:
+    """Return the values of a field of all points, one for each name; refuse a point with another number of values."""
+    rows = [list(getattr(point, field)) for point in message.points]
     for place, row in enumerate(rows):
         if len(row) != len(message.joint_names):
             text = f"point {place} has {len(row)} {field} for {len(message.joint_names)} joint_names"
             raise Refusal(Reason.WRONG_SIZE, text)
-        if not all(map(math.isfinite, row)):
-            raise Refusal(Reason.NOT_FINITE, f"point {place} has the {field} {row}; allowed: finite numbers")
-    return np.array(rows)
+    return rows
 
 
 def _seconds(time: object) -> float:

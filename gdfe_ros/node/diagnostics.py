@@ -127,7 +127,7 @@ class Diagnostics:
         counts: dict[str, object] = dict(self._refusals.counts())
         refused, faults = int(counts["commands refused"]) - self._refused, self._node.faults.count - self._faults
         self._refused, self._faults = self._refused + refused, self._faults + faults
-        obeyed = _Part({}) if session is None else _obeyed(session)
+        obeyed = _Part({}) if session is None else _judge_obedience(session)
         counts |= obeyed.values
         if faults > 0:
             return _Part(counts, _ERROR, f"a callback failed: {self._node.faults.last}")
@@ -136,15 +136,15 @@ class Diagnostics:
         return _Part(counts, obeyed.level, obeyed.reason)
 
 
-def _obeyed(session: SimulationSession) -> _Part:
+def _judge_obedience(session: SimulationSession) -> _Part:
     """Return the status of the accepted commands: whether they are heard, and whether the simulation reaches them."""
     values: dict[str, object] = {f"{name} follows": leader for name, leader in session.inputs.led().items()}
     reason = "ok"
     if session.mode is ClockMode.LOCKSTEP and session.run.pace is not None:
         values["waits for"] = reason = f"waits for {session.waiting()}"
     if session.stepper.drive.slew.goals:
-        values["on their way"] = _on_their_way(session)
-    limited = _limited(session)
+        values["on their way"] = _tell_approach(session)
+    limited = _find_limited(session)
     if limited:
         values["joints"] = "; ".join(f"{name}: {told}" for name, told in limited.items())
     unheard = "; ".join(session.inputs.unheard())
@@ -158,13 +158,13 @@ def _obeyed(session: SimulationSession) -> _Part:
     return _Part(values, _OK, reason)
 
 
-def _limited(session: SimulationSession) -> dict[str, str]:
+def _find_limited(session: SimulationSession) -> dict[str, str]:
     """Return a dict from joint name to a text, for joints whose motion or effort reached a limit in the last step."""
     last = session.run.last
     return {} if last is None else {name: joint.told for name, joint in last.joints.items() if joint.told}
 
 
-def _on_their_way(session: SimulationSession) -> str:
+def _tell_approach(session: SimulationSession) -> str:
     """Return a text about the commands that a rate limit delays on their path to their goals, and about the limit."""
     slew, present = session.stepper.drive.slew, session.simulation.commands
     goals = ", ".join(f"{name} at {present[name]:.4g} of {goal:.4g}" for name, goal in slew.goals.items())
@@ -260,13 +260,13 @@ def _figures(session: SimulationSession, last: _Mark, mark: _Mark) -> dict[str, 
             ClockMode.LOCKSTEP: "one step for each command set",
             ClockMode.EXTERNAL: f"{1.0 / timing.dt:.4g} a second of /clock",
         }
-        return _told(asked[session.mode], steps / span, late / max(steps, 1))
+        return _tell_pace(asked[session.mode], steps / span, late / max(steps, 1))
     work = session.stepper.work
     if work is not None and not steps:  # a step that takes longer than the report interval
         steps, late = 1, max(0.0, mark.wall - work[1] - 1.0 / timing.rate)
     reached = timing.rate if not steps else steps / (steps / timing.rate + late)
-    return _told(f"{timing.rate:.4g}", reached, late / max(steps, 1))
+    return _tell_pace(f"{timing.rate:.4g}", reached, late / max(steps, 1))
 
 
-def _told(asked: str, reached: float, late: float) -> dict[str, str]:
+def _tell_pace(asked: str, reached: float, late: float) -> dict[str, str]:
     return {"rate asked [Hz]": asked, "rate reached [Hz]": f"{reached:.4g}", "late per step [s]": f"{late:.4g}"}

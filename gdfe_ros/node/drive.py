@@ -287,8 +287,8 @@ class CommandAssembler:
                         self._courses[name] = _Course(start, value, rates.get(name, 0.0), order.only(name))
                     if order.begun is not None:
                         order.begun(start, before, [rates.get(name, 0.0) for name in order.names])
-        poses |= self._moved(dt, poses)
-        values, loads = actuators | self._followed(time), {load.name for load in self._run.simulation.scene.loads}
+        poses |= self._move_targets(dt, poses)
+        values, loads = actuators | self._follow_courses(time), {load.name for load in self._run.simulation.scene.loads}
         joints = self._run.simulation.joint_goals.keys()
         command = Command(
             handles=poses,
@@ -303,7 +303,7 @@ class CommandAssembler:
         """Return a handle's target before an order: the target set earlier in this step, or else the present target."""
         return poses.get(name) or self._run.simulation.targets[name]
 
-    def _moved(self, dt: float, last: Mapping[str, Pose]) -> dict[str, Pose]:
+    def _move_targets(self, dt: float, last: Mapping[str, Pose]) -> dict[str, Pose]:
         """Return the targets after their velocity commands have acted for ``dt`` [s].
 
         A velocity acts for ``velocity_timeout`` in all. It moves the target from the last target, even if the body has
@@ -325,7 +325,7 @@ class CommandAssembler:
             poses[name] = pose
         return poses
 
-    def _followed(self, time: float) -> dict[str, float]:
+    def _follow_courses(self, time: float) -> dict[str, float]:
         """Return the trajectories' commands at a simulation time [s]; a trajectory that has ended is then removed."""
         begun = {name: course for name, course in self._courses.items() if time >= course.start}
         for name, course in begun.items():

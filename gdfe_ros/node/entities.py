@@ -76,10 +76,6 @@ class Entities:
         """Forget the spawned bodies, because their scene is gone."""
         self._inner.clear()
 
-    def remove_all(self, *, anew: bool) -> Future[Scene]:
-        """Remove all spawned bodies; ``anew``: start again at rest at time 0."""
-        return self._remove(None, anew=anew)
-
     def all(self) -> list[Thing]:
         """Return the entities of the present scene; raise `Refused` if there is none."""
         return things_of(self._node.configured().scene, self._inner)
@@ -167,10 +163,13 @@ class Entities:
             raise Refused(
                 ResultCode.FAILED, f"body {name!r} belongs to the scene file; only spawned ones can go; {remedy}"
             )
-        return self._remove((name,), anew=False)
+        return self.remove((name,))
 
-    def _remove(self, names: tuple[str, ...] | None, *, anew: bool) -> Future[Scene]:
-        """Remove spawned bodies; None: all that are spawned when the change begins."""
+    def remove(self, names: tuple[str, ...] | None = None, *, anew: bool = False) -> Future[Scene]:
+        """Remove spawned bodies; None: all that are spawned when the change begins.
+
+        ``anew``: start again at rest at time 0.
+        """
         command_set = self._node.configured().run.parameters.entries("command_set")
         gone: list[str] = []
 

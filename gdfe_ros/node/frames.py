@@ -286,7 +286,7 @@ class Frames:
         """Return the placements of the moving frames in their ``parents`` after a step, in the order of ``moving``."""
         found, rest, positions, units = [], self._scene.mesh.vertices, step.result.positions, step.imus()
         for handle in self._framed:
-            place = self._moved(handle, step.poses[handle.name])
+            place = self._place_handle(handle, step.poses[handle.name])
             found += [Placement(place.origin), place]
         probes = {name: material_pose(point, rest, positions) for name, point in self._scene.probes.items()}
         points = [(np.array(pose.translation), name) for name, pose in probes.items()]
@@ -297,9 +297,9 @@ class Frames:
             vertices = slice(part.first_vertex, part.first_vertex + part.mesh.n_vertices)
             origin, axes = fit_rigidly(part.mesh.vertices, positions[vertices])
             found.append(Placement(origin, Rotation.from_matrix(axes)))
-        return found + self._joined(step.links)
+        return found + self._place_links(step.links)
 
-    def _joined(self, links: Mapping[str, LinkFrame]) -> list[Placement]:
+    def _place_links(self, links: Mapping[str, LinkFrame]) -> list[Placement]:
         """Return the placements of links in their parents."""
         if not self._links:
             return []
@@ -345,7 +345,7 @@ class Frames:
         now, poses = (self._scene.mesh.vertices, {}) if last is None else (last.result.positions, last.poses)
         own = {name: (self.frame_id, place) for name, place in self.rests().items()}
         for handle in self._framed:
-            place = self._moved(handle, poses.get(handle.name, Pose()))
+            place = self._place_handle(handle, poses.get(handle.name, Pose()))
             own[self.full_name(f"{handle.name}_centre")] = self.frame_id, Placement(place.origin)
             own[self.full_name(handle.name)] = self.frame_id, place
         centres = {name: sensor.centre(now) for name, sensor in self._scene.sensors.items()}
@@ -353,7 +353,7 @@ class Frames:
             self.full_name(f"{name}_sensor"): (self.frame_id, Placement(centre)) for name, centre in centres.items()
         }
 
-    def _moved(self, handle: Handle, pose: Pose) -> Placement:
+    def _place_handle(self, handle: Handle, pose: Pose) -> Placement:
         """Return the placement of the frame of a handle or obstacle with a pose relative to rest."""
         origin = handle.centre(self._scene.mesh.vertices) + pose.translation
         return Placement(origin, Rotation.from_rotvec(pose.rotation))

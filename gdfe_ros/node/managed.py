@@ -102,7 +102,7 @@ class ManagedNode(EventlessNode, LifecycleNode):
         self._destroyed_last: deque[tuple[int, Subscription | Timer]] = deque()
         self.faults = Faults(lambda text: self.get_logger().error(text))
         super().__init__(name, **options)
-        self._service_change_state.callback = self._checked(self._service_change_state.callback)
+        self._service_change_state.callback = self._check_transition(self._service_change_state.callback)
         for service in self.services:
             self._shield(service)
 
@@ -154,13 +154,13 @@ class ManagedNode(EventlessNode, LifecycleNode):
 
     def destroy_subscription(self, subscription: Subscription) -> bool:
         """Destroy a subscription, as rclpy does; its callback is released at once, its memory later (`turn`)."""
-        subscription.callback = _ignore_message
+        subscription.callback = _ignore
         self._destroyed_last.append((self._turns, subscription))
         return super().destroy_subscription(subscription)
 
     def destroy_timer(self, timer: Timer) -> bool:
         """Destroy a timer, as rclpy does; its callback is released at once, its memory later (`turn`)."""
-        timer.callback = _ignore_call
+        timer.callback = _ignore
         self._destroyed_last.append((self._turns, timer))
         return super().destroy_timer(timer)
 
@@ -297,7 +297,7 @@ class ManagedNode(EventlessNode, LifecycleNode):
         if self._preparation is not None:
             self._preparation.join()
 
-    def _configured(self, response: Any) -> Future:
+    def _answer_configure(self, response: Any) -> Future:
         def respond(done: Future[TransitionCallbackReturn]) -> Any:
             response.success = done.result() is TransitionCallbackReturn.SUCCESS
             return response
@@ -311,7 +311,7 @@ class ManagedNode(EventlessNode, LifecycleNode):
             self._state_machine.trigger_transition_by_label(self.on_error(before).to_label(), True)
         return code
 
-    def _checked(self, change: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
+    def _check_transition(self, change: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
         """Return a callback that calls ``change`` only for transitions that the present state allows."""
 
         def answer(request: Any, response: Any) -> Any:
@@ -321,7 +321,7 @@ class ManagedNode(EventlessNode, LifecycleNode):
             allowed = {label: number for number, label, *_ in offered}
             if wanted.label in allowed or (not wanted.label and wanted.id in allowed.values()):
                 if "configure" in allowed and allowed["configure"] == (allowed.get(wanted.label) or wanted.id):
-                    return self._configured(response)
+                    return self._answer_configure(response)
                 return change(request, response)
             given = repr(wanted.label) if wanted.label else f"id {wanted.id}"
             offers = ", ".join(f"{label} ({number})" for label, number in allowed.items())
@@ -332,12 +332,8 @@ class ManagedNode(EventlessNode, LifecycleNode):
         return answer
 
 
-def _ignore_message(message: Any) -> None:
-    """Receive a message of a destroyed subscription."""
-
-
-def _ignore_call() -> None:
-    """Receive a call of a destroyed timer."""
+def _ignore(*_: Any) -> None:
+    """Receive a message of a destroyed subscription, or the call of a destroyed timer."""
 
 
 def _describe_excess(request: Any) -> str:

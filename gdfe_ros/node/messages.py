@@ -32,6 +32,7 @@ from gdfe_ros.constraints import Pose
 from gdfe_ros.constraints.form import Box, Capsule, Cylinder, Sphere, TriangleMesh
 from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.constraints.rigid_body import RigidBody
+from gdfe_ros.contacts import places_and_forces
 from gdfe_ros.mesh import HexMesh
 from gdfe_ros.mesh.solid import Solid
 from gdfe_ros.node.frames import Placement
@@ -51,7 +52,7 @@ def header(stamp: int, frame_id: str) -> Header:
 
 
 def by_axis(values: Iterable[float], axes: str = "xyz") -> dict[str, float]:
-    """Return a dict from axis, as a message's fields are named, to the component of a vector or quaternion."""
+    """Return a dict from axis, as a message's fields are named, to the component of a vector, quaternion or colour."""
     return dict(zip(axes, map(float, values), strict=True))
 
 
@@ -234,11 +235,9 @@ class ContactMarkers:
                 origin, axes = thing.frame(poses[thing.name])
                 marker = Marker(header=head, ns=thing.section, id=counts.get(thing.section, 0), type=kind)
                 counts[thing.section] = marker.id + 1
-                marker.pose, marker.scale = (
-                    pose_message(origin + axes @ shift, Rotation.from_matrix(axes).as_quat()),
-                    Vector3(**by_axis(size)),
-                )
-                marker.color = _colour(_BODY if isinstance(thing, RigidBody) else _OBSTACLE)
+                marker.pose = pose_message(origin + axes @ shift, Rotation.from_matrix(axes).as_quat())
+                marker.scale = Vector3(**by_axis(size))
+                marker.color = ColorRGBA(**by_axis(_BODY if isinstance(thing, RigidBody) else _OBSTACLE, "rgba"))
                 marker.points = self._triangles.get(thing.name, [])
                 markers.append(marker)
         return MarkerArray(markers=[*markers, *self._arrows(head, points)])
@@ -266,8 +265,7 @@ class ContactMarkers:
                 yield Marker.CUBE, (edge, edge, thickness), np.array([foot[0], foot[1], -0.5 * thickness])
 
     def _arrows(self, head: Header, points: NDArray[np.void]) -> Iterator[Marker]:
-        places = np.stack([points[name] for name in "xyz"], axis=1).astype(float)
-        forces = np.stack([points[f"f{name}"] + points[f"t{name}"] for name in "xyz"], axis=1).astype(float)
+        places, forces = (each.astype(float) for each in places_and_forces(points))
         self._largest = max(self._largest, np.linalg.norm(forces, axis=1).max(initial=0.0))
         tips = places + forces * (_LONGEST_ARROW * self._size / max(self._largest, np.finfo(float).tiny))
         for number, (place, tip, slips) in enumerate(zip(places, tips, points["slips"], strict=True)):
@@ -275,7 +273,7 @@ class ContactMarkers:
             marker.points = [Point(**by_axis(place)), Point(**by_axis(tip))]
             marker.pose.orientation.w = 1.0
             marker.scale = Vector3(x=_SHAFT * self._size, y=_HEAD * self._size)
-            marker.color = _colour(_SLIPS if slips else _STICKS)
+            marker.color = ColorRGBA(**by_axis(_SLIPS if slips else _STICKS, "rgba"))
             yield marker
 
 
@@ -288,7 +286,3 @@ def _corners(solid: Solid) -> list[Point]:
         flat = (ids == np.roll(ids, 1, axis=1)).any(axis=1)
         corners, cell = cell * near[ids[~flat]], 1.3 * cell
     return [Point(**by_axis(corner)) for corner in corners.reshape(-1, 3)]
-
-
-def _colour(values: tuple[float, float, float, float]) -> ColorRGBA:
-    return ColorRGBA(**dict(zip("rgba", values, strict=True)))

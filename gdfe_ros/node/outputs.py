@@ -6,9 +6,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Callable, Iterator
-from datetime import datetime
 from functools import cached_property, partial
-from pathlib import Path
 from typing import Any
 
 from rosgraph_msgs.msg import Clock
@@ -19,16 +17,15 @@ from gdfe_ros.node import messages
 from gdfe_ros.node.channel import Channel
 from gdfe_ros.node.inputs import Inputs
 from gdfe_ros.node.interface import TopicSpec, topics
-from gdfe_ros.node.interface.topics import state_topics
+from gdfe_ros.node.interface.topics import step_topic
 from gdfe_ros.node.messages import ContactMarkers, SurfaceMarker, TransformPacker
 from gdfe_ros.node.pace import ClockMode
 from gdfe_ros.node.run import Run
+from gdfe_ros.recording.bag_info import new_bag
 from gdfe_ros.recording.packing import pack_text, packers
 from gdfe_ros.recording.provenance import RunInfo
 from gdfe_ros.recording.recorder import Recorder, RecorderStatus
 from gdfe_ros.recording.step import Step, to_nanoseconds
-from gdfe_ros.regular_file import path_inside
-from gdfe_ros.scene.scene import Scene
 
 
 class Output:
@@ -141,9 +138,8 @@ class TopicOutputs:
         scene, parameters = self._scene, self._run.parameters
         if parameters["publish_clock"]:
             yield Output(channel(topics.CLOCK), _pack_clock)
-        specs = state_topics(scene)
         for key, pack in packers(scene, self._frames.full_name).items():
-            yield Output(channel(specs.get(key, topics.HANDLE_SENSOR), key=key), pack)
+            yield Output(channel(step_topic(key), key=key), pack)
         if self._publishes_tf:
             packer = TransformPacker(self._frames.moving, self._frames.parents)
 
@@ -221,7 +217,7 @@ class Bags:
         scene, parameters = self._run.scene, self._run.parameters.as_dict()
         waits = parameters["clock"] != ClockMode.WALL.value
         self.recorder = Recorder(
-            _directory(scene, parameters["bag_path"]),
+            parameters["bag_path"] or new_bag(scene.name),
             topics,
             run=RunInfo.of(scene, node=parameters, state=state),
             waits=waits,
@@ -258,7 +254,3 @@ class Bags:
         self._outputs.attach(recorder)
         self._inputs.recorder = recorder
         self.active = recorder is not None
-
-
-def _directory(scene: Scene, path: str) -> Path:
-    return Path(path) if path else path_inside(Path("runs"), f"{scene.name}_{datetime.now():%Y%m%d_%H%M%S_%f}")

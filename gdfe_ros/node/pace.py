@@ -78,6 +78,15 @@ class _OwnPace:
         """Forget the wall time that has passed."""
         self._last = self._now()
 
+    def begin(self) -> float:
+        """Begin a step and return its simulation time, one dt [s]."""
+        self._last = self._now()
+        return self._timing().dt
+
+    def _until_heartbeat(self, timing: Timing) -> float | None:
+        """Return the wall time to the next heartbeat [s]; None: there are no heartbeats."""
+        return max(0.0, self._last + timing.heartbeat - self._now()) if timing.heartbeat else None
+
 
 class WallPace(_OwnPace):
     """Makes steps at a constant rate of wall time or, while idle, at the interval of the heartbeats.
@@ -96,14 +105,14 @@ class WallPace(_OwnPace):
         if pending or not settled or timing.ticking:
             return max(0.0, self._due - now)
         self._idle = True
-        return max(0.0, self._last + timing.heartbeat - now) if timing.heartbeat else None
+        return self._until_heartbeat(timing)
 
     def begin(self) -> float:
         """Begin a step: advance to the next period, count missed periods, and return the step's simulation time [s]."""
         timing, now = self._timing(), self._now()
         period, periods = 1.0 / timing.rate, 1
         if self._idle:
-            periods = max(1, round(self._idled(timing, now, period) / period))
+            periods = max(1, round(self._count_idle(timing, now, period) / period))
             self._due = now
         else:
             self._end(now, period)
@@ -111,7 +120,7 @@ class WallPace(_OwnPace):
         self._last, self._idle, self._running = now, False, True
         return periods * timing.dt
 
-    def _idled(self, timing: Timing, now: float, period: float) -> float:
+    def _count_idle(self, timing: Timing, now: float, period: float) -> float:
         """Return the idle time that a step covers [s]; time in which the process stood still is skipped and counted."""
         missed = now - self._last - timing.heartbeat
         if not timing.heartbeat or missed <= _STILL:
@@ -140,14 +149,7 @@ class FastPace(_OwnPace):
     def delay(self, *, pending: bool, settled: bool) -> float | None:
         """Return 0 while there is work, otherwise the wall time to the next heartbeat [s]; None: no heartbeats."""
         timing = self._timing()
-        if pending or not settled or timing.ticking:
-            return 0.0
-        return max(0.0, self._last + timing.heartbeat - self._now()) if timing.heartbeat else None
-
-    def begin(self) -> float:
-        """Begin a step and return its simulation time, one dt [s]."""
-        self._last = self._now()
-        return self._timing().dt
+        return 0.0 if pending or not settled or timing.ticking else self._until_heartbeat(timing)
 
 
 class LockstepPace(_OwnPace):
@@ -156,10 +158,6 @@ class LockstepPace(_OwnPace):
     def delay(self, *, pending: bool, settled: bool) -> float | None:
         """Return 0 if a command set is complete, else None."""
         return 0.0 if pending else None
-
-    def begin(self) -> float:
-        """Begin a step and return its simulation time, one dt [s]."""
-        return self._timing().dt
 
 
 class ExternalPace:
@@ -272,7 +270,7 @@ class Lateness:
         (before, overruns, late), self._mark = self._mark, (steps, pace.overruns, pace.late)
         if pace.behind > _FAR:
             text = f"is {pace.behind:.3f} s behind the clock it follows: its steps take longer than dt"
-            return self._told("behind", at, text)
+            return self._describe("behind", at, text)
         made, late = max(1, steps - before), pace.late - late
         if pace.overruns <= overruns or late <= 0.0:
             return None
@@ -281,9 +279,9 @@ class Lateness:
         remedy = "remedy: a lower rate with a larger dt, a coarser mesh, or a deadline"
         if slewing:
             remedy += "; a command crosses its range in slew_time / dt steps, with a smaller slew_time in fewer"
-        return self._told("late", at, f"falls behind wall time: {figures}; {remedy}")
+        return self._describe("late", at, f"falls behind wall time: {figures}; {remedy}")
 
-    def _told(self, subject: str, at: float, text: str) -> str | None:
+    def _describe(self, subject: str, at: float, text: str) -> str | None:
         more = self._throttle.due(subject)
         return None if more is None else f"the simulation, at {at:.9g} s, {text}{more}"
 

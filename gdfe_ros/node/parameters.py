@@ -47,7 +47,7 @@ class NodeParameters:
         given = {spec.name: node.get_parameter(spec.name).value for spec in PARAMETERS}
         for spec in PARAMETERS:
             require_allowed(spec, given[spec.name])
-        self._values = {name: self._typed(name, value) for name, value in given.items()}
+        self._values = {name: self._cast(name, value) for name, value in given.items()}
         self._warn_of_unknown()
         node.add_on_set_parameters_callback(self._check)
         node.add_post_set_parameters_callback(self._keep)
@@ -70,9 +70,9 @@ class NodeParameters:
             self._node.get_logger().warning(text.rstrip("; "))
 
     def _keep(self, changes: Iterable[Parameter]) -> None:
-        self._values |= {each.name: self._typed(each.name, each.value) for each in changes if each.name in self._specs}
+        self._values |= {each.name: self._cast(each.name, each.value) for each in changes if each.name in self._specs}
 
-    def _typed(self, name: str, value: Any) -> Any:
+    def _cast(self, name: str, value: Any) -> Any:
         """Return a value in the type of its declaration; a double may be given as an integer (rate:=100)."""
         return float(value) if isinstance(self._specs[name].default, float) else value
 

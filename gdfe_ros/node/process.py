@@ -12,7 +12,7 @@ import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from types import FrameType
-from typing import Any
+from typing import Any, Self
 
 import rclpy
 from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
@@ -60,7 +60,7 @@ def make_executor(context: rclpy.Context | None = None) -> Executor:
 class LoneNode:
     """A ROS node with an executor in a ROS context of its own, beside which the process may have others.
 
-    Signals are not handled.
+    Signals are not handled. As a context manager, it is closed at exit.
 
     Args:
         name: name of the node.
@@ -79,6 +79,12 @@ class LoneNode:
         self.node = EventlessNode(name, context=self.context, **options)
         self.executor = make_executor(self.context)
         self.executor.add_node(self.node)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.close()
 
     def close(self) -> None:
         """Destroy the node and shut down its context."""

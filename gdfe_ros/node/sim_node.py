@@ -31,25 +31,6 @@ from gdfe_ros.scene.override import read_overrides
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.simulation import Simulation
 
-
-def prepare(parameters: NodeParameters, given: Mapping[str, object]) -> Simulation:
-    """Return a simulation of the scene with its overrides and moduli, factored and compiled.
-
-    Args:
-        parameters: parameters of the node.
-        given: parameters that were given at start, by name; some of them may be moduli.
-
-    Raises:
-        GdfeError: the scene or the overrides have defects; the text lists all of them.
-    """
-    overrides = read_overrides(parameters.entries("scene_overrides"), "parameter scene_overrides")
-    scene = load_scene(parameters["scene"], overrides=overrides)
-    moduli = given_moduli(given, scene)
-    if moduli:
-        scene = load_scene(parameters["scene"], overrides={**overrides, **moduli})
-    return build_simulation(scene)
-
-
 _DIAGNOSTICS_PERIOD = 1.0
 AUTOSTART_FAILED = 1
 """Exit status of a node that ends because `autostart` failed."""
@@ -118,19 +99,11 @@ class SimNode(SessionNode):
         return super().on_deactivate(state)
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Drop the simulation and close its topics."""
+        """Finish the bag, drop the simulation and close its topics; after that the node can be configured again."""
         self.close()
         return TransitionCallbackReturn.SUCCESS
 
-    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Finish the bag and drop the simulation."""
-        self.close()
-        return TransitionCallbackReturn.SUCCESS
-
-    def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Drop the simulation; the node is then unconfigured and can be configured again."""
-        self.close()
-        return TransitionCallbackReturn.SUCCESS
+    on_shutdown = on_error = on_cleanup
 
     def close(self) -> None:
         """End the threads, finish the bag, drop the simulation; safe to call at any time."""
@@ -149,12 +122,21 @@ class SimNode(SessionNode):
         super().destroy_node()
 
     def prepare(self) -> Simulation:
-        """Load the scene, factor its matrices and compile the kernels for the transition ``configure``."""
+        """Load the scene with its overrides and moduli, factor its matrices and compile the kernels.
+
+        Raises:
+            GdfeError: the scene or the overrides have defects; the text lists all of them.
+        """
+        name = self._settings["scene"]
         self.get_logger().info(
-            f"configuring scene {self._settings['scene']!r}; kernels that no scene has used before are compiled first, "
+            f"configuring scene {name!r}; kernels that no scene has used before are compiled first, "
             "which may take a minute"
         )
-        return prepare(self._settings, self.given_parameters)
+        overrides = read_overrides(self._settings.entries("scene_overrides"), "parameter scene_overrides")
+        scene = load_scene(name, overrides=overrides)
+        if moduli := given_moduli(self.given_parameters, scene):
+            scene = load_scene(name, overrides={**overrides, **moduli})
+        return build_simulation(scene)
 
     def _configure(self) -> None:
         prepared, self.prepared = self.prepared or self.prepare(), None
@@ -322,7 +304,3 @@ def main(args: list[str] | None = None) -> int:
     lines = [f"  {spec.name:<18}{spec.meaning} [{spec.default!r}]" for spec in PARAMETERS]
     answered = answer_arguments("sim_node", _HELP + "\n".join(lines), args)
     return run(SimNode, args) if answered is None else answered
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())

@@ -141,7 +141,7 @@ class StandardServices:
         session.interrupt("set_simulation_state ended it")
         session.stepper.pause(True)
         self._at_start = wanted == _State.STOPPED
-        return self._restarted(session, spawned=True) if self._at_start else None
+        return self._restart(session, spawned=True) if self._at_start else None
 
     def _play(self, session: SimulationSession) -> None:
         try:
@@ -158,14 +158,14 @@ class StandardServices:
             raise Refused(ResultCode.UNSUPPORTED, f"scope {scope}: time and state are reset together only")
         if not whole:
             removes = scope & _SPAWNED and self._entities.any_spawned
-            return self._entities.remove_all(anew=False) if removes else None
+            return self._entities.remove() if removes else None
         session.interrupt("reset_simulation ended it")
-        return self._restarted(session, spawned=bool(scope & _SPAWNED))
+        return self._restart(session, spawned=bool(scope & _SPAWNED))
 
-    def _restarted(self, session: SimulationSession, *, spawned: bool) -> Future[Any]:
+    def _restart(self, session: SimulationSession, *, spawned: bool) -> Future[Any]:
         """Go back to rest at time 0; ``spawned``: without the spawned bodies."""
         if spawned and self._entities.any_spawned:
-            return self._entities.remove_all(anew=True)
+            return self._entities.remove(anew=True)
         return session.stepper.post(session.reset, urgent=True)
 
     def _step(self, request: Any, response: Any) -> Future[str]:
@@ -203,12 +203,8 @@ class StandardServices:
 
         def finish(error: BaseException | None) -> None:
             def conclude(goal: Any) -> Any:
-                result = kind.Result()
-                if error is None:
-                    goal.succeed()
-                    return succeed(result)
-                (goal.canceled if goal.is_cancel_requested else goal.abort)()
-                return fail(result, GdfeError(str(error)))
+                _end(goal, succeeded=error is None)
+                return succeed(kind.Result()) if error is None else fail(kind.Result(), GdfeError(str(error)))
 
             goal.execute(conclude)
 
@@ -216,6 +212,12 @@ class StandardServices:
             self._walk(steps, tell).add_done_callback(lambda done: finish(done.exception()))
         except GdfeError as error:
             finish(error)
+
+
+def _end(goal: Any, *, succeeded: bool) -> None:
+    """Set the state of a goal at its end: succeeded, cancelled or aborted."""
+    end = goal.succeed if succeeded else goal.canceled if goal.is_cancel_requested else goal.abort
+    end()
 
 
 _CODES = {Reason.UNKNOWN: Code.INVALID_JOINTS, Reason.STALE: Code.OLD_HEADER_TIMESTAMP}
@@ -297,10 +299,7 @@ class TrajectoryAction:
             pursuit.end(Code.INVALID_GOAL, "it was cancelled")
 
     def _conclude(self, goal: Any, code: Code, reason: str) -> Any:
-        if code is Code.SUCCESSFUL:
-            goal.succeed()
-        else:
-            (goal.canceled if goal.is_cancel_requested else goal.abort)()
+        _end(goal, succeeded=code is Code.SUCCESSFUL)
         return self._kind.Result(error_code=int(code), error_string=reason)
 
 

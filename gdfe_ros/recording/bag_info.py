@@ -7,6 +7,7 @@ import os
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from datetime import datetime
 from enum import Enum
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,7 @@ import yaml
 
 from gdfe_ros.bounded_text import load_yaml
 from gdfe_ros.errors import RecordingError
-from gdfe_ros.regular_file import read_text
+from gdfe_ros.regular_file import path_inside, read_text
 
 METADATA_FILE = "metadata.yaml"
 ROOT_KEY = "rosbag2_bagfile_information"
@@ -34,6 +35,11 @@ def bag_directory(path: Path) -> Path:
 
 def _has_bag(path: Path) -> bool:
     return (path / METADATA_FILE).is_file() or any(path.glob("*.mcap"))
+
+
+def new_bag(scene: str) -> Path:
+    """Return the usual directory of a new bag of a scene: ``runs/<scene>_<time>``."""
+    return path_inside(Path("runs"), f"{scene}_{datetime.now():%Y%m%d_%H%M%S_%f}")
 
 
 # rosbag2 writes "no deadline" as the largest rmw_time_t.

@@ -61,7 +61,7 @@ def expand_lz4(data: bytes, size: int = 0) -> bytes:
     Raises:
         ValueError, RuntimeError: the frame expands too far, or is damaged.
     """
-    return _ended(lz4.frame.LZ4FrameDecompressor(), data)
+    return _expand_whole(lz4.frame.LZ4FrameDecompressor(), data)
 
 
 def expand_bz2(data: bytes) -> bytes:
@@ -70,7 +70,7 @@ def expand_bz2(data: bytes) -> bytes:
     Raises:
         ValueError, OSError: the data expands too far, or is damaged.
     """
-    return _ended(bz2.BZ2Decompressor(), data)
+    return _expand_whole(bz2.BZ2Decompressor(), data)
 
 
 def expand_message(data: bytes) -> bytes:
@@ -130,7 +130,7 @@ def _room(size: int) -> int:
     return allowed(size, largest=place.f_bavail * place.f_frsize // 2)
 
 
-def _ended(stream: Any, data: bytes) -> bytes:
+def _expand_whole(stream: Any, data: bytes) -> bytes:
     most = allowed(len(data))
     found = stream.decompress(data, max_length=most)
     if not stream.eof:

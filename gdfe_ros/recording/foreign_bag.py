@@ -64,7 +64,7 @@ class ForeignBag:
         self.kind = file_kind(files[0])
         self._folder = TemporaryDirectory(prefix="gdfe_bag_")
         # Not by metadata.yaml, which rosbags reads without a limit: the files say what they are.
-        self._files = [self._named(file) for file in files]
+        self._files = [self._name_by_kind(file) for file in files]
         self.topics: dict[str, TopicInfo] = {}
         self.counts: Counter[str] = Counter()
         with self._open() as reader:
@@ -107,12 +107,12 @@ class ForeignBag:
 
         return decode
 
-    def _named(self, file: Path) -> Path:
+    def _name_by_kind(self, file: Path) -> Path:
         """Return a file under the suffix of its kind; a compressed file is expanded into a temporary folder."""
         kind, place = file_kind(file), Path(self._folder.name) / file.name
         if kind is BagKind.ZSTD:
             self._expand(file, place)
-            return self._named(place)
+            return self._name_by_kind(place)
         if kind not in _SUFFIXES:
             raise RecordingError(f"bag file {file} is {kind.value}; remedy: an MCAP file, a .db3 or a .bag")
         if kind is BagKind.SQLITE:

@@ -163,8 +163,4 @@ def _pack_joints(stamp: int, frame_id: str, names: Sequence[str], rows: NDArray[
 
 def _pack_points(stamp: int, frame_id: str, rows: NDArray[np.void]) -> bytes:
     """Return a serialised cloud of any number of points."""
-
-    def write(values: NDArray[np.void]) -> None:
-        values[:] = rows
-
-    return Packer(rows.dtype, frame_id, len(rows)).pack(stamp, write)
+    return Packer(rows.dtype, frame_id, len(rows)).pack(stamp, partial(np.copyto, src=rows))

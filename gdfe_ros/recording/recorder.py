@@ -104,7 +104,6 @@ class Recorder:
         self._writer = BagWriter(path, topics, run=run)
         self._waits = waits
         self._state = threading.Condition()
-        self._writing = threading.Lock()
         self._queue: deque[_Message] = deque()
         self._queued_bytes = 0
         self._written = 0
@@ -212,8 +211,7 @@ class Recorder:
     def _guard(self, action: Callable[[], None]) -> None:
         """Run a part of the thread's work; an exception ends the recording, not the program."""
         try:
-            with self._writing:
-                action()
+            action()
         except RecordingError as error:
             self._fail(error)
         except Exception as error:

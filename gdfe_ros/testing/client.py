@@ -6,7 +6,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
-from typing import Any, Self
+from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from lifecycle_msgs.srv import ChangeState
@@ -187,12 +187,6 @@ class Client(LoneNode):
         if not self.call(self._services["change_state"], request).success:
             raise GdfeError(f"the node could not {label}:\n{self._process.log}")
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        self.close()
-
 
 class NodeConnection(Client):
     """Connection to a node: publishes messages, calls services, and receives the number of each step.
@@ -262,7 +256,7 @@ class Deadlock:
         self._idle = self._idle + spent if self._waits and spent < _BLOCKED else 0.0
         if self._idle < _FOUND:
             return ""
-        if missing := [topic for topic in self._inputs if not self._published(topic)]:
+        if missing := [topic for topic in self._inputs if not self._is_published(topic)]:
             own = sorted({publisher.topic_name for publisher in self._controller.publishers})
             return (
                 f"each step waits for a message on {', '.join(missing)}, which no controller publishes; "
@@ -277,7 +271,7 @@ class Deadlock:
         """Destroy the subscription."""
         self._node.destroy_subscription(self._subscription)
 
-    def _published(self, topic: str) -> bool:
+    def _is_published(self, topic: str) -> bool:
         found = self._node.get_publishers_info_by_topic(topic)
         return any(each.node_name != self._node.get_name() for each in found)
 

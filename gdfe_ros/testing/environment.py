@@ -109,8 +109,10 @@ class SoftRobotEnv(Env):
         self._low, self._high = np.array(ranges, dtype=np.float64).T
         self._reach = (self._high - self._low) * (dt / slew_time if slew_time else np.inf)
         self._approach = Approach(self.simulation, self._reach)
-        self._walker = _walker(scene) if reward is None else None
+        self._walker: Simulation | None = None
         if reward is None:
+            # Goals are found without dynamics, and thus without oscillations, where the scene has equilibria so.
+            self._walker = Simulation(replace(scene, dynamics=None) if is_held(scene) else scene)
             self.goal = np.zeros(3)
         self.render_mode, self._painter = render_mode, None
         settle(self.simulation)
@@ -183,7 +185,7 @@ class SoftRobotEnv(Env):
         if truncated:
             info["why"] = f"not converged: {result.message}" if not result.converged else f"{self._most} steps are over"
         ended = self._ends is not None and bool(self._ends(self.simulation))
-        return self._observation(), self._rewarded(given), ended, truncated, info
+        return self._observation(), self._evaluate_reward(given), ended, truncated, info
 
     def render(self) -> NDArray[np.uint8] | None:
         """Return a picture (480, 640, 3) of the present state if the render mode is ``rgb_array``, else None.
@@ -219,7 +221,7 @@ class SoftRobotEnv(Env):
         found = np.concatenate([np.asarray(part, dtype=np.float64) for part in parts])
         return np.clip(found, self._usual.low, self._usual.high)
 
-    def _rewarded(self, action: NDArray[np.float64]) -> float:
+    def _evaluate_reward(self, action: NDArray[np.float64]) -> float:
         if self._reward is not None:
             return float(self._reward(self.simulation, action))
         return -float(np.linalg.norm(_tip(self.simulation) - self.goal))
@@ -262,14 +264,6 @@ def make_env(scene: str | Path | Scene, *, overrides: Mapping[str, Any] | None =
     # Actions replace the program, whose commands may lie outside of a range that the overrides have narrowed.
     loaded = scene if isinstance(scene, Scene) else load_scene(scene, overrides={**(overrides or {}), "program": None})
     return SoftRobotEnv(loaded, **options)
-
-
-def _walker(scene: Scene) -> Simulation:
-    """Return the simulation that finds goals.
-
-    It has no dynamics, and thus no oscillations, unless the scene has rigid bodies or a piece that no handle holds.
-    """
-    return Simulation(replace(scene, dynamics=None) if is_held(scene) else scene)
 
 
 def _tip(simulation: Simulation) -> NDArray[np.float64]:

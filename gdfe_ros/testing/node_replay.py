@@ -16,8 +16,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
 from gdfe_ros.analysis.bag_run import BagRun, BagSteps
-from gdfe_ros.analysis.difference import Differences
-from gdfe_ros.analysis.replay import Replay, ReplayReport
+from gdfe_ros.analysis.replay import Replay, ReplayReport, compare_steps
 from gdfe_ros.errors import GdfeError, RecordingError
 from gdfe_ros.node.interface import NODE_NAME
 from gdfe_ros.node.interface.topics import target_key
@@ -207,24 +206,11 @@ class NodeReplay:
             link.trigger("step")
 
     def _compare(self, again: BagRun, started: float) -> ReplayReport:
-        differences, recorded = Differences(self._run.scene), BagSteps(self._run)
-        unknown = set(recorded.foreign)
-        for first, second in zip(recorded, BagSteps(again), strict=True):
-            unknown |= first.samples.keys() - second.samples.keys()
-            known = {topic: values for topic, values in first.samples.items() if topic in second.samples}
-            differences.add(first.key, known, {topic: second.samples[topic] for topic in known})
-        records = self._run.records
-        return ReplayReport(
-            differences,
-            tuple(sorted(unknown)),
-            recorded.strays.copy(),
-            0 if self._overrides else sum(record.cut_after is not None for record in records),
-            sum(not new.converged and not old.cut for old, new in zip(records, again.records, strict=True)),
-            sum(record.dt for record in records),
-            time.perf_counter() - started,
-            self._consumed.inexact,
-            tail=recorded.tail.copy(),
-        )
+        steps = BagSteps(self._run)
+        pairs = zip(steps, BagSteps(again), strict=True)
+        repeated = ((first, second.samples, second.record.converged) for first, second in pairs)
+        told = {"started": started, "inexact": self._consumed.inexact}
+        return compare_steps(steps, repeated, changed=bool(self._overrides), **told)
 
 
 def _require_a_node(run: BagRun, record: StepRecord) -> None:

@@ -18,7 +18,6 @@ from gdfe_ros.constraints import Pose
 from gdfe_ros.contacts import POINT
 from gdfe_ros.inertial_units import ImuReading
 from gdfe_ros.node.interface import topics
-from gdfe_ros.node.interface.topics import pose_and_wrench
 from gdfe_ros.node.messages import to_time
 from gdfe_ros.recording.published import IMU, POSE, WRENCH
 from gdfe_ros.recording.step import StepRecord
@@ -106,7 +105,7 @@ def unpack(scene: Scene, messages: Mapping[str, Any]) -> PublishedState:
     joints = messages.get(topics.JOINT_STATES.key())
     poses, wrenches = {}, {}
     for handle in scene.handles:
-        pose, wrench = (messages[key] for key in pose_and_wrench(handle))
+        pose, wrench = (messages[f"{handle.section}/{handle.name}/{what}"] for what in ("pose", "wrench"))
         poses[handle.name], wrenches[handle.name] = _pose(pose), _wrench(wrench)
     points, felt = messages.get(topics.CONTACTS.key()), topics.SENSOR_WRENCH
     return PublishedState(

@@ -104,11 +104,11 @@ class ProbeComparison:
             if stamp > self._samples[-1].stamp and not (idle and stamp <= now):
                 later.append((stamp, probe, place))
                 continue
-            found.append(self._paired(stamp, probe, place))
+            found.append(self._pair(stamp, probe, place))
         self._waiting = deque(later, maxlen=_KEPT)
         return found
 
-    def _paired(self, stamp: float, probe: str, place: NDArray[np.float64]) -> Deviation:
+    def _pair(self, stamp: float, probe: str, place: NDArray[np.float64]) -> Deviation:
         after = next((i for i, each in enumerate(self._samples) if each.stamp >= stamp), len(self._samples) - 1)
         second, first = self._samples[after], self._samples[max(0, after - 1)]
         span = second.stamp - first.stamp

@@ -92,12 +92,12 @@ def test_the_report_works_in_a_browser(
     bag, page = make_bag(mesh__bar__cells=[20, 2, 2]), tmp_path / "report.html"
     write_report(bag, page)
     _open(browser, page)
-    surface = np.unique(BagRun(bag).mesh.surface())
+    surface = np.unique(BagRun(bag).scene.mesh.surface())
     shown = _drawn(browser, "z")
     np.testing.assert_allclose(shown, BagRun(bag).last_positions()[surface, 2], atol=0.3 / 65535)
     last = _picture(browser, "report_last.png")
     _slide(browser, 0)
-    np.testing.assert_allclose(_drawn(browser, "z"), BagRun(bag).mesh.vertices[surface, 2], atol=0.3 / 65535)
+    np.testing.assert_allclose(_drawn(browser, "z"), BagRun(bag).scene.mesh.vertices[surface, 2], atol=0.3 / 65535)
     # The numbers are there at once, the picture when the browser has painted it.
     WebDriverWait(browser, PATIENCE).until(
         lambda chrome: np.abs(last - _picture(chrome, "report_first.png")).mean() > 1.0

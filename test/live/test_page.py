@@ -23,6 +23,7 @@ from gdfe_ros.analysis.bag_run import BagRun
 from gdfe_ros.analysis.difference import Difference
 from gdfe_ros.analysis.replay import Replay
 from gdfe_ros.cli import main
+from gdfe_ros.live.interface import Ability
 from gdfe_ros.live.page import Page
 from gdfe_ros.live.session import LiveSession
 from gdfe_ros.live.stage import first_view, round_length, scale_of
@@ -169,7 +170,7 @@ def test_a_bag_holds_what_the_node_would_record(live: Callable[..., Any], tmp_pa
 
     session = live(motion=motion).session
     session.record(tmp_path / "bag").result()
-    session.advance()
+    session.ask(Ability.STEP)
     session.record(None).result()
     reader = BagReader(tmp_path / "bag")
     names = set()
@@ -491,15 +492,6 @@ def test_the_command_shows_a_scene_until_it_is_interrupted() -> None:
     finally:
         process.kill()
         process.wait()
-
-
-def test_without_viser_one_line_says_how_to_install_it(capsys: Any, monkeypatch: Any) -> None:
-    """Without viser the message is one line with the name of the extra."""
-    monkeypatch.setattr("gdfe_ros.commands.live.find_spec", lambda name: None)
-    assert main(["live", "bend5"]) == 2
-    error = capsys.readouterr().err
-    assert error.count("\n") == 1
-    assert "pip install 'gdfe_ros[live]'" in error
 
 
 def _hanging(page: Any) -> Viewer:

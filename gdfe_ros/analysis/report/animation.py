@@ -16,7 +16,6 @@ from gdfe_ros.analysis.difference_table import unit_of
 from gdfe_ros.analysis.scenery import Scenery, face_values, force_arrows
 from gdfe_ros.colour_map import NOISE
 from gdfe_ros.constraints.obstacle import Obstacle
-from gdfe_ros.mesh import HexMesh
 from gdfe_ros.scene import Scene
 
 _LEVELS = 65535
@@ -148,7 +147,7 @@ class Animation:
     frames: NDArray[np.int64] = field(init=False)
 
     def __post_init__(self) -> None:
-        self._outside, self._around = self.mesh.outside, Surroundings(self.scene)
+        self._outside, self._around = self.scene.mesh.outside, Surroundings(self.scene)
         points, faces = len(self._outside.corners), len(self._outside.faces)
         size = 6 * points + 2 * faces * max(1, len(self.fields)) + self._around.size
         count = max(2, min(MOST_FRAMES, BUDGET // size, self.steps))
@@ -158,11 +157,6 @@ class Animation:
         self._failed: list[bool] = []
         self._positions: list[NDArray[np.float32]] = []
         self._colours: dict[tuple[str, str], list[NDArray[np.float32]]] = {name: [] for name in self.fields}
-
-    @property
-    def mesh(self) -> HexMesh:
-        """Undeformed mesh."""
-        return self.scene.mesh
 
     def add(self, number: int, step: BagStep) -> None:
         """Add step ``number`` of the run if it is a frame and has a mesh and every field."""
@@ -178,7 +172,7 @@ class Animation:
             values = step.samples[topic][name]
             shown = self._outside
             of_cells = topic == "strain"
-            on_faces = face_values(self.mesh, values) if of_cells else shown.at(values)[shown.faces].mean(axis=1)
+            on_faces = face_values(self.scene.mesh, values) if of_cells else shown.at(values)[shown.faces].mean(axis=1)
             self._colours[topic, name].append(on_faces.astype(np.float32))
 
     def to_page(self) -> tuple[dict[str, Any], dict[str, str]]:
@@ -206,7 +200,7 @@ class Animation:
             "around": around,
         }
         for (topic, name), frames in self._colours.items():
-            noise = NOISE * (self.mesh.size if unit_of(name) == "m" else 1.0)
+            noise = NOISE * (self.scene.mesh.size if unit_of(name) == "m" else 1.0)
             least, most, colours = to_levels(np.array(frames).reshape(-1, 1), least_span=noise)
             arrays[f"field-{topic}-{name}"] = to_text(colours)
             entry = {

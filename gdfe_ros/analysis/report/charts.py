@@ -58,7 +58,7 @@ def all_charts(history: RunHistory, scene: Scene, *, dt: float, paced: bool = Fa
         _residuals(history, scene.solver.tolerance),
         _times(history, dt),
         *([_cost(history, "Lateness", "late by [s]", {"late by": history.lateness()})] if paced else []),
-        _cost(history, "Skipped work", "times a step", _named(history.costs, "skipped.")),
+        _cost(history, "Skipped work", "times a step", _select(history.costs, "skipped.")),
     ]
     return [chart for chart in charts if chart["data"]]
 
@@ -240,7 +240,7 @@ def _chart(title: str, label: str, data: list[dict[str, Any]]) -> Chart:
     return {"title": title, "data": data, "layout": layout}
 
 
-def _named(table: dict[str, list[float]], start: str) -> dict[str, list[float]]:
+def _select(table: dict[str, list[float]], start: str) -> dict[str, list[float]]:
     return {name.removeprefix(start): values for name, values in table.items() if name.startswith(start)}
 
 

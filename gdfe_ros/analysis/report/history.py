@@ -180,7 +180,7 @@ class RunHistory:
             series = self.targets.setdefault(name, [REST] * count)
             series.append((*pose.translation, *pose.rotation))
         for group in ("actuators", "loads", "joints"):
-            for name, value in getattr(step.record, group, {}).items():
+            for name, value in getattr(step.record, group).items():
                 self.commands.setdefault(name, [np.nan] * count).append(float(value))
         for series in (*self.targets.values(), *self.commands.values()):
             if len(series) == count:

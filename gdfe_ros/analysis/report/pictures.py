@@ -17,7 +17,7 @@ from gdfe_ros.analysis.bag_run import BagRun, BagStep, BagSteps
 from gdfe_ros.analysis.difference_table import unit_of
 from gdfe_ros.analysis.picture import draw_body
 from gdfe_ros.analysis.scenery import Scenery
-from gdfe_ros.errors import GdfeError, RecordingError
+from gdfe_ros.errors import RecordingError
 from gdfe_ros.scene import Scene
 
 SECONDS = 4
@@ -38,27 +38,14 @@ def write_gif(pictures: Sequence[Image.Image], path: Path) -> Path:
     return path
 
 
-def require_video() -> None:
-    """Check that videos can be written.
-
-    Raises:
-        GdfeError: PyAV is not installed.
-    """
-    try:
-        import av  # noqa: F401
-    except ModuleNotFoundError as error:
-        raise GdfeError("an mp4 needs PyAV, which is not installed; remedy: pip install 'gdfe_ros[video]'") from error
-
-
 def write_mp4(pictures: Sequence[Image.Image], path: Path) -> Path:
     """Write an H.264 video for browsers and slides; they require even sizes, so an odd last row or column is dropped.
 
     Raises:
-        GdfeError: PyAV is not installed.
+        ModuleNotFoundError: PyAV is not installed.
         OSError: the file cannot be written.
     """
-    require_video()
-    import av
+    import av  # of the extra `video`
 
     width, height = (side // 2 * 2 for side in pictures[0].size)
     with av.open(str(path), "w", format="mp4") as container:
@@ -104,9 +91,10 @@ def write_png(bag: str | Path, path: Path, *, field: str = STRAIN) -> Path:
     most = max(_steps(run), key=lambda step: step.samples["strain"].get(STRAIN, np.zeros(1)).max(), default=None)
     if most is None:
         raise _nothing(run)
-    shown = _shown(most, run.scene, field)
-    title = f"{run.scene.name} at t = {shown.time:g} s, the largest strain{shown.mark}"
-    draw_body(path, run.mesh, shown.positions, shown.values, title=title, label=_label(field), scenery=shown.scenery)
+    shown = _gather(most, run.scene, field)
+    given = {"title": f"{run.scene.name} at t = {shown.time:g} s, the largest strain{shown.mark}"}
+    given |= {"label": _label(field), "scenery": shown.scenery}
+    draw_body(path, run.scene.mesh, shown.positions, shown.values, **given)
     return path
 
 
@@ -121,7 +109,7 @@ def draw_steps(bag: str | Path, *, field: str = STRAIN, frames: int = 40) -> Ite
     run = BagRun(bag)
     count = len(run.records)
     wanted = set(np.linspace(0 if frames > 1 else count - 1, count - 1, frames).round().astype(int).tolist())
-    chosen = [_shown(step, run.scene, field) for step in _steps(run, wanted)]
+    chosen = [_gather(step, run.scene, field) for step in _steps(run, wanted)]
     if not chosen:
         raise _nothing(run)
     limits = min(float(s.values.min()) for s in chosen), max(float(s.values.max()) for s in chosen)
@@ -129,7 +117,7 @@ def draw_steps(bag: str | Path, *, field: str = STRAIN, frames: int = 40) -> Ite
     for shown in chosen:
         buffer, title = BytesIO(), f"{run.scene.name} at t = {shown.time:.3f} s{shown.mark}"
         given = {"title": title, "label": _label(field), "limits": limits, "around": corners}
-        draw_body(buffer, run.mesh, shown.positions, shown.values, **given, scenery=shown.scenery)
+        draw_body(buffer, run.scene.mesh, shown.positions, shown.values, **given, scenery=shown.scenery)
         yield Image.open(buffer).convert("RGB")
 
 
@@ -145,7 +133,7 @@ def _nothing(run: BagRun) -> RecordingError:
     return RecordingError(f"bag {run.reader.path} holds no step with a mesh and strains: there is nothing to draw")
 
 
-def _shown(step: BagStep, scene: Scene, field: str) -> Shown:
+def _gather(step: BagStep, scene: Scene, field: str) -> Shown:
     strain = step.samples["strain"]
     if field not in strain:
         raise RecordingError(f"the bag has no field {field!r} of the cells; it has {', '.join(strain)}")

@@ -118,4 +118,4 @@ def _messages(run: BagRun) -> str:
     dropped = run.reader.notes.get("messages_dropped", "0")
     recovered = run.reader.notes.get("recovered_from")
     origin = f", recovered from {recovered}" if recovered else ""
-    return f"{run.message_count}, {dropped} dropped{origin}"
+    return f"{len(run.reader)}, {dropped} dropped{origin}"

@@ -74,7 +74,7 @@ def _gather(run: BagRun) -> tuple[RunHistory, Animation, int]:
 
 
 def _remarks(history: RunHistory, animation: Animation, frames: int, strays: int) -> list[str]:
-    steps, span = len(history.time), animation.mesh.size
+    steps, span = len(history.time), animation.scene.mesh.size
     columns = min(charts.COLUMNS, steps)
     remarks = [
         f"The surface shows {frames} of {steps} steps, evenly spread; positions are rounded to 1/65535 of the box "

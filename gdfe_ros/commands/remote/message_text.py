@@ -58,7 +58,7 @@ def fill(message: Any, values: object, where: str = "") -> Any:
         path = f"{where}.{name}".lstrip(".")
         if name not in fields:
             raise GdfeError(f"no field {path!r}; {did_you_mean(str(name), fields)}fields: {', '.join(fields)}")
-        setattr(message, name, _converted(fields[name], value, path, getattr(message, name)))
+        setattr(message, name, _convert(fields[name], value, path, getattr(message, name)))
     return message
 
 
@@ -68,7 +68,7 @@ def show(message: Any) -> str:
     return plain_lines(text.rstrip())
 
 
-def _converted(kind: str, value: object, path: str, present: Any) -> Any:
+def _convert(kind: str, value: object, path: str, present: Any) -> Any:
     """Return a value converted to a field's ROS type."""
     if found := _ARRAY.fullmatch(kind):
         if not isinstance(value, Sequence) or isinstance(value, str):
@@ -76,14 +76,14 @@ def _converted(kind: str, value: object, path: str, present: Any) -> Any:
         if found["count"] and len(value) != int(found["count"]):
             raise GdfeError(f"{path} takes {found['count']} values, got {len(value)}")
         element = found["kind"] or found["fixed"]
-        return [_converted(element, item, f"{path}[{place}]", None) for place, item in enumerate(value)]
+        return [_convert(element, item, f"{path}[{place}]", None) for place, item in enumerate(value)]
     if "/" in kind:
         package, name = kind.split("/")
         return fill(interface_class(f"{package}/msg/{name}")() if present is None else present, value, path)
-    return _checked(kind, value, path)
+    return _check(kind, value, path)
 
 
-def _checked(kind: str, value: object, path: str) -> Any:
+def _check(kind: str, value: object, path: str) -> Any:
     """Check a value of a primitive ROS type, and return it converted to the type of the message's field."""
     convert: Callable[[Any], Any]
     if _TEXT.fullmatch(kind):
@@ -141,10 +141,10 @@ def _points(message: Any) -> list[Any] | None:
     if size != message.width * message.point_step or len(message.data) < message.height * size:
         return None
     points = np.frombuffer(bytes(message.data), kind, min(count, MOST_SHOWN))
-    shown = [{name: _rounded(point[name]) for name in kind.names} for point in points]
+    shown = [{name: _round(point[name]) for name in kind.names} for point in points]
     return shown if count <= MOST_SHOWN else [*shown, f"... {count} points"]
 
 
-def _rounded(number: Any) -> Any:
+def _round(number: Any) -> Any:
     """Return a number of a cloud in YAML's types; single precision has seven digits."""
     return float(f"{number:.7g}") if number.dtype.kind == "f" else number.item()

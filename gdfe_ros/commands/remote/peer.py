@@ -6,7 +6,6 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
 from typing import Any
 
 from rcl_interfaces.msg import SetParametersResult
@@ -118,9 +117,9 @@ class Peer(LoneNode):
         self._wait(lambda: received, patience)
         self._wait(lambda: False, GREETING)
         del received[:-1]  # a late subscriber receives the last ten, but the caller wants the latest only
-        yield from self._taken(received, topic, patience)
+        yield from self._drain(received, topic, patience)
 
-    def _taken(self, received: list[Any], topic: str, patience: float) -> Iterator[Any]:
+    def _drain(self, received: list[Any], topic: str, patience: float) -> Iterator[Any]:
         """Yield what a subscription adds to ``received``, until nothing comes within ``patience`` [s]."""
         while self._wait(lambda: received, patience):
             yield received.pop(0)
@@ -163,7 +162,7 @@ class Peer(LoneNode):
         qos = matching_qos(others, offered=False)
         qos.durability = DurabilityPolicy.VOLATILE  # stored messages arrive at once
         self.node.create_subscription(kind, topic, lambda _: times.append(time.monotonic()), qos, raw=True)
-        yield from self._taken(times, topic, patience)
+        yield from self._drain(times, topic, patience)
 
     def nodes(self) -> list[str]:
         """Return the full names of the other nodes, sorted; a name of two nodes is there twice."""
@@ -173,7 +172,7 @@ class Peer(LoneNode):
             others = (f"{space.rstrip('/')}/{name}" for name, space in found if name != self.node.get_name())
             return sorted(shorten(name, _LONGEST) for name in others)
 
-        return self._settled(names)
+        return self._await_settled(names)
 
     def topics(self) -> list[tuple[str, str, int, int]]:
         """Return name, type, and numbers of publishers and subscriptions of each topic of other nodes, sorted."""
@@ -188,9 +187,9 @@ class Peer(LoneNode):
             rows = [(name, ", ".join(types), *(others(each(name)) for each in look)) for name, types in found]
             return sorted((*(shorten(text, _LONGEST) for text in row[:2]), *row[2:]) for row in rows if any(row[2:]))
 
-        return self._settled(entries)
+        return self._await_settled(entries)
 
-    def _settled(self, look: Callable[[], list[Any]]) -> list[Any]:
+    def _await_settled(self, look: Callable[[], list[Any]]) -> list[Any]:
         """Return a part of the graph once it has not changed for `WHOLE`, and what was found after the patience.
 
         Raises:
@@ -287,16 +286,6 @@ class _Unchanged:
         return bool(self.last) and time.monotonic() - self._since > self._span
 
 
-@contextmanager
-def open_peer() -> Iterator[Peer]:
-    """Yield a peer in a ROS context of its own."""
-    peer = Peer()
-    try:
-        yield peer
-    finally:
-        peer.close()
-
-
 def full_name(name: str) -> str:
     """Return a name with a leading slash, as in the graph."""
     return f"/{name.lstrip('/')}"
@@ -317,7 +306,7 @@ def matching_qos(others: Sequence[TopicEndpointInfo], *, offered: bool) -> QoSPr
 def get_parameters(peer: Peer, node: str, names: Sequence[str], *, patience: float) -> list[Any]:
     """Return the values of a node's parameters; ``patience`` [s] is the longest wait."""
     found = peer.call(f"{node}/get_parameters", {"names": list(names)}, patience=patience).values
-    return [parameter_value_to_python(value) for value in found]
+    return [_plain(parameter_value_to_python(value)) for value in found]
 
 
 def set_parameter(peer: Peer, node: str, name: str, value: Any, *, patience: float) -> SetParametersResult:
@@ -330,4 +319,5 @@ def set_parameter(peer: Peer, node: str, name: str, value: Any, *, patience: flo
 
 
 def _plain(value: Any) -> Any:
-    return value if isinstance(value, (bool, int, float, str)) else list(value)
+    """Return a parameter's value with arrays as lists; None is a parameter without value."""
+    return value if isinstance(value, (bool, int, float, str)) or value is None else list(value)

@@ -46,7 +46,7 @@ class Commander:
     """
 
     def __init__(self, node: Node, name: str, scene: Scene) -> None:
-        self._name, self._scene = name, scene
+        self._name, self._size = name, scene.mesh.size
         self._actuators = {actuator.name: actuator for actuator in scene.actuators}
         profile = qos_profile(topics.ACTUATION.delivery)
         self._actuation = node.create_publisher(JointState, f"{name}/{topics.ACTUATION.key()}", profile)
@@ -64,21 +64,13 @@ class Commander:
             for ability, spec in SERVICES.items()
         }
 
-    def require(self, name: str, order: Order) -> None:
-        """Check an order of ``name`` without sending it.
-
-        Raises:
-            GdfeError: a number is not finite, or a target is too far from rest.
-        """
-        require_order(name, order, self._scene.mesh.size)
-
     def send(self, name: str, order: Order) -> None:
         """Publish an order of ``name``.
 
         Raises:
             GdfeError: a number is not finite, a target is too far from rest, or the kind of order is not supported.
         """
-        self.require(name, order)
+        require_order(name, order, self._size)
         if isinstance(order, PlaceOrder):
             self._targets[name].publish(PoseStamped(pose=pose_message(order.translation, order.quaternion)))
         elif isinstance(order, ActuatorOrder):
@@ -166,10 +158,7 @@ class Player:
     def text(self) -> str:
         """Text with the progress of the program; empty while no program is played."""
         programme = self._programme
-        if programme is None:
-            return ""
-        moment = max(0.0, self._time - programme.start)
-        return f"plays the program, {moment:.2f} of {programme.duration:g} s"
+        return "" if programme is None else programme.progress(self._time)
 
     def play(self) -> None:
         """Play the program from its beginning. The first orders are sent at once; a waiting node then makes a step."""

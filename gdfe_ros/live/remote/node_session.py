@@ -20,7 +20,7 @@ from gdfe_ros.live.interface import Ability, ShownRun, View
 from gdfe_ros.live.remote.commander import Commander, Player
 from gdfe_ros.live.remote.steps import NodeReport, Steps, Waiting, absence, full_name, view_of
 from gdfe_ros.node.interface import topics
-from gdfe_ros.node.orders import Order
+from gdfe_ros.node.orders import Order, require_order
 from gdfe_ros.node.process import LoneNode
 from gdfe_ros.node.remodelling import moduli_of, source_with
 from gdfe_ros.node.ros_types import subscribe
@@ -173,7 +173,7 @@ class NodeSession(ShownRun):
         Raises:
             GdfeError: a number is not finite, or a target is too far from rest.
         """
-        self._commander.require(name, order)
+        require_order(name, order, self._scene.mesh.size)
         self._player.leave(order.names)
         self._commander.send(name, order)
 
@@ -183,21 +183,15 @@ class NodeSession(ShownRun):
         Raises:
             GdfeError: the node does not offer the service at present.
         """
-        match ability:
-            case Ability.PLAY:
-                self._player.play()
-                return self.ask(Ability.PAUSE) if self.paused else None
-            case Ability.RESET:
-                self._player.stop()
-                answer = self._commander.call(ability)
-            case Ability.PAUSE:
-                wanted = not self.paused
-                answer = self._commander.call(ability, on=wanted)
-                answer.add_done_callback(lambda done: done.exception() or self._note_pause(wanted))
-            case Ability.RECORD:
-                answer = self._commander.call(ability, on=self.recording is None)
-            case _:
-                answer = self._commander.call(ability)
+        if ability is Ability.PLAY:
+            self._player.play()
+            return self.ask(Ability.PAUSE) if self.paused else None
+        if ability is Ability.RESET:
+            self._player.stop()
+        wanted = {Ability.PAUSE: not self.paused, Ability.RECORD: self.recording is None}.get(ability, False)
+        answer = self._commander.call(ability, on=wanted)
+        if ability is Ability.PAUSE:
+            answer.add_done_callback(lambda done: done.exception() or self._note_pause(wanted))
         return answer
 
     def set_moduli(self, moduli: Mapping[str, float]) -> Future[str]:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -310,14 +311,11 @@ OUTPUTS = tuple(spec for spec in _ALL if spec.delivery is not Delivery.COMMAND)
 
 @dataclass(frozen=True)
 class MovableTopics:
-    """The topics of a handle, obstacle, rigid body or link.
+    """The command topics of a handle, obstacle, rigid body or link.
 
-    Handles and obstacles have the command topics ``target`` and ``velocity``. A rigid body has the command topic
-    ``put``, which teleports it.
+    Handles and obstacles have ``target`` and ``velocity``. A rigid body has ``put``, which teleports it.
     """
 
-    pose: TopicSpec
-    wrench: TopicSpec
     target: TopicSpec | None = None
     velocity: TopicSpec | None = None
     put: TopicSpec | None = None
@@ -329,12 +327,12 @@ class MovableTopics:
 
 
 MOVED = {
-    "handles": MovableTopics(HANDLE_POSE, HANDLE_WRENCH, TARGET, VELOCITY),
-    "obstacles": MovableTopics(OBSTACLE_POSE, OBSTACLE_WRENCH, OBSTACLE_TARGET, OBSTACLE_VELOCITY),
-    "bodies": MovableTopics(BODY_POSE, BODY_WRENCH, put=BODY_SET),
-    "links": MovableTopics(LINK_POSE, LINK_WRENCH),
+    "handles": MovableTopics(TARGET, VELOCITY),
+    "obstacles": MovableTopics(OBSTACLE_TARGET, OBSTACLE_VELOCITY),
+    "bodies": MovableTopics(put=BODY_SET),
+    "links": MovableTopics(),
 }
-"""Dict from a section of the scene to the topics of each of its items."""
+"""Dict from a section of the scene to the command topics of each of its items."""
 
 
 def is_commanded(handle: Handle) -> bool:
@@ -352,26 +350,14 @@ def put_key(handle: Handle) -> str:
     return MOVED[handle.section].put.key(**{handle.noun: handle.name})
 
 
-def pose_and_wrench(handle: Handle) -> dict[str, TopicSpec]:
-    """Return a dict from key to topic, first the pose, then the wrench, of a handle, obstacle or rigid body."""
-    moved, brace = MOVED[handle.section], {handle.noun: handle.name}
-    return {spec.key(**brace): spec for spec in (moved.pose, moved.wrench)}
+def step_topic(key: str) -> TopicSpec:
+    """Return the topic of a step with this name relative to the node's, e.g. `HANDLE_POSE` of ``handles/tip/pose``."""
+    return next(spec for spec in OUTPUTS if re.fullmatch(re.sub("{.*}", "[^/]+", spec.name), f"~/{key}"))
 
 
 def state_topics(scene: Scene) -> dict[str, TopicSpec]:
-    """Return a dict from key to topic of all topics with the state after a step, first the step record."""
-    from gdfe_ros.contacts import contact_names  # the terminal's commands for other nodes need no scene
+    """Return a dict from key to topic of all recorded topics with the state after a step, first the step record."""
+    from gdfe_ros.recording.published import tables_of  # the terminal's commands for other nodes need no scene
 
-    found = {spec.key(): spec for spec in (STEP_RECORD, MESH, STRAIN)}
-    for handle in scene.handles:
-        found |= pose_and_wrench(handle)
-    found |= {PROBE.key(probe=name): PROBE for name in scene.probes}
-    if contact_names(scene.handles, scene.self_contact):
-        found[CONTACTS.key()] = CONTACTS
-    found |= {SENSOR_WRENCH.key(sensor=name): SENSOR_WRENCH for name in scene.sensors}
-    if scene.dynamics is not None:
-        found[VERTEX_VELOCITY.key()] = VERTEX_VELOCITY
-        found |= {IMU.key(probe=name): IMU for name in scene.probes}
-    if scene.actuators or scene.arms:
-        found[JOINT_STATES.key()] = JOINT_STATES
-    return found
+    specs = {key: step_topic(key) for key in (STEP_RECORD.key(), *tables_of(scene))}
+    return {key: spec for key, spec in specs.items() if spec.recorded}
