@@ -6,7 +6,7 @@ from __future__ import annotations
 import threading
 from pathlib import Path
 
-STEPPER, COURIER, RECORDER = "gdfe-stepper", "gdfe-courier", "gdfe-recorder"
+STEPPER, PUBLISHER, RECORDER = "gdfe-stepper", "gdfe-publisher", "gdfe-recorder"
 """Names of the threads that a node has besides those of rclpy: one solves, one publishes, one writes the bag."""
 VIEWER = "gdfe-viewer"
 """Name of the thread of a live page that draws; stepper and server have their own threads."""

@@ -18,8 +18,8 @@ from gdfe_ros.coupling.balance import BalanceSearch, JointBalance, Links, distan
 from gdfe_ros.coupling.link_motion import LinkMotion
 from gdfe_ros.solver.contact.field import find_touches
 from gdfe_ros.solver.contact.touch import Touch
-from gdfe_ros.solver.motion.flight import reduction
 from gdfe_ros.solver.motion.stepper import MotionStepper
+from gdfe_ros.solver.motion.time_path import reduction
 from gdfe_ros.solver.outcome import Deadline, join, past
 from gdfe_ros.solver.settings import Dynamics
 from gdfe_ros.solver.solution import March
@@ -254,7 +254,7 @@ class JointCoupling:
 
 def _flaw(march: March, flaw: str) -> March:
     """Return an outcome that has not converged, with a further flaw in its message."""
-    return march.told(join(march.message, flaw), converged=False)
+    return march.with_message(join(march.message, flaw), converged=False)
 
 
 def _join(first: March | None, second: March) -> March:

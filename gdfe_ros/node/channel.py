@@ -24,7 +24,7 @@ from gdfe_ros.node.ros_types import interface_class, qos_profile, topic_info
 from gdfe_ros.recording.recorder import Recorder
 from gdfe_ros.recording.step import Step
 from gdfe_ros.spelling import did_you_mean
-from gdfe_ros.threads import COURIER, show_name
+from gdfe_ros.threads import PUBLISHER, show_name
 
 _WAITING = 2
 """Largest number of steps in the queue for publishing. While the queue is full, the stepping thread waits."""
@@ -129,7 +129,7 @@ class Channel:
         self._node.destroy_lifecycle_publisher(self._publisher)
 
 
-class Courier:
+class StepPublisher:
     """Publishes steps in order, in a separate thread.
 
     Args:
@@ -143,7 +143,7 @@ class Courier:
         self._handle = handle
         self.spent = 0.0
         self._steps: queue.Queue[Step | None] = queue.Queue(maxsize=_WAITING)
-        self._thread = threading.Thread(target=self._run, name=COURIER, daemon=True)
+        self._thread = threading.Thread(target=self._run, name=PUBLISHER, daemon=True)
         self._thread.start()
 
     def put(self, step: Step) -> None:

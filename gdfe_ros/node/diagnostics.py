@@ -45,8 +45,8 @@ class _Mark:
 
     @classmethod
     def of(cls, session: SimulationSession) -> _Mark:
-        stepper, courier = session.stepper, session.courier
-        other = stepper.spent - stepper.solving + (courier.spent if courier else 0.0)
+        stepper, step_publisher = session.stepper, session.step_publisher
+        other = stepper.spent - stepper.solving + (step_publisher.spent if step_publisher else 0.0)
         pace = session.run.pace
         overruns, late = (pace.overruns, pace.late) if pace else (0, 0.0)
         return cls(time.monotonic(), session.simulation.time, stepper.count, stepper.solving, other, overruns, late)
@@ -177,12 +177,12 @@ def _tell_approach(session: SimulationSession) -> str:
 
 def _work(session: SimulationSession) -> dict[str, object]:
     """Return the entry ``working on``: a task longer than `_LONG`, or a request of ~/step; empty without either."""
-    stepper, walk = session.stepper, session.walk
+    stepper, request = session.stepper, session.step_request
     work, rounds = stepper.work, stepper.rounds
     if work is not None and (spent := time.monotonic() - work[1]) > _LONG:
-        walked = f"~/step: {walk}; " if walk is not None and walk.going else ""
-        return {"working on": f"{walked}{work[0]}, for {spent:.1f} s, {rounds} rounds of iterations"}
-    return {"working on": f"~/step: {walk}"} if walk is not None and walk.going else {}
+        said = f"~/step: {request}; " if request is not None and request.going else ""
+        return {"working on": f"{said}{work[0]}, for {spent:.1f} s, {rounds} rounds of iterations"}
+    return {"working on": f"~/step: {request}"} if request is not None and request.going else {}
 
 
 def _solver(session: SimulationSession, last: _Mark, mark: _Mark) -> _Part:

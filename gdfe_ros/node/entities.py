@@ -392,5 +392,5 @@ class SceneExchange:
         if session is None:
             raise GdfeError("the node was cleaned up before the scene was changed")
         session.bags.require_none()
-        session.require_no_walk("wait for its end, or end it with ~/pause true")
+        session.require_no_step_request("wait for its end, or end it with ~/pause true")
         return built.scene if self._replace(built, change.before, change.anew) else None

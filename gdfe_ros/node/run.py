@@ -128,7 +128,7 @@ class Run:
         return self.node.get_clock().create_jump_callback(any_jump, post_callback=set_by_another)
 
 
-class Walk:
+class StepRequest:
     """Makes a number of steps; other tasks of the stepper run between two of them.
 
     Args:

@@ -15,7 +15,7 @@ from rclpy.clock import JumpHandle
 from gdfe_ros.checkpoint import save_state
 from gdfe_ros.constraints import Pose
 from gdfe_ros.errors import GdfeError
-from gdfe_ros.node.channel import Courier, UnmatchedTopics
+from gdfe_ros.node.channel import StepPublisher, UnmatchedTopics
 from gdfe_ros.node.frames import Transforms
 from gdfe_ros.node.inputs import Inputs
 from gdfe_ros.node.interface import MODULUS, topics
@@ -27,7 +27,7 @@ from gdfe_ros.node.parameters import Moduli, NodeParameters
 from gdfe_ros.node.refusals import RefusalLog
 from gdfe_ros.node.remodelling import with_moduli
 from gdfe_ros.node.ros_types import installed
-from gdfe_ros.node.run import Run, Walk, leaders_of
+from gdfe_ros.node.run import Run, StepRequest, leaders_of
 from gdfe_ros.node.stepper import SteppingThread
 from gdfe_ros.recording.step import Begin, Step, observe
 from gdfe_ros.scene.scene import Scene
@@ -66,8 +66,8 @@ class SimulationSession:
         bags: recorder of inputs and outputs.
         strays: search for publishers of commands to unknown names.
         mode: clock that triggers the steps.
-        courier: thread that publishes; None while not active.
-        walk: the last request of ~/step, or None.
+        step_publisher: thread that publishes; None while not active.
+        step_request: the last request of ~/step, or None.
     """
 
     def __init__(
@@ -92,8 +92,8 @@ class SimulationSession:
         self._moduli = Moduli(node, self.scene, locked=lambda: self.bags.active, changed=self._change_moduli)
         self.strays = UnmatchedTopics(node, self.scene.handles, refusals)
         self.mode = ClockMode.WALL
-        self.courier: Courier | None = None
-        self.walk: Walk | None = None
+        self.step_publisher: StepPublisher | None = None
+        self.step_request: StepRequest | None = None
         self._lateness, self._solves = Lateness(), Solves()
         self._jumps: JumpHandle | None = None
         self.outputs.publish_scene(0)
@@ -132,7 +132,7 @@ class SimulationSession:
             pace = before.pace
             inbox.take_over(before.inbox, self._bodies)
         self.run.pace = pace
-        self.courier = Courier(self.run.node.guard(self.outputs.publish_step, "publishing a step"))
+        self.step_publisher = StepPublisher(self.run.node.guard(self.outputs.publish_step, "publishing a step"))
         # Before the first state is published, because a client may send commands as soon as it has received it.
         self.inputs.inbox = inbox
         self.stepper.start(pace, inbox, paused=paused or (before is not None and before.paused))
@@ -169,11 +169,11 @@ class SimulationSession:
     def _end(self) -> None:
         """End the remaining parts after the stepping has ended."""
         self.inputs.inbox = None
-        if self.courier is not None:
-            self.courier.stop()
+        if self.step_publisher is not None:
+            self.step_publisher.stop()
         if self._jumps is not None:
             self._jumps.unregister()
-        self.courier = self.run.pace = self._jumps = None
+        self.step_publisher = self.run.pace = self._jumps = None
         if self.bags.active:
             self.bags.finish()
 
@@ -230,8 +230,8 @@ class SimulationSession:
 
     def interrupt(self, why: str) -> None:
         """End the request of ~/step in progress, if any; its answer states the reason ``why``."""
-        if self.walk is not None:
-            self.walk.interrupt(why)
+        if self.step_request is not None:
+            self.step_request.interrupt(why)
 
     def play(self) -> None:
         """Resume the stepping.
@@ -239,13 +239,13 @@ class SimulationSession:
         Raises:
             GdfeError: a request of ~/step is in progress; the clock's own steps would interfere with it.
         """
-        self.require_no_walk("cancel it, or end it with ~/pause true or ~/reset, and try again")
+        self.require_no_step_request("cancel it, or end it with ~/pause true or ~/reset, and try again")
         self.stepper.pause(False)
 
-    def require_no_walk(self, remedy: str) -> None:
+    def require_no_step_request(self, remedy: str) -> None:
         """Raise a GdfeError with a remedy if a request of ~/step is in progress."""
-        if self.walk is not None and self.walk.going:
-            raise GdfeError(f"a request has made {self.walk}; {remedy}")
+        if self.step_request is not None and self.step_request.going:
+            raise GdfeError(f"a request has made {self.step_request}; {remedy}")
 
     def reset(self) -> str:
         """Set the simulation to its initial state at time 0, and return a message; followers then go to their leaders.
@@ -314,14 +314,14 @@ class SimulationSession:
         """
         if self.mode is not ClockMode.LOCKSTEP and not self.stepper.paused:
             raise GdfeError(f"clock {self.mode.value} is running; pause it with ~/pause, or use clock lockstep")
-        self.require_no_walk("~/pause or ~/reset ends it")
-        self.walk = Walk(self.run, self.stepper, self.flush, count, told)
-        return self.walk.begin()
+        self.require_no_step_request("~/pause or ~/reset ends it")
+        self.step_request = StepRequest(self.run, self.stepper, self.flush, count, told)
+        return self.step_request.begin()
 
     def flush(self) -> None:
         """Wait until every step made so far is published and recorded."""
-        if self.courier is not None:
-            self.courier.flush()
+        if self.step_publisher is not None:
+            self.step_publisher.flush()
 
     def record(self, wanted: bool) -> str:
         """Begin or finish a bag, and return a message with its path or summary. Called between steps, while active.
@@ -357,7 +357,7 @@ class SimulationSession:
         """Report a step to trajectories, and queue it for publishing if a subscriber or a bag needs a part of it."""
         self.inputs.look(step)
         if step.first or step.stored or self.outputs.wanted:
-            self.courier.put(step)
+            self.step_publisher.put(step)
 
     def _deliver_again(self, *, stored: bool = False) -> None:
         """Publish the last step again, also during a step: until it ends, only the arms' joints are ahead of it.
@@ -370,7 +370,7 @@ class SimulationSession:
         again = observe(self.simulation)
         if self.stepper.stepping:
             again |= {"joints": last.joints, "links": last.links}
-        self.courier.put(replace(last, first=False, again=True, stored=stored, **again))
+        self.step_publisher.put(replace(last, first=False, again=True, stored=stored, **again))
 
     def _change_moduli(self, moduli: Mapping[str, float]) -> None:
         """Replace the simulation by one with other moduli, in equilibrium or, with dynamics, in the present motion."""

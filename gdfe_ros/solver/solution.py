@@ -185,7 +185,7 @@ class March(Found):
         iterations, increments = self.iterations + other.iterations, self.increments + other.increments
         return changed(self, iterations=iterations, increments=increments)
 
-    def told(self, message: str, *, converged: bool) -> March:
+    def with_message(self, message: str, *, converged: bool) -> March:
         """Return this outcome with another message, and whether it has converged."""
         summary = changed(self.state.summary, converged=converged, message=message)
         return changed(self, state=self.state.with_(summary=summary))

@@ -145,14 +145,14 @@ def test_what_publishing_raises_is_told_and_ends_nothing(tmp_path: Path) -> None
     robot.wait_for_the_first_step()
     session = robot.node.session
     session.flush()
-    publish, left = session.courier._handle, [1]
+    publish, left = session.step_publisher._handle, [1]
 
     def once(step: Any) -> None:
         if left and left.pop():
             _broken()
         publish(step)
 
-    session.courier._handle = robot.node.guard(once, "publishing a step")
+    session.step_publisher._handle = robot.node.guard(once, "publishing a step")
     for count, z in ((2, 0.05), (3, 0.06)):
         robot.command(z)
         robot.wait(lambda count=count: session.stepper.count == count)

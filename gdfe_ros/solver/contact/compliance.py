@@ -191,7 +191,7 @@ def project_one(vector, i, rows, blocks, counts, k):
     return total
 
 
-class Known(NamedTuple):
+class PointCompliance(NamedTuple):
     """What is known of the compliance of the points that take part in a step.
 
     Attributes:
@@ -238,7 +238,7 @@ def follow_frames(frames, known):
 
 @internal
 def is_joined(field, chosen, known):
-    """Return whether `Known.joined` is that of the ``chosen`` points; take their derivatives."""
+    """Return whether `PointCompliance.joined` is that of the ``chosen`` points; take their derivatives."""
     same = known.valid[0]
     for c in range(len(chosen)):
         i = chosen[c]
@@ -334,11 +334,11 @@ class Compliance:
         self._vertices, self._source = vertices, ()
         self._images, self._curvature = np.zeros((MEMORY, count)), np.full(MEMORY, np.nan)
         self._columns: KeptColumns
-        self.known: Known | None = None
+        self.known: PointCompliance | None = None
 
     def prepare(
         self, problem: Problem, work: Workspace, metric: Metric, key: tuple[object, ...], field: PointField, count: int
-    ) -> Known:
+    ) -> PointCompliance:
         """Return what is known of the first ``count`` chosen points of a ``field``; of those at hand if it is negative.
 
         What belongs to another initial matrix than the present one is dropped. ``key`` has the arrays of the tangent;
@@ -362,6 +362,6 @@ class Compliance:
             seen = np.zeros((count, width), np.int64), np.zeros((count, width, 3, 3)), np.zeros(count, np.int64)
             self._curvature[...] = np.nan
             given = frames.copy(), self._images, self._curvature, *numbers_of, *np.empty((2, 3 * count, 3 * count))
-            known = Known(columns.place, columns.between, *given, *seen, *np.zeros((2, 3 * count)))
+            known = PointCompliance(columns.place, columns.between, *given, *seen, *np.zeros((2, 3 * count)))
         self.known = known._replace(place=columns.place, between=columns.between)
         return self.known

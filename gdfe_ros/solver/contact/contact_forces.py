@@ -84,7 +84,7 @@ class ContactForces:
         """Whether any point is near an obstacle."""
         return any(contact.near for contact in self.contacts)
 
-    def told(self) -> str:
+    def tell_worst(self) -> str:
         """Return the contacts in the last step, the vertices where the laws are violated most, and by how much."""
         names = ", ".join(contact.name for contact in self.contacts if contact.near)
         where = ", ".join(map(str, self._worst_vertices()))

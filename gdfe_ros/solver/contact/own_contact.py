@@ -199,7 +199,7 @@ class OwnContact(ContactTerm):
         two edges that have passed each other since the last state.
         """
         bound, x = DEEPEST * self._body.size, self.points.at(positions)
-        depth, text = self.penetration.told(x, bound)
+        depth, text = self.penetration.tell(x, bound)
         reach = REACH * self._body.size + 2.0 * self.pairs.motion(x, self._from)
         edges = NONE, self.pairs.within(x, reach)[1]
         crossed = self.pairs.look(x, self._from, reach, self._partners, candidates=edges)

@@ -222,7 +222,7 @@ class Inside:
             find_inside(x, material, self._tested, places, pairs, bounds, depth, cell)
         return depth, cell
 
-    def told(self, x: NDArray[np.float64], bound: float) -> tuple[float, str]:
+    def tell(self, x: NDArray[np.float64], bound: float) -> tuple[float, str]:
         """Return the largest penetration depth [m], and a sentence with parts, depth and place; 0 and empty if none."""
         depths, cells = self._find(x, bound)
         deepest = int(depths.argmax())

@@ -331,7 +331,7 @@ class Solve:
             reason=problem.deadline.reason if late else f"stopped after {problem.limit} iterations",
             far=float(self._active.status["step"]) / self._body.size,
             updates=self.MOST_UPDATES,
-            where=self._minimiser.contact_forces.told() if outcome is Outcome.PUSHED else "",
+            where=self._minimiser.contact_forces.tell_worst() if outcome is Outcome.PUSHED else "",
         )
 
     def _unfinished(self) -> Unfinished:

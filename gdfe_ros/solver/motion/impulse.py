@@ -147,11 +147,11 @@ class ContactImpulses:
         left = solve_laws(w, speeds.ravel(), part.friction, impulses, self.EXACT * scale, self.FAINT * scale)
         slips = (speeds.ravel() + w @ impulses).reshape(-1, 3)[:, 1:] - came[:, 1:]
         pulls, impulses = np.zeros_like(velocity), impulses.reshape(-1, 3)
-        now = self._told(part, impulses, slips, now, left if left > self.SETTLED * scale else 0.0)
+        now = self._add_texts(part, impulses, slips, now, left if left > self.SETTLED * scale else 0.0)
         pull(impulses, *given, pulls.reshape(-1))
         return self._mass.accelerate(pulls, x), _publish(part, impulses / h, before, now)
 
-    def _told(self, part: Pressing, impulses: Array, slips: Array, now: State, left: float) -> State:
+    def _add_texts(self, part: Pressing, impulses: Array, slips: Array, now: State, left: float) -> State:
         """Return ``now`` with sentences about grips that slip, and about laws that are violated by ``left`` [m/s].
 
         ``impulses`` (k, 3) [N s] and changes ``slips`` (k, 2) [m/s] of the slip speeds are those of all points.

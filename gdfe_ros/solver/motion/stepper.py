@@ -16,11 +16,19 @@ from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.equilibrium.energy import EquilibriumSolver
 from gdfe_ros.solver.forces.actuation import Actuation
 from gdfe_ros.solver.motion import inertia
-from gdfe_ros.solver.motion.flight import Flight, FlightPredictor, InternalStep, Trial, failed, is_unfolded, reduction
 from gdfe_ros.solver.motion.impulse import ContactImpulses
 from gdfe_ros.solver.motion.inertia import FreeMass, Inertia
 from gdfe_ros.solver.motion.ledger import Accounts, tell_excess
 from gdfe_ros.solver.motion.scheme import Kinematics
+from gdfe_ros.solver.motion.time_path import (
+    InternalStep,
+    MotionPredictor,
+    TimePath,
+    Trial,
+    failed,
+    is_unfolded,
+    reduction,
+)
 from gdfe_ros.solver.motion.viscosity import Viscosity
 from gdfe_ros.solver.outcome import Deadline, past
 from gdfe_ros.solver.settings import BackwardEuler, Dynamics, Scheme, Skip, SolverSettings
@@ -107,7 +115,7 @@ class MotionStepper:
             self._acting(own),
             skip=self.settings.skip,
             threads=self.settings.threads,
-            predictor=lambda *given: FlightPredictor(self.body, *given, h, masses),
+            predictor=lambda *given: MotionPredictor(self.body, *given, h, masses),
             softening=not self._dynamics.undamped,
         )
         return self._made[key]
@@ -159,68 +167,68 @@ class MotionStepper:
         given = {"tolerance": self.settings.tolerance, "limit": self.settings.max_iterations, "deadline": deadline}
         goal = Increment(poses=targets, commands=commands, **given)
         count = max(1, math.ceil(due / step - NEGLIGIBLE))
-        march = self._fly(Flight.over(began, goal, count, duration=due), observer)
+        march = self._follow(TimePath.over(began, goal, count, duration=due), observer)
         # An earlier step has reported the time that was owed.
         ledger = changed(march.state.ledger, owed=max(0.0, owed - march.simulated))
         return changed(march, state=march.state.with_(ledger=ledger), simulated=max(0.0, march.simulated - owed))
 
-    def _fly(self, flight: Flight, observer: Callable[[InternalStep], None] | None) -> March:
-        """Return the outcome of a flight."""
-        failure = flight.state.ledger.failure if Skip.SOLVE in self.settings.skip else None
-        if failure is not None and flight.repeats(failure):
-            return changed(flight, flaw=failure.reason).march({Skip.SOLVE.value: 1})
-        deadline = flight.goal.deadline
-        while not flight.arrived:
-            trial = self._try(flight, self._dynamics)
-            flight, verdict = trial.flight, trial.verdict
+    def _follow(self, path: TimePath, observer: Callable[[InternalStep], None] | None) -> March:
+        """Return the outcome of a path."""
+        failure = path.state.ledger.failure if Skip.SOLVE in self.settings.skip else None
+        if failure is not None and path.repeats(failure):
+            return changed(path, flaw=failure.reason).march({Skip.SOLVE.value: 1})
+        deadline = path.goal.deadline
+        while not path.arrived:
+            trial = self._try(path, self._dynamics)
+            path, verdict = trial.path, trial.verdict
             if verdict is Verdict.WITHDRAW:
-                return flight.withdrawn(trial.solution, self.equilibrium.skipped(), hurried=past(deadline))
+                return path.withdrawn(trial.solution, self.equilibrium.skipped(), hurried=past(deadline))
             if verdict is Verdict.STOP:
-                flight = changed(flight, flaw=trial.solution.message)
+                path = changed(path, flaw=trial.solution.message)
                 break
             if verdict is Verdict.HALVE:
-                flight = flight.halve()
+                path = path.halve()
                 continue
             if observer is not None:
                 observer(trial.step)
-            flight = flight.advance(trial.step.after)
-            if not flight.arrived and past(deadline):
-                flight = changed(flight, flaw=flight.flaw or deadline.reason)
+            path = path.advance(trial.step.after)
+            if not path.arrived and past(deadline):
+                path = changed(path, flaw=path.flaw or deadline.reason)
                 break
-        return flight.march(self.equilibrium.skipped())
+        return path.march(self.equilibrium.skipped())
 
-    def _try(self, flight: Flight, dynamics: Dynamics) -> Trial:
+    def _try(self, path: TimePath, dynamics: Dynamics) -> Trial:
         """Solve the next internal step; repeat it with the Euler scheme if it created energy."""
-        deadline, h = flight.goal.deadline, flight.length
+        deadline, h = path.goal.deadline, path.length
         interruption = deadline.interruption if deadline else None
-        solution = self._solve(flight, dynamics, interruption)
-        flight = flight.tried(solution)
-        given = {"flight": flight, "solution": solution}
+        solution = self._solve(path, dynamics, interruption)
+        path = path.tried(solution)
+        given = {"path": path, "solution": solution}
         if solution.cut and past(interruption):
             return Trial(**given, verdict=Verdict.STOP)
-        if failed(solution) and flight.can_halve and not past(deadline):
+        if failed(solution) and path.can_halve and not past(deadline):
             return Trial(**given, verdict=Verdict.HALVE)
-        if not (is_unfolded(solution) or flight.endures(solution)):
+        if not (is_unfolded(solution) or path.endures(solution)):
             return Trial(**given, verdict=Verdict.WITHDRAW)
-        before = flight.state
+        before = path.state
         after, excess = self._accounts.book(before, self._accepted(dynamics, before, solution, h), h)
         if excess and dynamics is self._dynamics:
-            return self._try(flight, self._euler)
-        if excess and flight.can_halve and not past(deadline):
+            return self._try(path, self._euler)
+        if excess and path.can_halve and not past(deadline):
             return Trial(**given, verdict=Verdict.HALVE)
         if excess:
             after = tell_excess(after, excess, h, self._dynamics.scheme)
-        step = InternalStep(before=before, after=after, h=h, share=flight.next, dynamics=dynamics)
+        step = InternalStep(before=before, after=after, h=h, share=path.next, dynamics=dynamics)
         return Trial(**given, verdict=Verdict.ACCEPT, step=step)
 
-    def _solve(self, flight: Flight, dynamics: Dynamics, interruption: Deadline | None) -> Solution:
-        """Return the solution of the next internal step of ``flight``."""
-        state, h, (poses, commands) = flight.state, flight.length, flight.aim
+    def _solve(self, path: TimePath, dynamics: Dynamics, interruption: Deadline | None) -> Solution:
+        """Return the solution of the next internal step of ``path``."""
+        state, h, (poses, commands) = path.state, path.length, path.aim
         now = Kinematics.of(state.terms[inertia.NAME])
         bent, moved = h * h * largest(now.acceleration.ravel()), h * largest(now.velocity.ravel())
         size, tolerance = self.body.size, self.settings.tolerance
         problem = changed(
-            flight.goal,
+            path.goal,
             poses=poses,
             commands=commands,
             tolerance=tolerance * reduction(self._coarser * max(bent, moved) if self._held else bent, size),

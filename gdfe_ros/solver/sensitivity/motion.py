@@ -13,8 +13,8 @@ from gdfe_ros.blas import one_blas_thread
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.solver.minimise.curvature import TangentProducts
 from gdfe_ros.solver.motion import inertia
-from gdfe_ros.solver.motion.flight import InternalStep
 from gdfe_ros.solver.motion.stepper import MotionStepper
+from gdfe_ros.solver.motion.time_path import InternalStep
 from gdfe_ros.solver.sensitivity.columns import Column, Pair, Tangents, VariedInputs, own_side, pair_of
 from gdfe_ros.solver.sensitivity.parameter import Parameter, moved
 from gdfe_ros.solver.state import State

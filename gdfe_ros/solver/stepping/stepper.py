@@ -133,7 +133,7 @@ class Stepper:
         if suspect and not past(deadline):
             march, suspect = self._better_from_rest(march, goal), False
         if march.inverted:
-            march = march.told(join(march.message, REMEDY_OF_FOLDS), converged=False)
+            march = march.with_message(join(march.message, REMEDY_OF_FOLDS), converged=False)
         return changed(march, state=march.state.with_(suspect=suspect))
 
     def _rescue(self, march: March, goal: Increment, state: State) -> March:
@@ -273,7 +273,7 @@ class Stepper:
             march = found.counting(march) if free else march.counting(found)
             if free:
                 text = tell(Outcome.LET_GO, names=", ".join(names), flaw=flaw)
-                return changed(march.told(text, converged=True), restarts=1)
+                return changed(march.with_message(text, converged=True), restarts=1)
         return march
 
     def _untouched(self, begin: State, last: State, names: Sequence[str], goal: Increment) -> State:
@@ -290,7 +290,9 @@ class Stepper:
         gain = self._energy(march.state) - self._energy(again.state)
         if not again.is_better(march, March.NEAR * goal.tolerance * self.body.size, gain=gain):
             return march.counting(again)
-        told = again.told(join(tell(Outcome.RESTARTED, flaw=march.flaw), again.message), converged=again.converged)
+        told = again.with_message(
+            join(tell(Outcome.RESTARTED, flaw=march.flaw), again.message), converged=again.converged
+        )
         return changed(told.counting(march), restarts=1)
 
     def _energy(self, state: State) -> float:

@@ -155,6 +155,6 @@ def test_plates_of_one_cell_that_overlap_in_their_plane_are_told(overlap: float)
     simulation = Simulation(scene_of(PLATES))
     x = simulation.mesh.vertices.copy()
     x[simulation.mesh.parts["high"].first_vertex :, 2] -= 0.0005 + overlap
-    depth, text = the_contact(simulation).penetration.told(turned(x), 1e-6)
+    depth, text = the_contact(simulation).penetration.tell(turned(x), 1e-6)
     assert depth == pytest.approx(0.001)
     assert "mesh 'low' lies 0.001 m inside of mesh 'high'" in text or "mesh 'high' lies 0.001 m" in text

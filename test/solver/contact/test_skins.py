@@ -149,8 +149,8 @@ def test_what_lies_inside_is_told(tmp_path: Path) -> None:
     simulation = stacked(tmp_path, CUT, CUT)
     penetration, points = the_contact(simulation).penetration, the_contact(simulation).points
     x = simulation.mesh.vertices.copy()
-    assert penetration.told(points.at(x), 1e-6) == (0.0, "")
+    assert penetration.tell(points.at(x), 1e-6) == (0.0, "")
     x[simulation.mesh.parts["high"].first_vertex :, 2] -= 0.0032
-    depth, text = penetration.told(points.at(x), 1e-6)
+    depth, text = penetration.tell(points.at(x), 1e-6)
     assert depth == pytest.approx(0.003, rel=1e-6)
     assert "mesh 'high' lies 0.003 m inside of mesh 'low'" in text or "mesh 'low' lies 0.003 m" in text

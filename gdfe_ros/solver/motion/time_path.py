@@ -23,7 +23,7 @@ from gdfe_ros.solver.stepping.path import Path, Verdict
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Flight(Path):
+class TimePath(Path):
     """A time step in progress.
 
     Attributes:
@@ -75,8 +75,8 @@ class Flight(Path):
         """
         return not (self.can_halve or self.driven or solution.diverged) and solution.min_det > self.DEEPEST_FOLD
 
-    def advance(self, state: State) -> Flight:
-        """Return the flight after an internal step to ``state``; after two halves, twice the length is tried again."""
+    def advance(self, state: State) -> TimePath:
+        """Return the path after an internal step to ``state``; after two halves, twice the length is tried again."""
         gone, summary = super().advance(state), state.summary
         size = min(self.WHOLE, self.size * 2) if gone.done % (2 * self.size) == 0 else self.size
         return changed(gone, size=size, flaw=self.flaw or ("" if summary.converged else summary.message))
@@ -87,7 +87,7 @@ class Flight(Path):
         if not self.arrived:
             flaw = f"simulated {simulated:.6g} of {self.duration:.6g} s: {flaw or self.state.summary.message}"
         told = changed(self, state=self.state.with_flaw(flaw)) if flaw else self
-        return super(Flight, told).march(skipped, simulated=simulated)
+        return super(TimePath, told).march(skipped, simulated=simulated)
 
     def withdrawn(self, solution: Solution, skipped: dict[str, int], *, hurried: bool) -> March:
         """Return the outcome at the state before a failed internal step, with the failure unless ``hurried``.
@@ -111,7 +111,7 @@ class Flight(Path):
         return changed(self, state=state.with_flaw(text, error_estimate=math.inf), flaw=text).march(skipped)
 
 
-class FlightPredictor(Predictor):
+class MotionPredictor(Predictor):
     """Predicts the end of a step of one length from a state and its velocities.
 
     Args:
@@ -189,13 +189,13 @@ class Trial:
     """A solved internal step, and what follows from it.
 
     Attributes:
-        flight: the flight with the iterations of the trial, at the state before it.
+        path: the path with the iterations of the trial, at the state before it.
         solution: the last solution.
         verdict: what follows; `Verdict.STOP` if an interruption ended the solve.
         step: the internal step; None if it is not accepted.
     """
 
-    flight: Flight
+    path: TimePath
     solution: Solution
     verdict: Verdict
     step: InternalStep | None = None
