@@ -13,6 +13,20 @@ from gdfe_ros import Command, Simulation
 from gdfe_ros.scene import Scene, scene_from_text
 from gdfe_ros.step_result import StepResult
 
+STRIP = """\
+mesh:
+  bar:
+    size: [0.1, 0.02, 0.02]
+    cells: [10, 4, 4]
+    cut: [{box: {x: [0.01, 0.09], y: [-0.005, 0.005], z: [-0.005, 0.005]}}]
+materials: {m: {law: neo_hookean, young: 1.0e6, poisson: 0.45}}
+handles: {base: {where: {face: x-}, fixed: true}}
+actuators:
+  wire: {cable: {points: [[0, 0, 0.008], [0.05, 0, 0.008], [0.1, 0, 0.008]], command: shortening, range: [-0.05, 0.05]}}
+  air: {chamber: {near: [0.05, 0, 0], command: volume}}
+"""
+"""A strip with a cavity of air and a cable beside it."""
+
 
 def scene_of(text: str, overrides: Mapping[str, Any] | None = None, **keys: Any) -> Scene:
     """Return the scene of a text; without the key ``regions``, its first material is everywhere."""

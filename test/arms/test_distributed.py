@@ -7,6 +7,7 @@ import re
 import shutil
 import subprocess
 import sys
+from collections.abc import Iterator
 from importlib.metadata import distribution
 from pathlib import Path
 
@@ -58,13 +59,15 @@ AIRO = [
 @pytest.mark.parametrize("robot", MADE)
 def test_kinematics_and_torques_are_pinocchios(robot: str) -> None:
     """Frames of all links and the torques that hold the arm are those of the unchanged file, to 1e-9."""
-    _compare(ROBOTS / robot)
+    for ours, theirs in _beside_pinocchio(ROBOTS / robot):
+        np.testing.assert_allclose(ours, theirs, atol=1e-9)
 
 
 @pytest.mark.parametrize("robot", AIRO)
 def test_kinematics_of_arms_and_grippers_of_airo_are_pinocchios(robot: str) -> None:
     """The same for the files of airo-models, whose prefix `drake` is not declared; ROS' own parser reads them, too."""
-    _compare(_of_airo(robot))
+    for ours, theirs in _beside_pinocchio(_of_airo(robot)):
+        np.testing.assert_allclose(ours, theirs, atol=1e-9)
 
 
 @pytest.mark.parametrize("robot", ["ur3e", "ur5e"])
@@ -95,13 +98,15 @@ def test_an_arm_of_airo_carries_a_body(robot: str, flange: str, joints: int, tmp
 
 def test_kinematics_of_an_iiwa_are_pinocchios() -> None:
     """The same for the iiwa of ROS-Industrial, whose links have no masses."""
-    _compare(IIWA)
+    for ours, theirs in _beside_pinocchio(IIWA):
+        np.testing.assert_allclose(ours, theirs, atol=1e-9)
 
 
 @pytest.mark.parametrize("robot", [*ARMS, "2f85"])
 def test_kinematics_and_torques_of_written_arms_are_pinocchios(robot: str, tmp_path: Path) -> None:
     """The same for arms that no package has, with the lengths and in the form of their makers' files."""
-    _compare(write_arm(robot, tmp_path))
+    for ours, theirs in _beside_pinocchio(write_arm(robot, tmp_path)):
+        np.testing.assert_allclose(ours, theirs, atol=1e-9)
 
 
 @pytest.mark.parametrize("robot", ["iiwa", *ARMS, "2f85"])
@@ -124,8 +129,8 @@ def _of_airo(robot: str) -> Path:
     return Path(distribution("airo-models").locate_file(f"airo_models/{robot}.urdf"))
 
 
-def _compare(path: Path) -> None:
-    """Compare the frames of all links, and the torques that hold the arm, with those of pinocchio."""
+def _beside_pinocchio(path: Path) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Yield our origins and axes of all links, and the torques that hold the arm, each with that of pinocchio."""
     own = LinkDynamics(parse_urdf(path.read_text(), velocity=1.0), LinkFrame(np.zeros(3), np.eye(3)))
     # pinocchio refuses joints without a velocity limit.
     model = pin.buildModelFromXML(re.sub(r"<limit (?![^>]*velocity)", '<limit velocity="1.0" ', path.read_text()))
@@ -145,11 +150,11 @@ def _compare(path: Path) -> None:
         pin.framesForwardKinematics(model, data, full)
         for name, frame in own.frames(q).items():
             place = data.oMf[model.getFrameId(name, pin.FrameType.BODY)]
-            np.testing.assert_allclose(frame.origin, place.translation, atol=1e-9)
-            np.testing.assert_allclose(frame.axes, place.rotation, atol=1e-9)
+            yield frame.origin, place.translation
+            yield frame.axes, place.rotation
         torques = spread.T @ pin.computeGeneralizedGravity(model, data, full)
         still = np.zeros_like(q)
-        np.testing.assert_allclose(own.efforts(q, still, still, gravity=gravity, pushes={}), torques, atol=1e-9)
+        yield own.efforts(q, still, still, gravity=gravity, pushes={}), torques
 
 
 @pytest.mark.parametrize(

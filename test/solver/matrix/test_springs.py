@@ -14,20 +14,7 @@ from gdfe_ros.solver.equilibrium.solve import Solve
 from gdfe_ros.solver.minimise.curvature import TangentProducts
 from gdfe_ros.solver.minimise.level import TangentLevel
 from test.solver.whole_tangent import whole_tangent
-from test.written import advance, scene_of
-
-STRIP = """
-mesh:
-  bar:
-    size: [0.1, 0.02, 0.02]
-    cells: [10, 4, 4]
-    cut: [{box: {x: [0.01, 0.09], y: [-0.005, 0.005], z: [-0.005, 0.005]}}]
-materials: {m: {law: neo_hookean, young: 1.0e6, poisson: 0.45}}
-handles: {base: {where: {face: x-}, fixed: true}}
-actuators:
-  wire: {cable: {points: [[0, 0, 0.008], [0.05, 0, 0.008], [0.1, 0, 0.008]], command: shortening}}
-  air: {chamber: {near: [0.05, 0, 0], command: volume}}
-"""
+from test.written import STRIP, advance, scene_of
 
 
 def pulled() -> Simulation:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from gdfe_ros import Command, Pose, Simulation
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.step_result import StepResult
-from test.written import scene_of
+from test.written import STRIP, scene_of
 
 BAR = """\
 mesh: {{bar: {{size: [0.1, 0.02, 0.02], cells: [4, 2, 2]}}}}
@@ -35,18 +35,6 @@ handles: {{base: {{where: {{box: {{x: [-1, -0.0101]}}}}, fixed: true}}}}
 actuators: {{air: {{chamber: {{command: {mode}, range: {limits}}}}}}}
 probes: {{edge: [0.0149, 0, 0]}}
 solver: {{tolerance: 1.0e-5}}
-"""
-STRIP = """\
-mesh:
-  bar:
-    size: [0.1, 0.02, 0.02]
-    cells: [10, 4, 4]
-    cut: [{box: {x: [0.01, 0.09], y: [-0.005, 0.005], z: [-0.005, 0.005]}}]
-materials: {m: {law: neo_hookean, young: 1.0e6, poisson: 0.45}}
-handles: {base: {where: {face: x-}, fixed: true}}
-actuators:
-  wire: {cable: {points: [[0, 0, 0.008], [0.05, 0, 0.008], [0.1, 0, 0.008]], command: shortening, range: [-0.05, 0.05]}}
-  air: {chamber: {near: [0.05, 0, 0], command: volume}}
 """
 CAVITY = 8e-6
 """Volume of the strip's undeformed chamber [m^3]."""
