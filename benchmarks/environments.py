@@ -27,8 +27,8 @@ from benchmarks.markdown import markdown_table
 from benchmarks.process import run_module
 from benchmarks.replay import figures, summed
 from benchmarks.report import run_script
+from gdfe_ros.results.step_result import StepResult
 from gdfe_ros.scene import load_scene
-from gdfe_ros.step_result import StepResult
 from gdfe_ros.testing import make_env, make_vector_env
 from gdfe_ros.testing.environment import SoftRobotEnv
 

@@ -11,8 +11,8 @@ import tempfile
 from typing import Any
 
 from benchmarks.provenance import ROOT
+from gdfe_ros.analysis.workers import THREAD_COUNTS
 from gdfe_ros.errors import GdfeError
-from gdfe_ros.workers import THREAD_COUNTS
 
 _THREADS = (*THREAD_COUNTS, "CCX_NPROC_EQUATION_SOLVER", "CCX_NPROC_RESULTS", "CCX_NPROC_STIFFNESS")
 

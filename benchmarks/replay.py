@@ -8,8 +8,8 @@ from itertools import islice
 
 import numpy as np
 
+from gdfe_ros.results.step_result import StepResult
 from gdfe_ros.simulation import Simulation
-from gdfe_ros.step_result import StepResult
 
 ITERATIONS = ": iterations"
 """Suffix of the name of a number of iterations."""

@@ -23,11 +23,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 import gdfe_ros
-from gdfe_ros.bounded_text import load_json, load_json_object
 from gdfe_ros.errors import GdfeError
-from gdfe_ros.regular_file import LARGEST, read_bytes, replace_file
 from gdfe_ros.simulation import Simulation
-from gdfe_ros.state_tree import TreeError, from_tree, to_tree
+from gdfe_ros.simulation_parts.state_tree import TreeError, from_tree, to_tree
+from gdfe_ros.untrusted.bounded_text import load_json, load_json_object
+from gdfe_ros.untrusted.regular_file import LARGEST, read_bytes, replace_file
 
 FORMAT = 3
 """Version of the archive's format; an archive of another version is refused."""

@@ -9,11 +9,11 @@ import sys
 from collections.abc import Sequence
 
 from gdfe_ros import __version__
-from gdfe_ros.bounded_text import plain_lines
 from gdfe_ros.entry import INTERRUPTED, imported, quiet_imports
 from gdfe_ros.errors import GdfeError
-from gdfe_ros.extras import remedy
-from gdfe_ros.spelling import did_you_mean
+from gdfe_ros.installation import remedy
+from gdfe_ros.untrusted.bounded_text import plain_lines
+from gdfe_ros.untrusted.spelling import did_you_mean
 
 COMMANDS = {
     "solve": "solve a scene's program, print the result and write it to files",

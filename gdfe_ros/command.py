@@ -16,11 +16,11 @@ from gdfe_ros.actuators.embedding import Embedding
 from gdfe_ros.constraints import Handle, Pose
 from gdfe_ros.errors import CommandError, RangeError, SceneError, require_named
 from gdfe_ros.mesh.quality import list_ids
-from gdfe_ros.real_number import is_finite, is_number, require_command
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.solver.settings import SolverSettings
 from gdfe_ros.solver.state import Snapshot
-from gdfe_ros.spelling import did_you_mean
+from gdfe_ros.untrusted.real_number import is_finite, is_number, require_command
+from gdfe_ros.untrusted.spelling import did_you_mean
 
 FARTHEST = 1000.0
 """Limits of a commanded pose: largest translation [body lengths] and largest rotation [revolutions]."""

@@ -12,7 +12,7 @@ from typing import Any
 import numba
 from numba import njit
 
-from gdfe_ros.linked import linked
+from gdfe_ros.compiling.linked import linked
 
 # Flags are explicit, because a kernel inherits unset ones from its first caller and its code would depend on that.
 _EXACT: dict[str, Any] = {

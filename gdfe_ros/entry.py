@@ -14,7 +14,7 @@ from types import FrameType, ModuleType
 from typing import Any
 
 from gdfe_ros.errors import DependencyError
-from gdfe_ros.extras import remedy
+from gdfe_ros.installation import remedy
 
 ENDINGS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 """Signals that ask a process to end: from a terminal, from a manager of processes, and if the terminal is closed."""

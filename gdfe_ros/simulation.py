@@ -16,27 +16,27 @@ from gdfe_ros.arms.carriers import Carriers, Motions
 from gdfe_ros.command import Command, Orders, check_positions, require_countable, require_snapshot, require_times
 from gdfe_ros.constraints import Pose
 from gdfe_ros.coupling.joint_coupling import JointCoupling
-from gdfe_ros.differentiator import make_differentiator
+from gdfe_ros.differentiation.differentiator import make_differentiator
 from gdfe_ros.errors import CommandError, OverlapError
-from gdfe_ros.grip_reach import find_far_grips
-from gdfe_ros.rigid_places import carry_soft, move_along, put_rigid, require_free
+from gdfe_ros.results.step_result import StepResult
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.scene.soft_bodies import parts_of
 from gdfe_ros.scene.solvable import refuse_unsolvable
-from gdfe_ros.scene_readings import SceneReadings
-from gdfe_ros.soft_places import put_soft, require_soft_free, vertices_of_soft
+from gdfe_ros.simulation_parts.grip_reach import find_far_grips
+from gdfe_ros.simulation_parts.rigid_places import carry_soft, move_along, put_rigid, require_free
+from gdfe_ros.simulation_parts.scene_readings import SceneReadings
+from gdfe_ros.simulation_parts.soft_places import put_soft, require_soft_free, vertices_of_soft
+from gdfe_ros.simulation_parts.state_tree import complete
+from gdfe_ros.simulation_parts.steppers import make_stepper, scene_body, step_result, usual_steps, working_origin
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.outcome import Deadline
 from gdfe_ros.solver.settings import SolverSettings
 from gdfe_ros.solver.solution import March
 from gdfe_ros.solver.state import Snapshot, State
 from gdfe_ros.solver.terms.term import Term
-from gdfe_ros.state_tree import complete
-from gdfe_ros.step_result import StepResult
-from gdfe_ros.steppers import make_stepper, scene_body, step_result, usual_steps, working_origin
 
 if TYPE_CHECKING:
-    from gdfe_ros.derivatives import Sensitivities
+    from gdfe_ros.differentiation.derivatives import Sensitivities
 
 WARM_UP = 1e-3
 """Displacement of the handles, divided by the body's size, in the step that compiles every kernel."""

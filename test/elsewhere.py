@@ -47,7 +47,7 @@ COMPUTING = (
     "fitting",
     "test_blas.py",
     "test_checkpoint.py",
-    "test_contacts.py",
+    "results",
     "test_simulation.py",
 )
 """Folders and files of tests whose results depend on rounding."""

@@ -6,8 +6,8 @@ from __future__ import annotations
 import pytest
 from threadpoolctl import ThreadpoolController
 
-from gdfe_ros import blas
-from gdfe_ros.blas import one_blas_thread
+from gdfe_ros import threads as blas
+from gdfe_ros.threads import one_blas_thread
 
 
 def counts() -> set[int]:

@@ -14,7 +14,7 @@ import pytest
 
 import gdfe_ros
 from gdfe_ros.errors import GdfeError
-from gdfe_ros.share import share_dir
+from gdfe_ros.installation import share_dir
 
 ROOT = Path(__file__).parents[1]
 
@@ -73,7 +73,7 @@ def test_the_share_directory_of_a_clone_is_the_tree() -> None:
 
 def test_a_missing_share_directory_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Code copied without its files raises an error that says how to install."""
-    monkeypatch.setattr("gdfe_ros.share.__file__", str(tmp_path / "gdfe_ros" / "share.py"))
+    monkeypatch.setattr("gdfe_ros.installation.__file__", str(tmp_path / "gdfe_ros" / "installation.py"))
     with pytest.raises(GdfeError, match=r"share/gdfe_ros/package.xml.*make install"):
         share_dir.__wrapped__()
 
@@ -100,20 +100,23 @@ def test_no_module_imports_itself_by_way_of_others() -> None:
     assert order.index("gdfe_ros.mesh.faces") < order.index("gdfe_ros.simulation")
 
 
-def test_rooms_of_the_solver_have_an_order() -> None:
-    """Modules of the solver import only from their own row of the architecture page's table, and from rows below."""
-    page = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8").partition("## Packages of the solver")[2]
+@pytest.mark.parametrize(
+    ("package", "heading"), [("gdfe_ros", "# Architecture"), ("gdfe_ros.solver", "## Packages of the solver")]
+)
+def test_rooms_have_an_order(package: str, heading: str) -> None:
+    """Modules import only from their own row of a table of the architecture page, and from rows below."""
+    page = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8").partition(f"{heading}\n")[2]
     table = [line.split("|")[1] for line in page.partition("\n## ")[0].splitlines() if line.startswith("| `")]
     rows = {name.removesuffix("/").removesuffix(".py"): k for k, row in enumerate(table) for name in _quoted(row)}
-    solver, wrong = ROOT / "gdfe_ros" / "solver", []
-    rooms = {path.relative_to(solver).with_suffix("").parts[0] for path in solver.rglob("*.py")}
+    house, wrong = ROOT.joinpath(*package.split(".")), []
+    rooms = {path.relative_to(house).with_suffix("").parts[0] for path in house.rglob("*.py")}
     assert rows.keys() == rooms - {"__init__"}
-    for path in solver.rglob("*.py"):
-        room = path.relative_to(solver).with_suffix("").parts[0]
+    for path in house.rglob("*.py"):
+        room = path.relative_to(house).with_suffix("").parts[0]
         for name in _imports(path):
-            other = name.removeprefix("gdfe_ros.solver.").partition(".")[0] if "gdfe_ros.solver." in name else room
-            if room != "__init__" and rows[other] < rows[room]:
-                wrong.append(f"{path.relative_to(solver)} imports {name}")
+            other = name.removeprefix(f"{package}.").partition(".")[0] if name.startswith(f"{package}.") else room
+            if room != "__init__" and other in rows and rows[other] < rows[room]:
+                wrong.append(f"{path.relative_to(house)} imports {name}")
     assert not wrong
 
 

@@ -12,11 +12,11 @@ from scipy.spatial.transform import Rotation
 
 from gdfe_ros.constraints import Pose, nearest_turn
 from gdfe_ros.errors import CommandError
+from gdfe_ros.results.step_result import StepResult
 from gdfe_ros.scene import load_scene, scene_from_text
 from gdfe_ros.simulation import Command, Simulation
+from gdfe_ros.simulation_parts.steppers import RELATIVE_STEPS
 from gdfe_ros.solver.settings import Policy, SolverSettings, Torsion
-from gdfe_ros.step_result import StepResult
-from gdfe_ros.steppers import RELATIVE_STEPS
 from test.written import advance, scene_of
 
 SCENE = """\

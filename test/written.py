@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from gdfe_ros import Command, Simulation
+from gdfe_ros.results.step_result import StepResult
 from gdfe_ros.scene import Scene, scene_from_text
-from gdfe_ros.step_result import StepResult
 
 STRIP = """\
 mesh:

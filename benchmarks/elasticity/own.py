@@ -13,10 +13,10 @@ from benchmarks.elasticity.newton import Cholesky, Pattern
 from benchmarks.elasticity.problem import Array, Problem, run
 from gdfe_ros import Command, Simulation
 from gdfe_ros.constraints import Handle
-from gdfe_ros.element_fields import corner_forces
 from gdfe_ros.materials.table import BULK, CARRIED, PENALTY
 from gdfe_ros.mesh import HexMesh, TetMesh, bar
 from gdfe_ros.mesh.tetmesh import divided
+from gdfe_ros.results.element_fields import corner_forces
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.elements.cell_type import cell_type_of

@@ -15,7 +15,7 @@ from typing import Any
 
 from benchmarks.loop.row import Task
 from benchmarks.provenance import ROOT
-from gdfe_ros.workers import THREAD_COUNTS
+from gdfe_ros.analysis.workers import THREAD_COUNTS
 
 TREES = ROOT / "build" / "loop"
 """Folder of other commits' trees, and of their known errors."""

@@ -19,7 +19,7 @@ from gdfe_ros import Command, Simulation
 from gdfe_ros.errors import GdfeError
 
 if TYPE_CHECKING:
-    from gdfe_ros.step_result import StepResult
+    from gdfe_ros.results.step_result import StepResult
 
 PUSH = 2.0
 """Displacement from which a fine solve is repeated, in tolerances."""

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from benchmarks.public_cases import Row, rows_of, simulate, solve
-from gdfe_ros.element_fields import corner_forces, strain_energies, volume_pressures
+from gdfe_ros.results.element_fields import corner_forces, strain_energies, volume_pressures
 from gdfe_ros.solver.body import Body
 
 STRAIN = 1e-4

@@ -12,10 +12,10 @@ from gdfe_ros.actuators import Actuator, Load
 from gdfe_ros.constraints import Handle, Pose
 from gdfe_ros.materials import Law, Linear, Material, NeoHookean, preset
 from gdfe_ros.mesh import HexMesh, bar
+from gdfe_ros.results.step_result import StepResult
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.simulation import Command, Simulation
 from gdfe_ros.solver.settings import Policy, SolverSettings
-from gdfe_ros.step_result import StepResult
 
 LAWS: dict[str, Material] = {
     "linear": Linear(young=1e5, poisson=0.3),

@@ -11,8 +11,8 @@ from enum import Enum
 import numpy as np
 
 from gdfe_ros.errors import GdfeError
+from gdfe_ros.results.step_result import StepResult
 from gdfe_ros.solver.settings import Policy
-from gdfe_ros.step_result import StepResult
 
 LARGEST_RISE = 1e-12
 """Increase of the energy within a descent, divided by the magnitude of its terms, that counts as rounding."""

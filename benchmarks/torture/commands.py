@@ -12,8 +12,8 @@ from benchmarks.torture.bodies import BAR, COMPRESSIBLE, CUBE, LAWS, Driver, dis
 from benchmarks.torture.case import Case, Finding, Group
 from gdfe_ros.constraints import Pose
 from gdfe_ros.mesh import HexMesh
+from gdfe_ros.results.step_result import StepResult
 from gdfe_ros.solver.settings import Policy
-from gdfe_ros.step_result import StepResult
 
 TOLERANCE = 1e-6
 STEPS = 40

@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 from benchmarks.scenes import read_scene
 from benchmarks.torture.case import Case, Finding, Group
 from benchmarks.torture.slender_bodies import FINGERS, SLENDER_BODIES, fork
+from gdfe_ros.results.step_result import StepResult
 from gdfe_ros.scene import Scene, load_scene, scene_from_text
 from gdfe_ros.simulation import Command, Simulation
 from gdfe_ros.solver.settings import Policy
-from gdfe_ros.step_result import StepResult
 
 TOLERANCES = (1e-3, 1e-4, 1e-5)
 TRUTHS = (1e-8, 1e-6)

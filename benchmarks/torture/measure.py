@@ -7,9 +7,9 @@ from benchmarks.report import options, write_report
 from benchmarks.torture.case import Case, Group, Verdict, attempt
 from benchmarks.torture.catalogue import all_cases
 from benchmarks.torture.score import Score, run_case, torture_table
+from gdfe_ros.analysis.workers import connect, run_tasks
 from gdfe_ros.commands.options import add_workers
 from gdfe_ros.commands.waiting import progress_bar
-from gdfe_ros.workers import connect, run_tasks
 
 PROBED = {Group.CONTRASTS: 5, Group.SCALES: 5, Group.MESHES: 2, Group.LAWS: 4, Group.ACTUATORS: 2, Group.HONESTY: 1}
 """Dict from group to the number of its first cases that the probe runs, for the groups that need least time. The third

@@ -15,8 +15,8 @@ from gdfe_ros.constraints import Handle, Pose
 from gdfe_ros.materials import Linear
 from gdfe_ros.mesh import HexMesh, bar
 from gdfe_ros.mesh.generators import grid
+from gdfe_ros.results.step_result import StepResult
 from gdfe_ros.solver.settings import Policy
-from gdfe_ros.step_result import StepResult
 
 POSE = Pose(translation=(0.02, 0.0, 0.05))
 PULL = Pose(translation=(0.02, 0.0, 0.0))

@@ -17,11 +17,11 @@ from benchmarks.scenes import read_scene
 from benchmarks.torture.bodies import BAR, LAWS, distance, make_scene
 from benchmarks.torture.case import Case, Finding, Group
 from gdfe_ros.constraints import Pose
+from gdfe_ros.results.step_result import StepResult
 from gdfe_ros.scene.loader import scene_from_text
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.simulation import Command, Simulation
 from gdfe_ros.solver.settings import Policy
-from gdfe_ros.step_result import StepResult
 
 STEPS = 100_000
 """Number of steps of the full walk."""

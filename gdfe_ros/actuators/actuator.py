@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from gdfe_ros.actuators.embedding import Embedding
 from gdfe_ros.mesh.cavities import inside_volume
-from gdfe_ros.real_number import require_command
+from gdfe_ros.untrusted.real_number import require_command
 
 _LENGTH, _TENSION = ("length", "m"), ("tension", "N")
 _VOLUME, _PRESSURE = ("volume", "m^3"), ("pressure", "Pa")

@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.analysis.message_values import Values, cloud_values, message_values, record_values
-from gdfe_ros.contacts import total_forces
 from gdfe_ros.errors import RecordingError
 from gdfe_ros.recording.bag_info import TopicInfo
 from gdfe_ros.recording.reader import BagReader
 from gdfe_ros.recording.step import StepRecord
+from gdfe_ros.results.contacts import total_forces
 from gdfe_ros.scene import Scene, scene_from_text
 
 _INPUTS = frozenset({"actuation", "commands", "trajectory"})

@@ -9,7 +9,7 @@ from rich.table import Table
 
 from gdfe_ros.analysis.bag_run import CONTACTS, RECORD
 from gdfe_ros.analysis.difference import Differences, FieldDifference, Place
-from gdfe_ros.terminal import PlainConsole
+from gdfe_ros.untrusted.terminal import PlainConsole
 
 UNITS = {
     "x": "m", "y": "m", "z": "m", "ux": "m", "uy": "m", "uz": "m",

@@ -16,9 +16,9 @@ import numpy as np
 from gdfe_ros.actuators import Actuator, Mode
 from gdfe_ros.analysis.bag_run import CONTACTS, RECORD, BagStep
 from gdfe_ros.analysis.difference_table import unit_of
-from gdfe_ros.bounded_text import quoted
 from gdfe_ros.mesh import Mesh
 from gdfe_ros.scene import Scene
+from gdfe_ros.untrusted.bounded_text import quoted
 
 if TYPE_CHECKING:
     import meshio

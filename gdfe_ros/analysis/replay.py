@@ -19,9 +19,9 @@ from gdfe_ros.errors import GdfeError, RecordingError
 from gdfe_ros.recording.provenance import STATE_FILE
 from gdfe_ros.recording.published import tables_of
 from gdfe_ros.recording.step import OUTCOME, Begin, Step, StepRecord, observe
+from gdfe_ros.results.step_result import StepResult
 from gdfe_ros.scene import scene_from_text
 from gdfe_ros.simulation import Command, Simulation
-from gdfe_ros.step_result import StepResult
 
 
 @dataclass(frozen=True, eq=False)

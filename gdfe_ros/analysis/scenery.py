@@ -15,8 +15,8 @@ from gdfe_ros.actuators import Cable, Chamber
 from gdfe_ros.constraints import Pose
 from gdfe_ros.constraints.form import Plane, form_faces
 from gdfe_ros.constraints.obstacle import Obstacle
-from gdfe_ros.contacts import contact_points, places_and_forces
 from gdfe_ros.mesh import HexMesh
+from gdfe_ros.results.contacts import contact_points, places_and_forces
 
 if TYPE_CHECKING:
     from gdfe_ros.scene import Scene

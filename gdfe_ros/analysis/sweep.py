@@ -21,13 +21,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import yaml
 
-from gdfe_ros.bounded_text import LARGEST_TEXT, load_json, load_yaml
+from gdfe_ros.analysis.workers import run_tasks
 from gdfe_ros.errors import GdfeError
-from gdfe_ros.regular_file import read_text
+from gdfe_ros.results.step_result import StepResult
 from gdfe_ros.scene import scene_from_text
 from gdfe_ros.simulation import Simulation
-from gdfe_ros.step_result import StepResult
-from gdfe_ros.workers import run_tasks
+from gdfe_ros.untrusted.bounded_text import LARGEST_TEXT, load_json, load_yaml
+from gdfe_ros.untrusted.regular_file import read_text
 
 if TYPE_CHECKING:
     from distributed import Client

@@ -17,12 +17,12 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 from scipy.stats import qmc
 
-from gdfe_ros.bounded_text import quoted
+from gdfe_ros.analysis.workers import map_tasks
 from gdfe_ros.errors import GdfeError, require_named
+from gdfe_ros.results.step_result import StepResult
 from gdfe_ros.scene import Scene, scene_from_text
 from gdfe_ros.simulation import Command, Simulation
-from gdfe_ros.step_result import StepResult
-from gdfe_ros.workers import map_tasks
+from gdfe_ros.untrusted.bounded_text import quoted
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -153,7 +153,7 @@ def find_workspace(
         probe: name of the probe.
         actuators: names (a,); the other actuators keep their neutral commands.
         commands: (k, a) in the unit of each actuator.
-        client: client of the workers (`gdfe_ros.workers.connect`); None computes in this process.
+        client: client of the workers (`gdfe_ros.analysis.workers.connect`); None computes in this process.
 
     Raises:
         GdfeError: there is no such probe, or the workers die.

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.constraints.form import Box, Cylinder, Sphere
-from gdfe_ros.real_number import require_command
+from gdfe_ros.untrusted.real_number import require_command
 
 
 class JointKind(str, Enum):

@@ -15,7 +15,7 @@ from scipy.spatial import ConvexHull, QhullError
 from gdfe_ros.errors import ArmError, MeshError
 from gdfe_ros.mesh.shells import shell_numbers
 from gdfe_ros.mesh.voxels import SUFFIXES, examine_surface
-from gdfe_ros.regular_file import defect_of, is_file
+from gdfe_ros.untrusted.regular_file import defect_of, is_file
 
 DEBRIS = 1e-6
 """Least volume of a convex piece of a collision mesh, divided by that of the largest piece."""

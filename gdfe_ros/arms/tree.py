@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from graphlib import CycleError, TopologicalSorter
 
 from gdfe_ros.arms.description import Joint
-from gdfe_ros.spelling import did_you_mean
+from gdfe_ros.untrusted.spelling import did_you_mean
 
 
 def root_of(names: set[str], joints: Sequence[Joint]) -> tuple[str, list[str]]:

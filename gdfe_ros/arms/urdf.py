@@ -16,10 +16,10 @@ from scipy.spatial.transform import Rotation
 
 from gdfe_ros.arms.description import Description, Geometry, Joint, JointKind, Link, Mimic, UrdfLimits
 from gdfe_ros.arms.tree import mimic_defects, root_of
-from gdfe_ros.bounded_text import parse_xml
 from gdfe_ros.constraints.form import Box, Cylinder, Sphere
 from gdfe_ros.errors import ArmError
-from gdfe_ros.spelling import did_you_mean
+from gdfe_ros.untrusted.bounded_text import parse_xml
+from gdfe_ros.untrusted.spelling import did_you_mean
 
 _NAMED = {"link": ("name",), "joint": ("name",), "parent": ("link",), "child": ("link",), "mimic": ("joint",)}
 """Dict from XML element to the attribute that contains the name of a link or a joint."""

@@ -16,7 +16,7 @@ from gdfe_ros.commands.waiting import waiting
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.recording.bag_info import bag_directory
 from gdfe_ros.recording.recovery import RecoveryReport, recover
-from gdfe_ros.terminal import PlainConsole, make_table
+from gdfe_ros.untrusted.terminal import PlainConsole, make_table
 
 if TYPE_CHECKING:
     from gdfe_ros.analysis.bag_run import BagRun, BagStep

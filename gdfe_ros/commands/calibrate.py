@@ -17,7 +17,7 @@ from scipy.optimize import brentq
 from gdfe_ros.paper.shape_factor import CALIBRATED_TO, geometric_ratio
 from gdfe_ros.scene import load_scene
 from gdfe_ros.simulation import Simulation
-from gdfe_ros.terminal import PlainConsole, make_table
+from gdfe_ros.untrusted.terminal import PlainConsole, make_table
 
 LEFT = 0.9
 """Shape factor of the left half; the right half has ``LEFT`` / R_G."""

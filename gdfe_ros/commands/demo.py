@@ -15,9 +15,9 @@ from gdfe_ros.analysis.bag_run import BagRun
 from gdfe_ros.commands.waiting import convergence, print_failures, progress_bar, waiting
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.recording.bag_info import IN_RUN
-from gdfe_ros.regular_file import path_inside
 from gdfe_ros.scene import Scene, load_scene
-from gdfe_ros.terminal import QUANTITIES, PlainConsole, make_table
+from gdfe_ros.untrusted.regular_file import path_inside
+from gdfe_ros.untrusted.terminal import QUANTITIES, PlainConsole, make_table
 
 FAILED = 1
 

@@ -10,8 +10,8 @@ from pathlib import Path
 from gdfe_ros.commands.options import add_workers, open_client
 from gdfe_ros.commands.waiting import waiting
 from gdfe_ros.errors import GdfeError
-from gdfe_ros.regular_file import path_inside
-from gdfe_ros.terminal import PlainConsole, make_table
+from gdfe_ros.untrusted.regular_file import path_inside
+from gdfe_ros.untrusted.terminal import PlainConsole, make_table
 
 LOSSES = ("linear", "soft_l1", "huber", "cauchy", "arctan")
 LAWS = (

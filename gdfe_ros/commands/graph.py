@@ -9,11 +9,11 @@ from itertools import islice
 
 import numpy as np
 
-from gdfe_ros.bounded_text import plain_lines
 from gdfe_ros.commands.remote.message_text import parse, show
 from gdfe_ros.commands.remote.peer import Peer, full_name, get_parameters, set_parameter
 from gdfe_ros.errors import GdfeError
-from gdfe_ros.spelling import did_you_mean
+from gdfe_ros.untrusted.bounded_text import plain_lines
+from gdfe_ros.untrusted.spelling import did_you_mean
 
 REFUSED = 1
 

@@ -13,7 +13,7 @@ from gdfe_ros.mesh.inspection import Inspection, inspect_file
 from gdfe_ros.mesh.mesh_input import require_file
 from gdfe_ros.mesh.quality import check_mesh
 from gdfe_ros.scene.mesh_schema import SCALE, SIZE
-from gdfe_ros.terminal import QUANTITIES, PlainConsole, make_table
+from gdfe_ros.untrusted.terminal import QUANTITIES, PlainConsole, make_table
 
 DEFECTIVE = 1
 

@@ -10,9 +10,9 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from gdfe_ros.analysis.workers import connect
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.quantity import Quantity
-from gdfe_ros.workers import connect
 
 if TYPE_CHECKING:
     from distributed import Client

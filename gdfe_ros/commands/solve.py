@@ -18,14 +18,14 @@ from gdfe_ros import __version__
 from gdfe_ros.actuators.actuator import Mode
 from gdfe_ros.commands.options import add_overrides, require_folder, require_picture
 from gdfe_ros.commands.waiting import PlayProgress, convergence, print_failures, waiting
-from gdfe_ros.contacts import contact_points, total_forces
 from gdfe_ros.entry import INTERRUPTED
+from gdfe_ros.results.contacts import contact_points, total_forces
+from gdfe_ros.results.step_result import StepResult
 from gdfe_ros.scene import Scene, load_scene
 from gdfe_ros.scene.override import read_overrides
 from gdfe_ros.simulation import Simulation
 from gdfe_ros.solver.settings import Policy, SolverSettings
-from gdfe_ros.step_result import StepResult
-from gdfe_ros.terminal import QUANTITIES, PlainConsole, make_table
+from gdfe_ros.untrusted.terminal import QUANTITIES, PlainConsole, make_table
 
 NOT_CONVERGED = 3
 

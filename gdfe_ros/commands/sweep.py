@@ -9,14 +9,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gdfe_ros.actuators import Mode
+from gdfe_ros.analysis.workers import connect
 from gdfe_ros.commands.options import add_overrides, add_workers, open_client
 from gdfe_ros.commands.waiting import progress_bar, waiting
 from gdfe_ros.errors import GdfeError
-from gdfe_ros.regular_file import path_inside
 from gdfe_ros.scene import load_scene
 from gdfe_ros.scene.override import read_overrides
-from gdfe_ros.terminal import PlainConsole, make_table
-from gdfe_ros.workers import connect
+from gdfe_ros.untrusted.regular_file import path_inside
+from gdfe_ros.untrusted.terminal import PlainConsole, make_table
 
 if TYPE_CHECKING:
     from gdfe_ros.analysis.sweep import Archive, Case

@@ -21,12 +21,12 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from gdfe_ros.compilations import compilations
-from gdfe_ros.terminal import PlainConsole
+from gdfe_ros.compiling.compilations import compilations
+from gdfe_ros.untrusted.terminal import PlainConsole
 
 if TYPE_CHECKING:
     from gdfe_ros.recording.step import StepRecord
-    from gdfe_ros.step_result import StepResult
+    from gdfe_ros.results.step_result import StepResult
 
 SILENT = 1.0
 """Time [s] before the text appears at a terminal; most scenes are ready earlier."""

@@ -27,8 +27,8 @@ from gdfe_ros.errors import GdfeError
 from gdfe_ros.examples.picker import Picker
 from gdfe_ros.examples.soft_grip import GripSchedule, SoftGrip, force_limit
 from gdfe_ros.scene.scene import Scene
-from gdfe_ros.terminal import PlainConsole
 from gdfe_ros.testing import PublishedState, Simulator
+from gdfe_ros.untrusted.terminal import PlainConsole
 
 FORCE, STRAIN = 1.2, 0.03
 """Wanted force of one side [N], and largest allowed strain of the soft cube."""

@@ -16,7 +16,7 @@ from gdfe_ros.errors import GdfeError
 from gdfe_ros.fitting.match import CommandModel, CompareModel
 from gdfe_ros.recording.foreign_bag import ForeignBag
 from gdfe_ros.recording.reader import BagReader
-from gdfe_ros.spelling import did_you_mean
+from gdfe_ros.untrusted.spelling import did_you_mean
 
 _STEP = re.compile(r"\.?([A-Za-z_]\w*)|\[(-?\d+)\]|\[([A-Za-z_]\w*)=([^\]]*)\]")
 _HOLDERS = ("pose", "transform", "wrench")

@@ -23,9 +23,9 @@ from gdfe_ros.fitting.match import (
     scale_of,
 )
 from gdfe_ros.fitting.recording import Series, Track, constant
-from gdfe_ros.regular_file import read_text
 from gdfe_ros.scene.scene import Scene
-from gdfe_ros.spelling import did_you_mean
+from gdfe_ros.untrusted.regular_file import read_text
+from gdfe_ros.untrusted.spelling import did_you_mean
 
 _LARGEST = 256_000_000
 """Largest size of a file [bytes]."""

@@ -144,7 +144,7 @@ def fit_scene(
         scene: scene to fit; it is not modified.
         recordings: recordings to fit.
         parameters: parameters to fit.
-        client: client of the workers (`gdfe_ros.workers.connect`); None simulates in this process.
+        client: client of the workers (`gdfe_ros.analysis.workers.connect`); None simulates in this process.
         held_out: recordings that are only predicted.
         loss: loss of scipy's `least_squares`: linear, soft_l1, huber, cauchy or arctan.
         told: function that is called with a line of text after each search.

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from gdfe_ros.analysis.report.charts import numbers_of
 from gdfe_ros.analysis.report.template import build_page, tabulate
-from gdfe_ros.bounded_text import quoted
 from gdfe_ros.errors import show_point
 from gdfe_ros.fitting.comparison import predicted, split
 from gdfe_ros.fitting.fit import Fit
@@ -25,6 +24,7 @@ from gdfe_ros.fitting.problem import FitPoint, FitProblem
 from gdfe_ros.fitting.recording import ROW
 from gdfe_ros.fitting.statistics import percent
 from gdfe_ros.scene.report import unit_of
+from gdfe_ros.untrusted.bounded_text import quoted
 
 RESIDUAL = "residual: simulated - measured"
 

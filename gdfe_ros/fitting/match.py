@@ -12,16 +12,16 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Discriminator, Field, Tag, ValidationError, model_validator
 
-from gdfe_ros.bounded_text import LARGEST_TEXT
 from gdfe_ros.errors import DefectsError, GdfeError, MeshError
 from gdfe_ros.fitting.recording import CLOUDS, POSITIONS, Observable, QuantityKind, require_known
 from gdfe_ros.mesh import select_vertices
 from gdfe_ros.mesh.selection import Where
 from gdfe_ros.quantity import Quantity, Vector
-from gdfe_ros.regular_file import read_text
 from gdfe_ros.scene.document import parse_document
 from gdfe_ros.scene.entry import TAG, VALUE_ERROR, Choice, Entry
 from gdfe_ros.scene.scene import Scene
+from gdfe_ros.untrusted.bounded_text import LARGEST_TEXT
+from gdfe_ros.untrusted.regular_file import read_text
 
 FACTORS = {
     "m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": 0.0254,

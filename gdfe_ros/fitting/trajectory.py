@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gdfe_ros.analysis.workers import map_tasks
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.fitting.parameter import FittedParameter
 from gdfe_ros.fitting.recording import Recording
 from gdfe_ros.scene import scene_from_text
 from gdfe_ros.simulation import Simulation
-from gdfe_ros.workers import map_tasks
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -59,7 +59,7 @@ class Simulations:
 
     Args:
         text: YAML text of the scene, which needs no other file.
-        client: client of the workers (`gdfe_ros.workers.connect`); None simulates in this process.
+        client: client of the workers (`gdfe_ros.analysis.workers.connect`); None simulates in this process.
 
     Attributes:
         count: number of simulations so far.

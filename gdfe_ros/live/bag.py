@@ -8,7 +8,6 @@ from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
-from gdfe_ros.contacts import contact_names
 from gdfe_ros.node.interface import FRAME, NODE_NAME, TopicSpec, topics
 from gdfe_ros.node.interface.topics import state_topics
 from gdfe_ros.recording.bag_info import TopicInfo
@@ -16,6 +15,7 @@ from gdfe_ros.recording.packing import pack_text, packers
 from gdfe_ros.recording.provenance import RunInfo
 from gdfe_ros.recording.recorder import Recorder
 from gdfe_ros.recording.step import Step
+from gdfe_ros.results.contacts import contact_names
 from gdfe_ros.scene.scene import Scene
 
 

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.constraints import Pose
-from gdfe_ros.contacts import contact_points
 from gdfe_ros.node.orders import Order
 from gdfe_ros.recording.step import StepRecord
+from gdfe_ros.results.contacts import contact_points
 from gdfe_ros.scene.scene import Scene
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ class View:
         fields: function that returns the fields of the cells (m,) by name; they are evaluated in the caller's thread.
         poses: poses of handles, obstacles and rigid bodies by name, relative to rest.
         wrenches: dict from handle, obstacle or rigid body to its wrench on the body (6,), force [N] then moment [N m].
-        contacts: function that returns the contact points (k,), as `gdfe_ros.contacts.POINT`.
+        contacts: function that returns the contact points (k,), as `gdfe_ros.results.contacts.POINT`.
         actuators: dict from actuator to its readings.
         joints: dict from joint of an arm to its position [rad] or [m].
     """

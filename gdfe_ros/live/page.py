@@ -18,7 +18,6 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
-from gdfe_ros.bounded_text import Throttle, plain_lines
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.live.gate import Admission, Gate, guarding
 from gdfe_ros.live.interface import ShownRun, View
@@ -30,6 +29,7 @@ from gdfe_ros.live.surface import Range, fields_of, legend
 from gdfe_ros.node.orders import Order
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.threads import VIEWER, show_name
+from gdfe_ros.untrusted.bounded_text import Throttle, plain_lines
 
 _SLOWLY = 0.2
 """Update interval of numbers, plots, traces and sliders [s]. The body and its markers are updated in every frame."""

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh.mesh_input import LARGEST
-from gdfe_ros.regular_file import is_file, read_bytes
+from gdfe_ros.untrusted.regular_file import is_file, read_bytes
 
 MOST_INCLUDES = 100
 """Largest number of files that may be included; more is a file that includes itself."""

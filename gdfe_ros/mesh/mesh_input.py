@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.errors import MeshError
-from gdfe_ros.regular_file import defect_of, require_regular
+from gdfe_ros.untrusted.regular_file import defect_of, require_regular
 
 LARGEST = 500_000_000
 """Largest size of a mesh file [bytes]."""

@@ -27,7 +27,7 @@ from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh.filling import Filling
 from gdfe_ros.mesh.mesh import HexMesh, Mesh
 from gdfe_ros.mesh.tetmesh import TetMesh
-from gdfe_ros.regular_file import replace_file
+from gdfe_ros.untrusted.regular_file import replace_file
 
 _CELL_SET, _VERTEX_SET, _FILLING = "cell_set:", "vertex_set:", "filling:"
 _VERTICES, _TRIANGLES, _SLASH = "vertices:", "triangles:", "\\"

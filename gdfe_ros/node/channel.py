@@ -23,8 +23,8 @@ from gdfe_ros.node.refusals import Reason, Refusal, RefusalLog
 from gdfe_ros.node.ros_types import interface_class, qos_profile, topic_info
 from gdfe_ros.recording.recorder import Recorder
 from gdfe_ros.recording.step import Step
-from gdfe_ros.spelling import did_you_mean
 from gdfe_ros.threads import PUBLISHER, show_name
+from gdfe_ros.untrusted.spelling import did_you_mean
 
 _WAITING = 2
 """Largest number of steps in the queue for publishing. While the queue is full, the stepping thread waits."""

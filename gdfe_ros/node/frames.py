@@ -26,7 +26,7 @@ from gdfe_ros.node.ros_types import interface_class, subscribe
 from gdfe_ros.recording.published import material_pose
 from gdfe_ros.recording.step import Step
 from gdfe_ros.scene.scene import Scene
-from gdfe_ros.soft_places import fit_rigidly
+from gdfe_ros.simulation_parts.soft_places import fit_rigidly
 
 
 @dataclass(frozen=True, eq=False)

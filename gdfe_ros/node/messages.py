@@ -26,19 +26,19 @@ from std_msgs.msg import ColorRGBA, Float64MultiArray, Header, Int32MultiArray, 
 from visualization_msgs.msg import Marker, MarkerArray
 
 from gdfe_ros.actuators import Actuator
-from gdfe_ros.bounded_text import shorten
 from gdfe_ros.colour_map import colour
 from gdfe_ros.constraints import Pose
 from gdfe_ros.constraints.form import Box, Capsule, Cylinder, Sphere, TriangleMesh
 from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.constraints.rigid_body import RigidBody
-from gdfe_ros.contacts import places_and_forces
 from gdfe_ros.mesh import HexMesh
 from gdfe_ros.mesh.solid import Solid
 from gdfe_ros.node.frames import Placement
 from gdfe_ros.node.refusals import LONGEST, Refusal
 from gdfe_ros.recording.packing import Cdr, pack_text, put_stamp
+from gdfe_ros.results.contacts import places_and_forces
 from gdfe_ros.scene.scene import Scene
+from gdfe_ros.untrusted.bounded_text import shorten
 
 
 def to_time(nanoseconds: int) -> Time:
@@ -225,7 +225,7 @@ class ContactMarkers:
         Args:
             head: header of all markers, in the node's frame.
             poses: poses of obstacles and rigid bodies by name, relative to rest.
-            points: contact points, as `gdfe_ros.contacts.POINT`.
+            points: contact points, as `gdfe_ros.results.contacts.POINT`.
         """
         # Delete all markers of the last message, including arrows of points that no longer touch.
         markers = [Marker(header=head, action=Marker.DELETEALL)]

@@ -11,7 +11,6 @@ from typing import Any
 
 from rosgraph_msgs.msg import Clock
 
-from gdfe_ros.contacts import contact_names, contact_points
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.node import messages
 from gdfe_ros.node.channel import Channel
@@ -26,6 +25,7 @@ from gdfe_ros.recording.packing import pack_text, packers
 from gdfe_ros.recording.provenance import RunInfo
 from gdfe_ros.recording.recorder import Recorder, RecorderStatus
 from gdfe_ros.recording.step import Step, to_nanoseconds
+from gdfe_ros.results.contacts import contact_names, contact_points
 
 
 class Output:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import TYPE_CHECKING
 
-from gdfe_ros.bounded_text import Throttle
+from gdfe_ros.untrusted.bounded_text import Throttle
 
 if TYPE_CHECKING:
     from gdfe_ros.recording.step import Step

@@ -11,8 +11,8 @@ from concurrent.futures import Future
 from enum import Enum, IntEnum
 from typing import TYPE_CHECKING, Any
 
-from gdfe_ros.bounded_text import Throttle, plain_lines, shorten, without_middle
 from gdfe_ros.errors import GdfeError
+from gdfe_ros.untrusted.bounded_text import Throttle, plain_lines, shorten, without_middle
 
 if TYPE_CHECKING:
     from builtin_interfaces.msg import Time

@@ -19,6 +19,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from gdfe_ros.checkpoint import load_state, save_state, write_state
 from gdfe_ros.errors import GdfeError, SceneError
+from gdfe_ros.installation import share_dir
 from gdfe_ros.node import interface
 from gdfe_ros.node.interface import ServiceSpec
 from gdfe_ros.node.managed import ManagedNode
@@ -27,12 +28,11 @@ from gdfe_ros.node.refusals import Refused, ResultCode
 from gdfe_ros.node.remodelling import build_simulation
 from gdfe_ros.node.session import SimulationSession
 from gdfe_ros.recording.step import Begin
-from gdfe_ros.regular_file import read_bytes, read_text
 from gdfe_ros.scene.entity import LARGEST
 from gdfe_ros.scene.loader import load_scene, scene_from_text, scene_names
 from gdfe_ros.scene.scene import Scene
-from gdfe_ros.share import share_dir
 from gdfe_ros.simulation import Simulation
+from gdfe_ros.untrusted.regular_file import read_bytes, read_text
 
 
 class SessionNode(ManagedNode):

@@ -23,8 +23,8 @@ from gdfe_ros.node.orders import Inbox, Order
 from gdfe_ros.node.pace import Pace, WallPace
 from gdfe_ros.node.refusals import Reason, Refusal
 from gdfe_ros.recording.step import Begin, Step, make_record, observe, to_nanoseconds
+from gdfe_ros.results.step_result import StepResult
 from gdfe_ros.simulation import Command, Simulation
-from gdfe_ros.step_result import StepResult
 from gdfe_ros.threads import STEPPER, show_name
 
 _Value = TypeVar("_Value")

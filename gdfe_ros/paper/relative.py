@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 
 from gdfe_ros.compiled import internal, kernel
 from gdfe_ros.constraints import Pose
-from gdfe_ros.element_fields import corner_forces, strain_states, volume_pressures
 from gdfe_ros.materials.tensor import rotation
 from gdfe_ros.mesh.operators import ShapeOperators
 from gdfe_ros.paper.shape_factor import shape_factors
+from gdfe_ros.results.element_fields import corner_forces, strain_states, volume_pressures
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.elements.barrier import tell_flat
 from gdfe_ros.solver.elements.blocks import Operators

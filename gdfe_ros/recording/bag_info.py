@@ -14,9 +14,9 @@ from typing import Any
 
 import yaml
 
-from gdfe_ros.bounded_text import load_yaml
 from gdfe_ros.errors import RecordingError
-from gdfe_ros.regular_file import path_inside, read_text
+from gdfe_ros.untrusted.bounded_text import load_yaml
+from gdfe_ros.untrusted.regular_file import path_inside, read_text
 
 METADATA_FILE = "metadata.yaml"
 ROOT_KEY = "rosbag2_bagfile_information"

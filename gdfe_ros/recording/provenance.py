@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import gdfe_ros
-from gdfe_ros.bounded_text import load_json_object
+from gdfe_ros.untrusted.bounded_text import load_json_object
 
 if TYPE_CHECKING:
     from gdfe_ros.scene.scene import Scene

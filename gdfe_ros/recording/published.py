@@ -19,10 +19,10 @@ from gdfe_ros.actuators import Embedding
 from gdfe_ros.actuators.actuator import Readings
 from gdfe_ros.constraints import Handle, Pose
 from gdfe_ros.constraints.obstacle import ArmLink
-from gdfe_ros.contacts import POINT, ContactSensor, contact_names, contact_points
-from gdfe_ros.element_fields import ElementFields
-from gdfe_ros.inertial_units import ImuReading
 from gdfe_ros.recording.step import Step
+from gdfe_ros.results.contacts import POINT, ContactSensor, contact_names, contact_points
+from gdfe_ros.results.element_fields import ElementFields
+from gdfe_ros.results.inertial_units import ImuReading
 from gdfe_ros.scene.scene import Scene
 
 _NO_TURN = (0.0, 0.0, 0.0, 1.0)

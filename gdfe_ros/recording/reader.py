@@ -15,7 +15,6 @@ from mcap.exceptions import McapError
 from mcap.reader import McapReader, make_reader
 from mcap.records import Channel, Schema
 
-from gdfe_ros.bounded_text import load_yaml
 from gdfe_ros.errors import RecordingError
 from gdfe_ros.recording.bag_info import (
     LARGEST_METADATA,
@@ -34,7 +33,8 @@ from gdfe_ros.recording.decoding import array_decoder, require_bounded
 from gdfe_ros.recording.frames import DAMAGE as UNREADABLE
 from gdfe_ros.recording.frames import chunk_size, require_sound_summary
 from gdfe_ros.recording.provenance import RunInfo
-from gdfe_ros.regular_file import read_text
+from gdfe_ros.untrusted.bounded_text import load_yaml
+from gdfe_ros.untrusted.regular_file import read_text
 
 _LARGEST_DEFINITION = 200_000
 """Largest size of a type's definition [bytes]; a parser of 16 MB takes a minute."""

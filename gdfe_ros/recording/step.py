@@ -15,18 +15,18 @@ from enum import Enum
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
-from gdfe_ros.bounded_text import load_json_object
 from gdfe_ros.constraints import Pose
 from gdfe_ros.errors import RecordingError
+from gdfe_ros.untrusted.bounded_text import load_json_object
 
 if TYPE_CHECKING:
     from gdfe_ros.actuators import ActuatorState
     from gdfe_ros.arms.carriers import JointReading
     from gdfe_ros.arms.dynamics import LinkFrame
-    from gdfe_ros.element_fields import ElementFields
-    from gdfe_ros.inertial_units import ImuReading
+    from gdfe_ros.results.element_fields import ElementFields
+    from gdfe_ros.results.inertial_units import ImuReading
+    from gdfe_ros.results.step_result import StepResult
     from gdfe_ros.simulation import Command, Simulation
-    from gdfe_ros.step_result import StepResult
 
 FORMAT = 1
 _LARGEST = 4_000_000

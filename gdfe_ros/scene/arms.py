@@ -18,17 +18,17 @@ from gdfe_ros.arms.limits import JointSprings
 from gdfe_ros.arms.meshes import find_mesh, read_surface, renamed_package
 from gdfe_ros.arms.shapes import begins_inside, touching_links, visuals
 from gdfe_ros.arms.urdf import parse_urdf
-from gdfe_ros.bounded_text import LARGEST_XML
 from gdfe_ros.constraints import Handle
 from gdfe_ros.errors import ArmError, MeshError
 from gdfe_ros.mesh import HexMesh
 from gdfe_ros.mesh.packing import pack_robot, unpack_robot
-from gdfe_ros.regular_file import read_text
 from gdfe_ros.scene.arm_schema import ArmModel
 from gdfe_ros.scene.builder import KINDS
 from gdfe_ros.scene.document import Carried, KeyPath, without
 from gdfe_ros.scene.report import Defects, require_known, suggest
 from gdfe_ros.scene.schema import Draft
+from gdfe_ros.untrusted.bounded_text import LARGEST_XML
+from gdfe_ros.untrusted.regular_file import read_text
 
 SPIN_UP = 0.1
 """Time [s] in which a joint without a limit of its acceleration reaches its largest velocity."""

@@ -8,8 +8,8 @@ from typing import Any
 
 import yaml
 
-from gdfe_ros.bounded_text import MOST_NODES, Loader, check_yaml, load_yaml
 from gdfe_ros.errors import SceneError
+from gdfe_ros.untrusted.bounded_text import MOST_NODES, Loader, check_yaml, load_yaml
 
 KeyPath = tuple[str | int, ...]
 Carried = dict[KeyPath, dict[str, Any]]

@@ -13,10 +13,9 @@ import numpy as np
 from pydantic import ValidationError
 
 from gdfe_ros.arms.arm import Arm
-from gdfe_ros.bounded_text import LARGEST_TEXT
 from gdfe_ros.constraints import Handle
 from gdfe_ros.errors import SceneError
-from gdfe_ros.regular_file import defect_of, is_file, read_text
+from gdfe_ros.installation import share_dir
 from gdfe_ros.scene.actuation import build_actuators, build_loads, build_masses, build_probes
 from gdfe_ros.scene.arms import build_arms, require_arms
 from gdfe_ros.scene.builder import assign_materials, build_handles, build_materials, require_held, require_own_names
@@ -33,8 +32,9 @@ from gdfe_ros.scene.soft_bodies import assign_soft_materials, build_soft_bodies,
 from gdfe_ros.scene.solvable import unsolvable
 from gdfe_ros.scene.touchable import build_bodies, build_obstacles, build_self_contact, build_sensors
 from gdfe_ros.scene.tracks import build_program
-from gdfe_ros.share import share_dir
-from gdfe_ros.spelling import closest
+from gdfe_ros.untrusted.bounded_text import LARGEST_TEXT
+from gdfe_ros.untrusted.regular_file import defect_of, is_file, read_text
+from gdfe_ros.untrusted.spelling import closest
 
 _SUFFIXES = (".yaml", ".yml")
 

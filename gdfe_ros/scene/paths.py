@@ -10,8 +10,8 @@ from typing import Annotated, Any
 
 from pydantic import BeforeValidator, ValidationInfo
 
-from gdfe_ros.extras import robots_extra
-from gdfe_ros.regular_file import defect_of
+from gdfe_ros.installation import robots_extra
+from gdfe_ros.untrusted.regular_file import defect_of
 
 INSTALLED = "pip://"
 """Begin of the path of an installed file: ``pip://<package>/<path of the file in the package's RECORD>``."""

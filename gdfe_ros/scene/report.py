@@ -15,12 +15,12 @@ from pydantic.fields import FieldInfo
 from gdfe_ros.errors import DefectsError, SceneError
 from gdfe_ros.keys import FieldError, Keys, Meaning
 from gdfe_ros.quantity import Quantity, find_quantity
-from gdfe_ros.regular_file import NAME_RULE
 from gdfe_ros.scene.document import Document, KeyPath
 from gdfe_ros.scene.entry import TAG, VALUE_ERROR
 from gdfe_ros.scene.material_schema import LAWS
 from gdfe_ros.scene.schema import SceneModel
-from gdfe_ros.spelling import closest, did_you_mean
+from gdfe_ros.untrusted.regular_file import NAME_RULE
+from gdfe_ros.untrusted.spelling import closest, did_you_mean
 
 
 def known_keys(location: KeyPath) -> list[str]:

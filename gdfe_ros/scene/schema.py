@@ -11,7 +11,6 @@ from pydantic import Field, StringConstraints, WrapValidator, model_validator
 
 from gdfe_ros.constraints import Axis
 from gdfe_ros.mesh.selection import Where
-from gdfe_ros.regular_file import NAME_PATTERN
 from gdfe_ros.scene.actuator_schema import ActuatorModel, LoadModel, MassModel, Place
 from gdfe_ros.scene.arm_schema import ArmModel
 from gdfe_ros.scene.entry import Entry, one_of
@@ -20,6 +19,7 @@ from gdfe_ros.scene.mesh_schema import MeshModel, PlacedMeshModel, SkinModel
 from gdfe_ros.scene.obstacle_schema import BodyModel, ObstacleModel, SelfContactModel, SensorModel
 from gdfe_ros.scene.program import Program
 from gdfe_ros.solver.settings import Dynamics, SolverSettings
+from gdfe_ros.untrusted.regular_file import NAME_PATTERN
 
 #: Pattern of names, which become parts of ROS topics and of command lines.
 NAME = re.compile(r"^[A-Za-z][A-Za-z0-9_]*$")

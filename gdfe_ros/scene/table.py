@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
-from gdfe_ros.bounded_text import LARGEST_TEXT
-from gdfe_ros.regular_file import read_bytes
+from gdfe_ros.untrusted.bounded_text import LARGEST_TEXT
+from gdfe_ros.untrusted.regular_file import read_bytes
 
 STRAIN_UNITS = {"": 1.0, "1": 1.0, "-": 1.0, "mm/mm": 1.0, "m/m": 1.0, "in/in": 1.0, "%": 0.01, "mm/m": 1e-3}
 """Dict from unit of strain to the strain of one unit."""

@@ -12,12 +12,12 @@ from gdfe_ros.actuators import Embedding
 from gdfe_ros.constraints.form import TriangleMesh
 from gdfe_ros.constraints.obstacle import Obstacle, SelfContact
 from gdfe_ros.constraints.rigid_body import RigidBody
-from gdfe_ros.contacts import ContactSensor
 from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh import HexMesh, select_faces
 from gdfe_ros.mesh.selection import Where, select_touching, select_touching_faces
 from gdfe_ros.mesh.solid import Solid
 from gdfe_ros.mesh.tet_faces import flat_quads
+from gdfe_ros.results.contacts import ContactSensor
 from gdfe_ros.scene.builder import select
 from gdfe_ros.scene.document import Carried, KeyPath
 from gdfe_ros.scene.obstacle_schema import BodyModel, ObstacleModel

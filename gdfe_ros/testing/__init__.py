@@ -31,7 +31,7 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from gdfe_ros.extras import remedy
+from gdfe_ros.installation import remedy
 
 if TYPE_CHECKING:
     from gdfe_ros.testing.environment import make_env, make_vector_env

@@ -15,12 +15,12 @@ from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import Imu, PointCloud2
 
 from gdfe_ros.constraints import Pose
-from gdfe_ros.contacts import POINT
-from gdfe_ros.inertial_units import ImuReading
 from gdfe_ros.node.interface import topics
 from gdfe_ros.node.messages import to_time
 from gdfe_ros.recording.published import IMU, POSE, WRENCH
 from gdfe_ros.recording.step import StepRecord
+from gdfe_ros.results.contacts import POINT
+from gdfe_ros.results.inertial_units import ImuReading
 from gdfe_ros.scene.scene import Scene
 
 Moment = tuple[int, int]
@@ -39,7 +39,7 @@ class PublishedState:
         wrenches: wrenches (6,) of handles, obstacles and rigid bodies on the body by name, force [N] then moment [N m].
         probes: poses of the material points by name.
         joints: position, velocity and effort of each actuator and joint by name, as in ``~/joint_states``.
-        contacts: (k,) contact points, as `gdfe_ros.contacts.POINT`; empty in a scene without contact.
+        contacts: (k,) contact points, as `gdfe_ros.results.contacts.POINT`; empty in a scene without contact.
         sensors: wrenches (6,) measured by contact sensors, by name, force [N] then moment [N m].
         velocities: (n, 3) float32 velocities of the vertices [m/s]; None if the scene has no dynamics.
         imus: readings of inertial measurement units at the probes by name, as from `Simulation.imus`; empty without

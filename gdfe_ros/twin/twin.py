@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.bounded_text import Throttle
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.live.interface import View
 from gdfe_ros.live.session import LiveSession
@@ -22,8 +21,9 @@ from gdfe_ros.node.refusals import Reason, Refusal, require_finite
 from gdfe_ros.node.remodelling import moduli_of
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.simulation import Simulation
-from gdfe_ros.spelling import did_you_mean
 from gdfe_ros.twin.estimator import LATEST, Deviation, ModulusEstimator, ProbeComparison, Sample
+from gdfe_ros.untrusted.bounded_text import Throttle
+from gdfe_ros.untrusted.spelling import did_you_mean
 
 if TYPE_CHECKING:
     from gdfe_ros.twin.bag import TwinBag

@@ -8,13 +8,13 @@ import pytest
 import trimesh
 
 from gdfe_ros.actuators import Cable, Chamber, Embedding, Gravity, Growth, Mode, PointLoad, SurfaceLoad, embed
-from gdfe_ros.element_fields import corner_forces
 from gdfe_ros.materials import Linear, Material, NeoHookean
 from gdfe_ros.mesh import HexMesh, bar
 from gdfe_ros.mesh.cavities import find_cavities
 from gdfe_ros.mesh.faces import enclosed_volume
 from gdfe_ros.mesh.generators import sphere
 from gdfe_ros.mesh.outside import carry_skin
+from gdfe_ros.results.element_fields import corner_forces
 from gdfe_ros.solver.body import Body, Growths
 from gdfe_ros.solver.forces.actuation import Actuation
 from gdfe_ros.solver.terms.cable import EFFORT, STIFFNESS, TARGET, cable_length

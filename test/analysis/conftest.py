@@ -22,9 +22,9 @@ from gdfe_ros.recording.provenance import RunInfo
 from gdfe_ros.recording.reader import BagMessage, BagReader
 from gdfe_ros.recording.step import Begin, Step, make_record, observe, to_nanoseconds
 from gdfe_ros.recording.writer import BagWriter
+from gdfe_ros.results.step_result import StepResult
 from gdfe_ros.scene import Scene, load_scene
 from gdfe_ros.simulation import Command, Simulation
-from gdfe_ros.step_result import StepResult
 
 COARSE = {"mesh.bar.cells": [10, 1, 1], "solver.tolerance": 1e-8}
 

@@ -14,8 +14,8 @@ from gdfe_ros.analysis.bag_run import BagStep
 from gdfe_ros.analysis.picture import CABLE, FORCE, draw_body
 from gdfe_ros.analysis.report.animation import Surroundings
 from gdfe_ros.analysis.scenery import ARROW, Scenery
-from gdfe_ros.contacts import contact_points
 from gdfe_ros.recording.step import Begin, StepRecord
+from gdfe_ros.results.contacts import contact_points
 from test.written import scene_of
 
 

@@ -14,10 +14,10 @@ import pytest
 
 from gdfe_ros.analysis import sweep
 from gdfe_ros.analysis.sweep import Case, grid_cases, read_axes, read_list, run_case, run_cases
+from gdfe_ros.analysis.workers import connect
 from gdfe_ros.cli import main
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.scene import load_scene
-from gdfe_ros.workers import connect
 
 
 def test_a_grid_is_every_combination() -> None:

@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from gdfe_ros.analysis.workers import connect
 from gdfe_ros.analysis.workspace import command_samples, find_workspace
 from gdfe_ros.cli import main
 from gdfe_ros.scene import scene_from_text
 from gdfe_ros.simulation import Command, Simulation
-from gdfe_ros.workers import connect
 
 TENDONS = """\
 name: tendons

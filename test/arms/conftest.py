@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from gdfe_ros.share import share_dir
+from gdfe_ros.installation import share_dir
 
 ARM = share_dir() / "config" / "arms" / "six_joints.urdf"
 

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.arms.arm import Arm
+from gdfe_ros.results.step_result import StepResult
 from gdfe_ros.scene import load_scene
 from gdfe_ros.simulation import Simulation
-from gdfe_ros.step_result import StepResult
 
 Vector = NDArray[np.float64]
 QUIET = (9.0, 12.0)

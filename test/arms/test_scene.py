@@ -11,7 +11,7 @@ import pytest
 from gdfe_ros import Command, Pose, Simulation, load_scene
 from gdfe_ros.checkpoint import load_state, save_state
 from gdfe_ros.errors import CommandError, SceneError
-from gdfe_ros.extras import robots_extra
+from gdfe_ros.installation import robots_extra
 from gdfe_ros.scene import scene_from_text
 from gdfe_ros.scene.paths import missing_packages
 from test.arms.conftest import SCENE, TWO_LINKS

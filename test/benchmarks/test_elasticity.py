@@ -14,8 +14,8 @@ from benchmarks.elasticity import felupe_rows, law, newton, own
 from benchmarks.elasticity.__main__ import compare, measure
 from benchmarks.elasticity.problem import DECREMENT, PROBLEMS, Kind, Problem, lattice
 from benchmarks.elasticity.table import size_table
-from gdfe_ros.element_fields import strain_energies
 from gdfe_ros.mesh import bar
+from gdfe_ros.results.element_fields import strain_energies
 from gdfe_ros.solver.body import Body
 
 MILD = Problem(kind=Kind.STRETCH, amount=1.3, ratio=0.3)

@@ -11,8 +11,8 @@ import pytest
 from rich.console import Console
 
 from gdfe_ros.commands.waiting import MOST_LINES, PlayProgress, convergence, print_failures, waiting
-from gdfe_ros.compilations import compilations
-from gdfe_ros.terminal import PlainConsole
+from gdfe_ros.compiling.compilations import compilations
+from gdfe_ros.untrusted.terminal import PlainConsole
 
 
 class Screen(StringIO):

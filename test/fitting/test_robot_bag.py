@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from rosbags.typesys import Stores, get_typestore
 
+from gdfe_ros.analysis.workers import connect
 from gdfe_ros.cli import main
 from gdfe_ros.fitting.fit import read_recordings
 from gdfe_ros.fitting.trajectory import Simulations
@@ -19,7 +20,6 @@ from gdfe_ros.recording.bag_info import TopicInfo
 from gdfe_ros.recording.writer import BagWriter
 from gdfe_ros.scene import scene_from_text
 from gdfe_ros.simulation import Command, Simulation
-from gdfe_ros.workers import connect
 from test.fitting.conftest import PULLED
 
 STORE = get_typestore(Stores.ROS2_JAZZY)

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from gdfe_ros.element_fields import corner_forces, strain_energies, volume_pressures
 from gdfe_ros.materials import (
     ArrudaBoyce,
     Curve,
@@ -27,6 +26,7 @@ from gdfe_ros.materials import (
     preset,
 )
 from gdfe_ros.mesh import bar
+from gdfe_ros.results.element_fields import corner_forces, strain_energies, volume_pressures
 from gdfe_ros.solver.body import Body
 
 MEASURED = CurveData.table(

@@ -19,10 +19,10 @@ from std_msgs.msg import Header, String
 from gdfe_ros.analysis.bag_run import BagRun
 from gdfe_ros.cli import main
 from gdfe_ros.constraints import Pose
-from gdfe_ros.contacts import contact_names
 from gdfe_ros.errors import CommandError, GdfeError
 from gdfe_ros.node.messages import pose_stamped
 from gdfe_ros.node.run import leaders_of
+from gdfe_ros.results.contacts import contact_names
 from gdfe_ros.scene.loader import load_scene
 from gdfe_ros.simulation import Command
 from gdfe_ros.testing import Simulator

@@ -17,7 +17,6 @@ from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import Imu, PointCloud2, PointField
 
 from gdfe_ros.constraints import Pose
-from gdfe_ros.inertial_units import ImuReading
 from gdfe_ros.node import messages
 from gdfe_ros.recording.packing import Packer
 from gdfe_ros.recording.published import (
@@ -34,6 +33,7 @@ from gdfe_ros.recording.published import (
     write_velocity,
     write_wrench,
 )
+from gdfe_ros.results.inertial_units import ImuReading
 from gdfe_ros.scene import load_scene
 from gdfe_ros.simulation import Command, Simulation
 

@@ -80,7 +80,7 @@ def test_each_refusal_is_published_at_once(client: Any, start: Callable, coarse:
 def test_warnings_are_throttled_by_input_and_reason(monkeypatch: pytest.MonkeyPatch) -> None:
     """There is one warning in five seconds per input and reason; the next one gives the number of omitted ones."""
     now = [100.0]
-    monkeypatch.setattr("gdfe_ros.bounded_text.time.monotonic", lambda: now[0])
+    monkeypatch.setattr("gdfe_ros.untrusted.bounded_text.time.monotonic", lambda: now[0])
     warnings: list[str] = []
     log = RefusalLog(warnings.append)
     for _ in range(4):

@@ -112,7 +112,7 @@ def test_colcon_tests_the_package(
 ) -> None:
     """``colcon test`` runs the package's tests with pytest, and ``colcon test-result`` counts them."""
     (source_copy / "test").mkdir(exist_ok=True)
-    shutil.copy(root / "test" / "test_spelling.py", source_copy / "test")
+    shutil.copy(root / "test" / "untrusted" / "test_spelling.py", source_copy / "test")
     build = workspace / "build"
     bases = "--base-paths", source_copy, "--build-base", build, "--install-base", workspace / "install"
     run(colcon, "--log-base", workspace / "log", "test", *bases, "--return-code-on-test-failure")

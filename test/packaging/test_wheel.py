@@ -77,7 +77,7 @@ def test_an_installed_package_finds_its_files(installed: Path, run: Callable[...
     code = """
 import importlib, pkgutil
 import gdfe_ros
-from gdfe_ros.share import share_dir
+from gdfe_ros.installation import share_dir
 for module in pkgutil.walk_packages(gdfe_ros.__path__, "gdfe_ros."):
     if not module.name.endswith(("__main__", "preloaded")):  # the latter compiles
         importlib.import_module(module.name)

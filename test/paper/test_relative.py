@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from gdfe_ros.constraints import Axis, Handle
-from gdfe_ros.element_fields import element_fields, strain_energies
 from gdfe_ros.materials import Curve, CurveData, Linear, Material
 from gdfe_ros.mesh import HexMesh, bar
 from gdfe_ros.paper.relative import RelativeEquilibrium
 from gdfe_ros.paper.shape_factor import geometric_ratio
+from gdfe_ros.results.element_fields import element_fields, strain_energies
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.elements.measures import least_volume_ratio
 from gdfe_ros.solver.solution import Increment, Solution

@@ -11,7 +11,7 @@ import pytest
 
 from gdfe_ros import Simulation, load_scene
 from gdfe_ros.mesh import check_mesh
-from gdfe_ros.step_result import StepResult
+from gdfe_ros.results.step_result import StepResult
 
 SCENES = ["finger_press", "grasp", "ball_gripper", "ball_drop", "crawler", "peg_in_soft_hole", "soft_pinch"]
 Played = tuple[Simulation, list[StepResult], list[np.ndarray]]

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from gdfe_ros import Simulation, load_scene
-from gdfe_ros.step_result import StepResult
+from gdfe_ros.results.step_result import StepResult
 
 RATE = 100.0
 PACE = 10

@@ -7,8 +7,8 @@ import pytest
 
 from gdfe_ros import Simulation
 from gdfe_ros.constraints.obstacle import NAME
-from gdfe_ros.contacts import contact_names
 from gdfe_ros.errors import SceneError
+from gdfe_ros.results.contacts import contact_names
 from gdfe_ros.scene import scene_from_text
 
 

@@ -11,8 +11,8 @@ import trimesh
 
 from gdfe_ros import Command, Pose, Simulation, load_scene
 from gdfe_ros.checkpoint import load_state, save_state
-from gdfe_ros.contacts import contact_points
 from gdfe_ros.errors import SceneError
+from gdfe_ros.results.contacts import contact_points
 from gdfe_ros.scene import scene_from_text
 from gdfe_ros.scene.scene import Scene
 from test.written import advance

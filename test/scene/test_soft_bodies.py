@@ -14,14 +14,14 @@ from scipy.spatial.transform import Rotation
 
 from gdfe_ros.constraints import Pose
 from gdfe_ros.errors import OverlapError, SceneError
+from gdfe_ros.installation import share_dir
 from gdfe_ros.mesh.generators import bar
 from gdfe_ros.mesh.packing import pack_mesh
 from gdfe_ros.node.remodelling import take_over
 from gdfe_ros.scene import entity, load_scene, scene_from_text
 from gdfe_ros.scene.entity import Entity, read_entity, with_body, without_bodies
-from gdfe_ros.share import share_dir
 from gdfe_ros.simulation import Simulation
-from gdfe_ros.soft_places import require_soft_free
+from gdfe_ros.simulation_parts.soft_places import require_soft_free
 
 GEL = "{law: neo_hookean, young: 1.0e5, poisson: 0.45, density: 1070}"
 BAR = "{bar: {size: [0.03, 0.03, 0.03], cells: [2, 2, 2]}}"

@@ -10,7 +10,7 @@ import pytest
 
 from benchmarks.torture.honesty import STREAMS, TRUTHS, error_of, played
 from gdfe_ros import Command, Pose, Simulation
-from gdfe_ros.step_result import StepResult
+from gdfe_ros.results.step_result import StepResult
 from test.written import scene_of
 
 TEXT = """\

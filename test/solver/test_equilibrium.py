@@ -13,9 +13,9 @@ from scipy.spatial.transform import Rotation
 
 from benchmarks.torture.bodies import BAR, distance, make_scene
 from gdfe_ros.constraints import Axis, Handle, Pose
-from gdfe_ros.element_fields import corner_forces, element_fields, strain_energies
 from gdfe_ros.materials import Linear, Material, NeoHookean
 from gdfe_ros.mesh import HexMesh, bar
+from gdfe_ros.results.element_fields import corner_forces, element_fields, strain_energies
 from gdfe_ros.simulation import Command, Simulation
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.equilibrium.energy import EquilibriumSolver

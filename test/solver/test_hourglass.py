@@ -11,10 +11,10 @@ import pytest
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
-from gdfe_ros.element_fields import corner_forces, strain_energies
 from gdfe_ros.materials import Linear, Material
 from gdfe_ros.mesh import HexMesh, bar
 from gdfe_ros.mesh.generators import tube
+from gdfe_ros.results.element_fields import corner_forces, strain_energies
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.elements.hourglass import OWN_SHEAR
 from gdfe_ros.solver.settings import Torsion

@@ -15,9 +15,9 @@ import pytest
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
+from gdfe_ros.results.step_result import StepResult
 from gdfe_ros.scene import load_scene
 from gdfe_ros.simulation import Simulation
-from gdfe_ros.step_result import StepResult
 
 REFERENCES = Path(__file__).parents[1] / "data" / "reference"
 

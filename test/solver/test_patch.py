@@ -10,10 +10,10 @@ import pytest
 from numpy.typing import NDArray
 
 from gdfe_ros.constraints import Handle
-from gdfe_ros.element_fields import element_fields
 from gdfe_ros.materials import Material
 from gdfe_ros.mesh import HexMesh
 from gdfe_ros.paper.relative import RelativeEquilibrium
+from gdfe_ros.results.element_fields import element_fields
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.equilibrium.energy import EquilibriumSolver
 from gdfe_ros.solver.solution import Increment, Solution

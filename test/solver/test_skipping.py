@@ -12,9 +12,9 @@ from gdfe_ros import Command, Pose, Simulation
 from gdfe_ros.constraints import Handle
 from gdfe_ros.materials import Linear, Material, NeoHookean
 from gdfe_ros.mesh import bar
+from gdfe_ros.results.step_result import StepResult
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.solver.settings import Policy, Skip, SolverSettings
-from gdfe_ros.step_result import StepResult
 from test.written import advance
 
 MESH = bar([0.3, 0.1, 0.1], [9, 3, 3])

@@ -10,9 +10,9 @@ import pytest
 from scipy.optimize import minimize_scalar
 
 from gdfe_ros.constraints import Axis, Handle
-from gdfe_ros.element_fields import element_fields, strain_energies
 from gdfe_ros.materials import Curve, CurveData, Law, Linear, Material, NeoHookean, preset
 from gdfe_ros.mesh import HexMesh, bar
+from gdfe_ros.results.element_fields import element_fields, strain_energies
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.equilibrium.energy import EquilibriumSolver
 from gdfe_ros.solver.solution import Increment

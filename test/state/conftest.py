@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from gdfe_ros import Command, Pose, Simulation
 from gdfe_ros.mesh import HexMesh
+from gdfe_ros.results.step_result import StepResult
 from gdfe_ros.scene.scene import Scene
-from gdfe_ros.step_result import StepResult
 from test.written import scene_of
 
 FIXED = "base: {where: {face: x-}, fixed: true}"

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from gdfe_ros import Command, Pose, Simulation, load_scene
-from gdfe_ros.step_result import StepResult
+from gdfe_ros.results.step_result import StepResult
 from test.written import advance, scene_of
 
 BALL = """\

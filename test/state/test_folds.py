@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from gdfe_ros import Simulation
-from gdfe_ros.step_result import StepResult
+from gdfe_ros.results.step_result import StepResult
 from test.written import scene_of
 
 FOLDED = r"fold|inside out"

@@ -11,10 +11,10 @@ import numpy as np
 import yaml
 
 from gdfe_ros.analysis.message_values import cloud_kind
-from gdfe_ros.bounded_text import load_yaml, plain_lines
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.ros_types import interface_class
-from gdfe_ros.spelling import did_you_mean
+from gdfe_ros.untrusted.bounded_text import load_yaml, plain_lines
+from gdfe_ros.untrusted.spelling import did_you_mean
 
 MOST_SHOWN = 16
 """Largest number of shown values of an array. A longer array is shown by its first values and its length."""

@@ -15,13 +15,13 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 from std_msgs.msg import String
 
-from gdfe_ros.bounded_text import load_json_object, shorten
 from gdfe_ros.commands.remote.message_text import fill
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.interface.topics import TF
 from gdfe_ros.node.process import LoneNode
 from gdfe_ros.node.ros_types import installed, interface_class
-from gdfe_ros.spelling import did_you_mean
+from gdfe_ros.untrusted.bounded_text import load_json_object, shorten
+from gdfe_ros.untrusted.spelling import did_you_mean
 
 PATIENCE = 10.0
 """Longest wait until a topic or service is found, and until subscribers acknowledge a message [s]."""

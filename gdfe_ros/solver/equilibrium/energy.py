@@ -10,7 +10,6 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.blas import one_blas_thread
 from gdfe_ros.compiled import start_threads
 from gdfe_ros.constraints import Pose
 from gdfe_ros.materials.table import LAME, LOCAL, PENALTY, SHEAR, YOUNG
@@ -29,6 +28,7 @@ from gdfe_ros.solver.minimise.minimiser import Minimiser, Observer
 from gdfe_ros.solver.settings import Skip
 from gdfe_ros.solver.solution import Increment, Solution
 from gdfe_ros.solver.state import State, Summary, changed
+from gdfe_ros.threads import one_blas_thread
 
 
 class EquilibriumSolver:

@@ -10,7 +10,6 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.blas import one_blas_thread
 from gdfe_ros.constraints import Pose
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.materials.table import MaterialTable
@@ -26,6 +25,7 @@ from gdfe_ros.solver.sensitivity.parameter import Parameter
 from gdfe_ros.solver.settings import Dynamics
 from gdfe_ros.solver.state import State
 from gdfe_ros.solver.terms.term import Term
+from gdfe_ros.threads import one_blas_thread
 
 T = TypeVar("T")
 

@@ -9,7 +9,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.blas import one_blas_thread
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.solver.minimise.curvature import TangentProducts
 from gdfe_ros.solver.motion import inertia
@@ -19,6 +18,7 @@ from gdfe_ros.solver.sensitivity.columns import Column, Pair, Tangents, VariedIn
 from gdfe_ros.solver.sensitivity.parameter import Parameter, moved
 from gdfe_ros.solver.state import State
 from gdfe_ros.solver.terms.term import TermTable, terms_energy
+from gdfe_ros.threads import one_blas_thread
 
 Kept = Mapping[str, Mapping[str, NDArray[np.float64]]]
 """Dict from term name to the term's stored state, itself a dict from name to array."""

@@ -22,8 +22,8 @@ from scipy import sparse
 
 from gdfe_ros.actuators.actuator import ActuatorState
 from gdfe_ros.compiled import inlined, kernel
+from gdfe_ros.compiling.linked import linked_entry
 from gdfe_ros.constraints import Pose
-from gdfe_ros.linked import linked_entry
 from gdfe_ros.mesh.triples import along, corner
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.state import Saved, State

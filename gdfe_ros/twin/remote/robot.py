@@ -14,7 +14,6 @@ from geometry_msgs.msg import PointStamped, PoseStamped
 from rclpy.qos import QoSProfile, qos_profile_sensor_data
 from sensor_msgs.msg import JointState
 
-from gdfe_ros.bounded_text import shorten
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.command_messages import ActuatorOrders
 from gdfe_ros.node.inputs import read_message
@@ -22,6 +21,7 @@ from gdfe_ros.node.interface import FRAME
 from gdfe_ros.node.process import LoneNode
 from gdfe_ros.node.refusals import Refusal, RefusalLog
 from gdfe_ros.twin.twin import Twin
+from gdfe_ros.untrusted.bounded_text import shorten
 
 _TYPES = {"geometry_msgs/msg/PoseStamped": PoseStamped, "geometry_msgs/msg/PointStamped": PointStamped}
 

@@ -11,9 +11,9 @@ from gdfe_ros.actuators.load import corner_areas
 from gdfe_ros.constraints.obstacle import NAME, SelfContact
 from gdfe_ros.mesh import HexMesh
 from gdfe_ros.mesh.generators import bar
+from gdfe_ros.results.step_result import StepResult
 from gdfe_ros.scene.loader import scene_from_text
 from gdfe_ros.simulation import Simulation
-from gdfe_ros.step_result import StepResult
 
 STACK = """
 name: stack

@@ -12,11 +12,11 @@ import pytest
 
 from gdfe_ros import Command, Pose, Simulation
 from gdfe_ros.constraints.form import Box, Cylinder
-from gdfe_ros.contacts import contact_names
+from gdfe_ros.results.contacts import contact_names
+from gdfe_ros.results.step_result import StepResult
 from gdfe_ros.solver.contact import complementarity
 from gdfe_ros.solver.motion import impulse, inertia
 from gdfe_ros.solver.state import changed
-from gdfe_ros.step_result import StepResult
 from test.written import advance, scene_of
 
 FLOORED = {

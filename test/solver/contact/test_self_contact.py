@@ -10,8 +10,8 @@ import pytest
 
 from gdfe_ros import Command, Pose, Simulation, load_scene
 from gdfe_ros.constraints.obstacle import NAME
+from gdfe_ros.results.step_result import StepResult
 from gdfe_ros.solver.settings import SolverSettings
-from gdfe_ros.step_result import StepResult
 from test.solver.contact.stacks import PRESSED, pressures, stack
 from test.written import advance, scene_of
 

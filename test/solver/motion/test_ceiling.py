@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from gdfe_ros import Command, Simulation
+from gdfe_ros.results.step_result import StepResult
 from gdfe_ros.solver.motion.ledger import Accounts
-from gdfe_ros.step_result import StepResult
 from test.solver.motion.landings import THROWN, thrown
 from test.written import scene_of
 

@@ -14,8 +14,8 @@ from gdfe_ros.mesh.packing import pack_mesh
 from gdfe_ros.mesh.tetmesh import divided
 from gdfe_ros.scene import Scene, scene_from_text
 from gdfe_ros.scene.document import write_document
+from gdfe_ros.simulation_parts.steppers import scene_body
 from gdfe_ros.solver.terms.fibres import FibreTerm, fibre_energy
-from gdfe_ros.steppers import scene_body
 
 _EDGES = (0.03, 0.02, 0.01)
 _TETS = {"embedded": pack_mesh(divided(bar(list(_EDGES), [3, 2, 1])))}

@@ -10,10 +10,10 @@ import pytest
 from numpy.typing import NDArray
 
 from gdfe_ros.constraints import Handle
-from gdfe_ros.element_fields import corner_forces, element_fields, strain_energies, volume_pressures
 from gdfe_ros.materials import Material
 from gdfe_ros.mesh import TetMesh, bar
 from gdfe_ros.mesh.tetmesh import divided
+from gdfe_ros.results.element_fields import corner_forces, element_fields, strain_energies, volume_pressures
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.elements.measures import least_volume_ratio
 from gdfe_ros.solver.equilibrium.energy import EquilibriumSolver

@@ -15,8 +15,8 @@ import pytest
 from numpy.typing import NDArray
 
 from gdfe_ros import Command, Pose, Simulation
+from gdfe_ros.results.step_result import StepResult
 from gdfe_ros.scene.scene import Scene
-from gdfe_ros.step_result import StepResult
 from test.written import STRIP, scene_of
 
 BAR = """\

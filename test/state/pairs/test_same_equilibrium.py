@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from gdfe_ros import Simulation
+from gdfe_ros.results.step_result import StepResult
 from gdfe_ros.solver.settings import Policy
-from gdfe_ros.step_result import StepResult
 
 NEAR = 30.0
 """Largest distance between the ends of two paths to one equilibrium, in tolerances."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import pytest
 
-from gdfe_ros.spelling import closest, did_you_mean
+from gdfe_ros.untrusted.spelling import closest, did_you_mean
 
 
 @pytest.mark.parametrize(

@@ -15,6 +15,7 @@ from gdfe_ros.constraints.rigid_body import rigid_among
 from gdfe_ros.materials import cell_densities
 from gdfe_ros.mesh import HexMesh
 from gdfe_ros.paper.relative import RelativeEquilibrium
+from gdfe_ros.results.step_result import StepResult
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact.field import find_touches
@@ -28,7 +29,6 @@ from gdfe_ros.solver.state import State
 from gdfe_ros.solver.stepping.stepper import Stepper
 from gdfe_ros.solver.terms.fibres import FibreTerm
 from gdfe_ros.solver.terms.term import Term
-from gdfe_ros.step_result import StepResult
 
 SHARPER = 0.1
 """Factor of the tolerance in a motion with yielding joints of arms, which feel the error of the body's wrench."""

@@ -17,14 +17,14 @@ from gdfe_ros.constraints import Handle, Pose
 from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.coupling.joint_coupling import JointCoupling
-from gdfe_ros.element_fields import ElementFields, element_fields
-from gdfe_ros.inertial_units import ImuReading, later_readings
 from gdfe_ros.mesh import HexMesh
+from gdfe_ros.results.element_fields import ElementFields, element_fields
+from gdfe_ros.results.inertial_units import ImuReading, later_readings
+from gdfe_ros.results.step_result import StepResult
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.scene.solvable import remarks
 from gdfe_ros.solver.settings import Policy, SolverSettings
 from gdfe_ros.solver.state import State
-from gdfe_ros.step_result import StepResult
 
 
 class SceneReadings:

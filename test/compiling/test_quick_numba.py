@@ -15,7 +15,7 @@ from numba.core.registry import cpu_target
 from numba.core.types import boolean, float32, float64, int8, int32, int64, intp, uint64
 
 from gdfe_ros.compiled import inlined, kernel
-from gdfe_ros.quick_numba import REPLACED, flags_equal, flags_hash, quick
+from gdfe_ros.compiling.quick_numba import REPLACED, flags_equal, flags_hash, quick
 
 NUMBERS = (boolean, int8, int32, int64, uint64, float32, float64)
 OPERATORS = (operator.add, operator.sub, operator.mul, operator.truediv, operator.pow, operator.lt, operator.and_)

@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from gdfe_ros.bounded_text import plain_lines
+from gdfe_ros.untrusted.bounded_text import plain_lines
 
 QUANTITIES = ("quantity", "value", "unit")
 """Headings of a table of results."""

@@ -9,9 +9,9 @@ from collections.abc import Callable
 import pytest
 import yaml
 
-from gdfe_ros.bounded_text import MOST_NODES, check_yaml, load_json, load_json_object, load_yaml, parse_xml
 from gdfe_ros.errors import SceneError
 from gdfe_ros.scene.document import parse_document, parse_value
+from gdfe_ros.untrusted.bounded_text import MOST_NODES, check_yaml, load_json, load_json_object, load_yaml, parse_xml
 
 BOMB = "a: &a [1, 1, 1, 1, 1, 1, 1, 1, 1]\n" + "\n".join(
     f"{after}: &{after} [{', '.join([f'*{name}'] * 9)}]" for name, after in zip("abcdefgh", "bcdefghi", strict=True)

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from gdfe_ros import Command, Pose, Simulation
-from gdfe_ros.contacts import POINT, contact_names, contact_points, total_forces
 from gdfe_ros.errors import SceneError
+from gdfe_ros.results.contacts import POINT, contact_names, contact_points, total_forces
 from test.written import scene_of
 
 SLAB = """

@@ -34,10 +34,9 @@ from numba.core.runtime.nrt import rtsys
 from numba.core.targetconfig import ConfigStack
 from numba.core.typed_passes import AnnotateTypes
 
-from gdfe_ros.compilations import compilations
+from gdfe_ros.compiling.compilations import compilations, lock_file, unlock_file
+from gdfe_ros.compiling.quick_numba import plain, quick
 from gdfe_ros.entry import without_collection
-from gdfe_ros.file_lock import lock_file, unlock_file
-from gdfe_ros.quick_numba import plain, quick
 
 LARGE = 200
 """Number of LLVM's instructions above which a kernel is called by its address. LLVM inlines below about 50."""

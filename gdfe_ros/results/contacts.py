@@ -14,8 +14,8 @@ from gdfe_ros.constraints import Handle
 from gdfe_ros.constraints.obstacle import NAME as SELF
 from gdfe_ros.constraints.obstacle import Obstacle, SelfContact
 from gdfe_ros.constraints.rigid_body import RigidBody, rigid_pairs
+from gdfe_ros.results.step_result import StepResult
 from gdfe_ros.solver.contact.touch import Touch
-from gdfe_ros.step_result import StepResult
 
 _PLACE, _NORMAL, _PUSH, _SHEAR = ("x", "y", "z"), ("nx", "ny", "nz"), ("fx", "fy", "fz"), ("tx", "ty", "tz")
 POINT = np.dtype(

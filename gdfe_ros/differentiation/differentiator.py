@@ -22,7 +22,7 @@ from gdfe_ros.solver.state import State
 from gdfe_ros.solver.stepping.stepper import Stepper
 
 if TYPE_CHECKING:
-    from gdfe_ros.derivatives import Derivatives, Sensitivities
+    from gdfe_ros.differentiation.derivatives import Derivatives, Sensitivities
     from gdfe_ros.solver.sensitivity.motion import Trail
 
 CHANGE, TOLERANCE = 1e-2, 1e-8
@@ -54,7 +54,7 @@ class Differentiator:
     @cached_property
     def derivatives(self) -> Derivatives:
         """Derivatives by name."""
-        from gdfe_ros.derivatives import Derivatives  # needed here only
+        from gdfe_ros.differentiation.derivatives import Derivatives  # needed here only
 
         return Derivatives(self._scene, self._stepper)
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gdfe_ros.file_lock import lock_file, unlock_file
+from gdfe_ros.compiling.compilations import lock_file, unlock_file
 
 SOURCE = """
 from gdfe_ros.compiled import internal, kernel
@@ -150,7 +150,8 @@ def test_processes_that_need_a_kernel_at_once_compile_it_once(tmp_path: Path) ->
 def test_a_lock_ends_with_its_process(tmp_path: Path) -> None:
     """The lock of a process that was killed is free."""
     path = str(tmp_path / "kernel.lock")
-    hold = f"from gdfe_ros.file_lock import lock_file; lock_file({path!r}); print('held', flush=True); input()"
+    take = f"from gdfe_ros.compiling.compilations import lock_file; lock_file({path!r})"
+    hold = f"{take}; print('held', flush=True); input()"
     with subprocess.Popen(
         [sys.executable, "-c", hold], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
     ) as process:

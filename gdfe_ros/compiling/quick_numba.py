@@ -7,7 +7,8 @@ among fifty templates each time, and with two messages for each call of LLVM. LL
 light ones, because its passes over the whole module repeat them; without any, steps take 3 % longer. A function that is
 always inlined gets no machine code of its own, and its code is optimised as part of its callers alone.
 
-This uses private parts of numba, as `gdfe_ros.linked` does, which uses it only with a version of numba that was tested.
+This uses private parts of numba, as `gdfe_ros.compiling.linked` does, which uses it only with a version of numba that
+was tested.
 """
 
 from __future__ import annotations

@@ -12,14 +12,14 @@ import pytest
 
 from gdfe_ros.analysis.export import Columns, write_csv
 from gdfe_ros.arms.meshes import find_mesh
-from gdfe_ros.bounded_text import quoted
 from gdfe_ros.checkpoint import load_state, save_state, write_state
 from gdfe_ros.errors import ArmError, GdfeError, MeshError, SceneError
 from gdfe_ros.mesh.importer import read_mesh
 from gdfe_ros.mesh.voxels import examine_surface
-from gdfe_ros.regular_file import path_inside, read_bytes, read_text, require_regular
 from gdfe_ros.scene import load_scene, scene_from_text
 from gdfe_ros.simulation import Simulation
+from gdfe_ros.untrusted.bounded_text import quoted
+from gdfe_ros.untrusted.regular_file import path_inside, read_bytes, read_text, require_regular
 
 
 @pytest.fixture(params=["pipe", "device", "folder", "large", "link to a device"])

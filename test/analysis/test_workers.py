@@ -14,9 +14,9 @@ from contextlib import suppress
 import distributed
 import pytest
 
-from gdfe_ros import workers
+from gdfe_ros.analysis import workers
+from gdfe_ros.analysis.workers import THREAD_COUNTS, connect, map_tasks, run_tasks
 from gdfe_ros.errors import GdfeError
-from gdfe_ros.workers import THREAD_COUNTS, connect, map_tasks, run_tasks
 
 NOBODY = 2**31 - 1
 """A process id that no process has."""

@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Locks between processes, which end with the process that holds them."""
+"""Compilations of this process, counted for a waiting user, and locks, so that one process compiles for all.
+
+This module imports no numba.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +10,31 @@ import errno
 import fcntl
 import os
 from contextlib import suppress
+
+ONCE = "compiling kernels, once for this machine"
+
+
+class Compilations:
+    """Counter of the kernels that a process compiled.
+
+    Attributes:
+        compiled: number of kernels that are compiled.
+        running: number of compilations that have begun and not ended; a kernel waits for those that it calls.
+    """
+
+    def __init__(self) -> None:
+        self.compiled, self.running = 0, 0
+
+    def text(self) -> str | None:
+        """Return a line about the compilation that is running, or None."""
+        if not self.running:
+            return None
+        return f"{ONCE}: {self.compiled} of at least {self.compiled + self.running}"
+
+
+compilations = Compilations()
+"""Those of this process."""
+
 
 _WITHOUT = (errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS)
 """Errors of file systems that have no locks."""

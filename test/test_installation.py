@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from gdfe_ros.extras import _EXTRAS, extra_of
+from gdfe_ros.installation import _EXTRAS, extra_of
 
 ROOT = Path(__file__).parents[1]
 # Python without some modules: no finder finds them, as if they were not installed.

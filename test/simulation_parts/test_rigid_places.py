@@ -11,7 +11,7 @@ from gdfe_ros import Command, Pose, Simulation, load_scene
 from gdfe_ros.checkpoint import load_state, save_state
 from gdfe_ros.errors import CommandError, OverlapError, SceneError
 from gdfe_ros.scene.loader import scene_from_text
-from gdfe_ros.soft_places import fit_rigidly
+from gdfe_ros.simulation_parts.soft_places import fit_rigidly
 from gdfe_ros.solver.motion.inertia import mass_matrix
 from test.written import advance
 

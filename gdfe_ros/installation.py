@@ -1,9 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The extra of this package that installs a missing module, for errors that name it."""
+"""The installed package: its files that are not code, and the extras that install what is missing."""
 
 from __future__ import annotations
 
+from functools import lru_cache
 from importlib.util import find_spec
+from pathlib import Path
+
+from gdfe_ros.errors import GdfeError
 
 _EXTRAS: dict[str, tuple[str, ...]] = {
     "mcap": ("mcap", "lz4", "zstandard", "rosbags"),
@@ -56,3 +60,31 @@ def remedy(error: ModuleNotFoundError, *, command: str = "") -> str | None:
 def is_installed(extra: str) -> bool:
     """Return whether the modules of an extra can be imported."""
     return all(find_spec(module) is not None for module in (_EXTRAS | {"ros": ("rclpy",)})[extra])
+
+
+_PACKAGE = "gdfe_ros"
+
+
+@lru_cache(maxsize=1)
+def share_dir() -> Path:
+    """Return the directory that contains ``package.xml``, ``config/`` and ``launch/``.
+
+    It depends only on the location of this module, so that code and scenes always have the same version. For a clone,
+    ``pip install -e`` and ``colcon build --symlink-install``, the directory is the source tree. Otherwise it is
+    ``<prefix>/share/gdfe_ros``, with the prefix of the installation (colcon, apt, pip, venv).
+
+    Returns:
+        Absolute path of the directory.
+
+    Raises:
+        GdfeError: the package was copied without the files of its share directory.
+    """
+    module = Path(__file__).resolve()
+    prefixes = module.parents[1:]
+    for directory in (prefixes[0], *(prefix / "share" / _PACKAGE for prefix in prefixes)):
+        if (directory / "package.xml").is_file():
+            return directory
+    raise GdfeError(
+        f"the share directory of {_PACKAGE} was not found: no share/{_PACKAGE}/package.xml in any directory "
+        f"above {module}. Install the package with `make install`, `pip install .` or `colcon build`."
+    )
