@@ -20,8 +20,8 @@ from scipy.sparse.linalg import splu
 from benchmarks.elasticity import law
 from benchmarks.elasticity.problem import DECREMENT, Array, Problem, run
 from gdfe_ros.mesh import bar
+from gdfe_ros.mesh.cells.tetrahedra import CORNER_SLOPES, POINTS, quadratic_slopes
 from gdfe_ros.mesh.tetmesh import corners_of_six, divided
-from gdfe_ros.mesh.tetrahedra import CORNER_SLOPES, POINTS, quadratic_slopes
 
 MOST, ARMIJO = 100, 1e-4
 """Limit of iterations, and constant of the line search."""

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from benchmarks.scenes import read_scene
 from gdfe_ros.mesh import HexMesh, bar
 from gdfe_ros.mesh.assembly import keep_cells
-from gdfe_ros.mesh.packing import pack_mesh
+from gdfe_ros.mesh.files.stored_mesh import pack_mesh
 from gdfe_ros.scene import Scene, scene_from_text
 
 CLAMP = "clamp"

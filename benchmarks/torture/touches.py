@@ -15,7 +15,7 @@ from benchmarks.scenes import read_scene
 from benchmarks.torture.bodies import Driver, distance
 from benchmarks.torture.case import Case, Finding, Group
 from gdfe_ros.constraints import Pose
-from gdfe_ros.mesh.packing import pack_surface
+from gdfe_ros.mesh.files.stored_mesh import pack_surface
 from gdfe_ros.scene.loader import scene_from_text
 from gdfe_ros.solver.settings import Policy
 

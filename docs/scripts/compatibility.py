@@ -32,7 +32,8 @@ class Row(NamedTuple):
     test: str
 
 
-_FILES, _ABAQUS, _ARMS = "test/mesh/test_mesh_files.py", "test/mesh/test_abaqus.py", "test/arms/test_distributed.py"
+_FILES, _ABAQUS = "test/mesh/files/test_mesh_files.py", "test/mesh/files/test_abaqus.py"
+_ARMS = "test/arms/test_distributed.py"
 _TABLES, _BAGS = "test/fitting/test_machine_tables.py", "test/recording/test_foreign_bags.py"
 ROWS = (
     Row("robots (URDF): frames and holding torques", "example-robot-data", "pinocchio's own reader, 1e-9",

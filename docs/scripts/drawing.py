@@ -15,7 +15,7 @@ import numpy as np
 from PIL import Image
 
 from gdfe_ros.cli import main as gdfe
-from gdfe_ros.mesh.tetrahedralise import from_step
+from gdfe_ros.mesh.meshing.tetrahedralise import from_step
 
 ROOT = Path(__file__).resolve().parents[2]
 IMAGES, SCENES = ROOT / "docs" / "images", ROOT / "config" / "scenes"

@@ -10,10 +10,10 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
 from gdfe_ros.errors import MeshError, show_point
-from gdfe_ros.mesh.filling import reference_coordinates, trilinear_weights
+from gdfe_ros.mesh.cells.filling import reference_coordinates, trilinear_weights
+from gdfe_ros.mesh.cells.tetrahedra import barycentric, quadratic_weights
 from gdfe_ros.mesh.mesh import Mesh
 from gdfe_ros.mesh.tetmesh import TetMesh
-from gdfe_ros.mesh.tetrahedra import barycentric, quadratic_weights
 
 SLACK = 1e-5
 """Largest distance outside of a cell at which a point still counts as on the cell's face, in the cell's reference

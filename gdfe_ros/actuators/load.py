@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.actuators.embedding import Embedding
-from gdfe_ros.mesh.filling import CORNERS, Filling, trilinear_slopes, trilinear_weights
-from gdfe_ros.mesh.tet_faces import node_areas
-from gdfe_ros.mesh.tetrahedra import quadratic_slopes, quadratic_weights, simplex_rule
+from gdfe_ros.mesh.cells.filling import CORNERS, Filling, trilinear_slopes, trilinear_weights
+from gdfe_ros.mesh.cells.tetrahedra import node_areas, quadratic_slopes, quadratic_weights, simplex_rule
 
 GAUSS = 3.0**-0.5
 """Absolute value of the reference coordinates of the two Gauss points in each direction."""

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from gdfe_ros.analysis.scenery import Scenery, face_values, force_arrows
 from gdfe_ros.colour_map import colour_range
 from gdfe_ros.mesh import HexMesh
-from gdfe_ros.mesh.surface_findings import SurfaceFindings
+from gdfe_ros.mesh.meshing.surface_findings import SurfaceFindings
 
 Surface = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
 """Faces (f, k, 3) [m], colours of the faces (f, 4), and colours of their edges (f, 4)."""

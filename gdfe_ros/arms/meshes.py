@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
 from gdfe_ros.errors import ArmError, MeshError
-from gdfe_ros.mesh.shells import shell_numbers
-from gdfe_ros.mesh.voxels import SUFFIXES, examine_surface
+from gdfe_ros.mesh.meshing.voxels import SUFFIXES, examine_surface
+from gdfe_ros.mesh.surfaces.shells import shell_numbers
 from gdfe_ros.untrusted.regular_file import defect_of, is_file
 
 DEBRIS = 1e-6

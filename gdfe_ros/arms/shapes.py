@@ -19,7 +19,7 @@ from gdfe_ros.constraints.form import Form, TriangleMesh, form_faces
 from gdfe_ros.constraints.obstacle import ArmLink
 from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh import HexMesh
-from gdfe_ros.mesh.solid import Solid, make_solid
+from gdfe_ros.mesh.surfaces.solid import Solid, make_solid
 
 if TYPE_CHECKING:
     from gdfe_ros.constraints.overlap import Placed

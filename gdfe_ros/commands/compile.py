@@ -65,9 +65,9 @@ def _compile_all(jobs: int) -> Iterator[str]:
 def _compile_surfaces() -> str:
     """Compile the kernels for surface files of bodies and obstacles, which no shipped scene uses; return a name."""
     from gdfe_ros.mesh import bar
+    from gdfe_ros.mesh.meshing.voxels import CutCubes, fill_surface
     from gdfe_ros.mesh.outside import carry_skin
-    from gdfe_ros.mesh.solid import make_solid
-    from gdfe_ros.mesh.voxels import CutCubes, fill_surface
+    from gdfe_ros.mesh.surfaces.solid import make_solid
 
     cube = bar((1.0, 1.0, 1.0), (1, 1, 1))
     triangles = cube.surface()[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3).astype("int64")

@@ -9,8 +9,8 @@ from pathlib import Path
 
 from gdfe_ros.commands.options import require_number, require_picture
 from gdfe_ros.errors import MeshError
+from gdfe_ros.mesh.files.mesh_input import require_file
 from gdfe_ros.mesh.inspection import Inspection, inspect_file
-from gdfe_ros.mesh.mesh_input import require_file
 from gdfe_ros.mesh.quality import check_mesh
 from gdfe_ros.scene.mesh_schema import SCALE, SIZE
 from gdfe_ros.untrusted.terminal import QUANTITIES, PlainConsole, make_table

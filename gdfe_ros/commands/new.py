@@ -15,12 +15,12 @@ from gdfe_ros.commands.options import require_folder, require_number
 from gdfe_ros.errors import GdfeError, MeshError
 from gdfe_ros.materials.presets import LIBRARY, PRESETS
 from gdfe_ros.mesh.cavities import NO_CAVITY, find_cavities, misplaced_cavities
-from gdfe_ros.mesh.importer import read_mesh
+from gdfe_ros.mesh.files.importer import read_mesh
+from gdfe_ros.mesh.files.mesh_input import require_file
 from gdfe_ros.mesh.mesh import Mesh
-from gdfe_ros.mesh.mesh_input import require_file
-from gdfe_ros.mesh.tetrahedralise import STEP_SUFFIXES, from_step, from_surface, step_bounds
-from gdfe_ros.mesh.voxels import SUFFIXES, examine_surface, read_surface
-from gdfe_ros.mesh.walls import default_size
+from gdfe_ros.mesh.meshing.tetrahedralise import STEP_SUFFIXES, from_step, from_surface, step_bounds
+from gdfe_ros.mesh.meshing.voxels import SUFFIXES, examine_surface, read_surface
+from gdfe_ros.mesh.meshing.walls import default_size
 from gdfe_ros.scene.document import write_document
 from gdfe_ros.scene.mesh_schema import LEAST_SIZE, SCALE, SIZE
 from gdfe_ros.scene.report import suggest

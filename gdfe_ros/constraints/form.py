@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.keys import Keys
-from gdfe_ros.mesh.shells import SolidIntegrals, inertia_of
-from gdfe_ros.mesh.solid import Solid
-from gdfe_ros.mesh.surface_edges import refine
+from gdfe_ros.mesh.surfaces.shells import SolidIntegrals, inertia_of
+from gdfe_ros.mesh.surfaces.solid import Solid
+from gdfe_ros.mesh.surfaces.surface_edges import refine
 from gdfe_ros.quantity import Quantity, Vector
 
 Radius = Annotated[float, Quantity("radius", "m", least=1e-9, most=1e6)]

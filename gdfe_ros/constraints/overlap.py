@@ -14,7 +14,7 @@ from gdfe_ros.constraints.distances import form_numbers, measure
 from gdfe_ros.constraints.form import Form
 from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.constraints.rigid_body import RigidBody
-from gdfe_ros.mesh.shells import inside
+from gdfe_ros.mesh.surfaces.shells import inside
 
 TOUCHING = 1e-3
 """Penetration depth, divided by the rigid body's diagonal, up to which bodies count as touching, not as overlapping."""

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.differentiation.parameters import Parameters
+from gdfe_ros.differentiation.named_parameters import Parameters
 from gdfe_ros.errors import CommandError, GdfeError, require_named
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.solver.equilibrium.energy import EquilibriumSolver

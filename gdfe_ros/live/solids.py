@@ -18,7 +18,7 @@ from gdfe_ros.constraints.form import Plane, form_faces
 from gdfe_ros.constraints.obstacle import ArmLink, Obstacle
 from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.live.interface import Reading
-from gdfe_ros.mesh.tet_faces import flat_quads
+from gdfe_ros.mesh.cells.tetrahedra import flat_quads
 from gdfe_ros.scene.scene import Scene
 
 _SHEET = 4.0

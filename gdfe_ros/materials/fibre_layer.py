@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from gdfe_ros.mesh.fibres import FibrePoints
+from gdfe_ros.mesh.cells.face_fibres import FibrePoints
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -10,8 +10,8 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.mesh.faces import vertex_pieces
-from gdfe_ros.mesh.filling import Filling
+from gdfe_ros.mesh.cells.faces import vertex_pieces
+from gdfe_ros.mesh.cells.filling import Filling
 from gdfe_ros.mesh.mesh import HexMesh, Mesh, MeshPart
 from gdfe_ros.mesh.outside import Outside
 from gdfe_ros.mesh.quality import COINCIDENT, coincident_pairs

@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.errors import show_point
-from gdfe_ros.mesh.faces import corners_of, enclosed_volume, turned, vertex_pieces
+from gdfe_ros.mesh.cells.faces import corners_of, enclosed_volume, turned, vertex_pieces
+from gdfe_ros.mesh.cells.tetrahedra import flat_quads, six_node_volume
 from gdfe_ros.mesh.mesh import Mesh
 from gdfe_ros.mesh.overlap import find_self_cuts
-from gdfe_ros.mesh.shells import inside, shell_numbers, shells
-from gdfe_ros.mesh.surface_edges import is_closed
-from gdfe_ros.mesh.tet_faces import flat_quads, six_node_volume
+from gdfe_ros.mesh.surfaces.shells import inside, shell_numbers, shells
+from gdfe_ros.mesh.surfaces.surface_edges import is_closed
 
 NO_CAVITY = (
     "the body has no closed cavity, so that there is no chamber; if it has air with an inlet, close the inlet, e.g. by "

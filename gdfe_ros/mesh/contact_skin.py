@@ -12,12 +12,12 @@ from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
 from gdfe_ros.errors import MeshError, show_point
-from gdfe_ros.mesh.filling import trilinear_weights
+from gdfe_ros.mesh.cells.filling import trilinear_weights
 from gdfe_ros.mesh.mesh import HexMesh
 from gdfe_ros.mesh.outside import hang
 from gdfe_ros.mesh.quality import cell_volumes
-from gdfe_ros.mesh.shells import cone_volumes, inside, shell_numbers, shells
-from gdfe_ros.mesh.surface_edges import edge_counts, number_edges, open_edges, refine
+from gdfe_ros.mesh.surfaces.shells import cone_volumes, inside, shell_numbers, shells
+from gdfe_ros.mesh.surfaces.surface_edges import edge_counts, number_edges, open_edges, refine
 from gdfe_ros.mesh.touching import Touching
 
 FINE, SMALL = 0.25, 0.1

@@ -13,16 +13,23 @@ from numpy.typing import NDArray
 
 from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh.cavities import NO_CAVITY, Cavity, find_cavities
-from gdfe_ros.mesh.importer import examine_mesh
+from gdfe_ros.mesh.files.importer import examine_mesh
+from gdfe_ros.mesh.files.mesh_input import LONGEST, SHORTEST, guess_unit, unit_defects
 from gdfe_ros.mesh.mesh import Mesh
-from gdfe_ros.mesh.mesh_input import LONGEST, SHORTEST, guess_unit, unit_defects
+from gdfe_ros.mesh.meshing.surface_findings import SurfaceFindings, cheaper_hexahedra, solid_findings, surface_findings
+from gdfe_ros.mesh.meshing.tetrahedralise import (
+    STEP_SUFFIXES,
+    show_spans,
+    solid_facts,
+    step_bounds,
+    step_facts,
+    step_surface,
+)
+from gdfe_ros.mesh.meshing.voxels import SUFFIXES, examine_surface
+from gdfe_ros.mesh.meshing.walls import default_size, flat_walls, wall_cells
 from gdfe_ros.mesh.quality import QualityReport, check_mesh
-from gdfe_ros.mesh.shells import Shells, shells
-from gdfe_ros.mesh.surface_findings import SurfaceFindings, cheaper_hexahedra, solid_findings, surface_findings
+from gdfe_ros.mesh.surfaces.shells import Shells, shells
 from gdfe_ros.mesh.tetmesh import TetMesh
-from gdfe_ros.mesh.tetrahedralise import STEP_SUFFIXES, show_spans, solid_facts, step_bounds, step_facts, step_surface
-from gdfe_ros.mesh.voxels import SUFFIXES, examine_surface
-from gdfe_ros.mesh.walls import default_size, flat_walls, wall_cells
 
 #: Cells along the longest side of a suggested first voxel mesh.
 _FIRST_GRID = 40

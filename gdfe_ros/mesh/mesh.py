@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.errors import MeshError
-from gdfe_ros.mesh.faces import HEX_EDGES, HEX_FACES, Faces, boundary_faces
-from gdfe_ros.mesh.filling import Filling
+from gdfe_ros.mesh.cells.faces import HEX_EDGES, HEX_FACES, Faces, boundary_faces
+from gdfe_ros.mesh.cells.filling import Filling
 from gdfe_ros.mesh.outside import Outside
 from gdfe_ros.mesh.touching import Touching
 

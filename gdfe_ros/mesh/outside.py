@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from gdfe_ros.errors import MeshError, show_point
-from gdfe_ros.mesh.faces import Faces
-from gdfe_ros.mesh.filling import SETTLED, reference_coordinates, trilinear_weights
-from gdfe_ros.mesh.shells import cone_volumes
-from gdfe_ros.mesh.surface_edges import refine
-from gdfe_ros.mesh.tet_faces import facets
+from gdfe_ros.mesh.cells.faces import Faces
+from gdfe_ros.mesh.cells.filling import SETTLED, reference_coordinates, trilinear_weights
+from gdfe_ros.mesh.cells.tetrahedra import facets
+from gdfe_ros.mesh.surfaces.shells import cone_volumes
+from gdfe_ros.mesh.surfaces.surface_edges import refine
 
 NEAR = 12
 """Number of candidate cells for a skin point: the cells with the nearest centroids."""

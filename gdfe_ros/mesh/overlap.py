@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from gdfe_ros.errors import show_point
-from gdfe_ros.mesh.faces import corners_of
+from gdfe_ros.mesh.cells.faces import corners_of
+from gdfe_ros.mesh.cells.tetrahedra import flat_quads
 from gdfe_ros.mesh.mesh import Mesh
-from gdfe_ros.mesh.shells import BoxTree
-from gdfe_ros.mesh.tet_faces import flat_quads
+from gdfe_ros.mesh.surfaces.shells import BoxTree
 from gdfe_ros.mesh.touching import outline
 
 TOUCHING = 0.1
@@ -130,7 +130,7 @@ def _deepest_point(first: Mesh, second: Mesh) -> tuple[float, NDArray[np.float64
 
     The points are contact points of skins and vertices of faces. Two surfaces may cross between them.
     """
-    from gdfe_ros.mesh.triangle_kernels import nearest_distances  # loads numba
+    from gdfe_ros.mesh.surfaces.triangle_kernels import nearest_distances  # loads numba
 
     depths, places = [np.zeros(1)], [np.zeros((1, 3))]
     for own, other in ((first, second), (second, first)):
@@ -164,7 +164,7 @@ def _surface_of(mesh: Mesh) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
 
 def _inside(points: NDArray[np.float64], tree: BoxTree) -> NDArray[np.bool_]:
     """Return whether each of ``points`` (k, 3) [m] is inside a closed surface with normals out of the material."""
-    from gdfe_ros.mesh.triangle_kernels import first_hits  # loads numba
+    from gdfe_ros.mesh.surfaces.triangle_kernels import first_hits  # loads numba
 
     votes = np.zeros(len(points), dtype=np.int64)
     for ray in RAYS:
@@ -221,7 +221,7 @@ def find_self_cuts(vertices: NDArray[np.float64], triangles: NDArray[np.integer]
         triangles: vertex ids, shape (t, 3).
         touch: length up to which triangles touch, divided by the diagonal of the surface.
     """
-    from gdfe_ros.mesh.triangle_kernels import count_cuts  # loads numba
+    from gdfe_ros.mesh.surfaces.triangle_kernels import count_cuts  # loads numba
 
     tolerance = touch * float(np.linalg.norm(np.ptp(vertices, axis=0)))
     tree = BoxTree.of(vertices, triangles, flat=touch)

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 import gdfe_ros.mesh.tetmesh as tetmesh
 from gdfe_ros.errors import MeshError, show_point
 from gdfe_ros.mesh.cavities import inside_volume
-from gdfe_ros.mesh.faces import vertex_pieces
-from gdfe_ros.mesh.filling import CORNERS as REFERENCE_CORNERS
-from gdfe_ros.mesh.filling import trilinear_slopes
+from gdfe_ros.mesh.cells.faces import vertex_pieces
+from gdfe_ros.mesh.cells.filling import CORNERS as REFERENCE_CORNERS
+from gdfe_ros.mesh.cells.filling import trilinear_slopes
 from gdfe_ros.mesh.mesh import HexMesh, Mesh
 
 #: Vertices closer than this fraction of the mesh size coincide.

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from gdfe_ros.errors import MeshError
 from gdfe_ros.keys import Alternatives, FieldError, Keys, Meaning
-from gdfe_ros.mesh.faces import corners_of
+from gdfe_ros.mesh.cells.faces import corners_of
 from gdfe_ros.mesh.mesh import Mesh, MeshPart
 from gdfe_ros.mesh.touching import Touching
 from gdfe_ros.quantity import ANY, Quantity, Vector

@@ -10,11 +10,11 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.mesh.faces import HEX_FACES
+from gdfe_ros.mesh.cells.faces import HEX_FACES
+from gdfe_ros.mesh.cells.tet_operators import corner_jacobians
+from gdfe_ros.mesh.cells.tetrahedra import EDGES, FACES, quadratic_slopes, simplex_rule
 from gdfe_ros.mesh.mesh import HexMesh, Mesh
-from gdfe_ros.mesh.surface_edges import number_edges
-from gdfe_ros.mesh.tet_operators import corner_jacobians
-from gdfe_ros.mesh.tetrahedra import EDGES, FACES, quadratic_slopes, simplex_rule
+from gdfe_ros.mesh.surfaces.surface_edges import number_edges
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gdfe_ros.mesh.cells.tetrahedra import flat_quads
 from gdfe_ros.mesh.outside import Outside
-from gdfe_ros.mesh.tet_faces import flat_quads
 
 
 @dataclass(frozen=True, eq=False)

@@ -32,7 +32,7 @@ from gdfe_ros.constraints.form import Box, Capsule, Cylinder, Sphere, TriangleMe
 from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.mesh import HexMesh
-from gdfe_ros.mesh.solid import Solid
+from gdfe_ros.mesh.surfaces.solid import Solid
 from gdfe_ros.node.frames import Placement
 from gdfe_ros.node.refusals import LONGEST, Refusal
 from gdfe_ros.recording.packing import Cdr, pack_text, put_stamp

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from gdfe_ros.compiled import internal, kernel
 from gdfe_ros.constraints import Pose
 from gdfe_ros.materials.tensor import rotation
-from gdfe_ros.mesh.operators import ShapeOperators
+from gdfe_ros.mesh.cells.operators import ShapeOperators
 from gdfe_ros.paper.shape_factor import shape_factors
 from gdfe_ros.results.element_fields import corner_forces, strain_states, volume_pressures
 from gdfe_ros.solver.body import Body

@@ -23,7 +23,7 @@ from scipy.spatial.transform import Rotation
 from gdfe_ros.actuators.embedding import Embedding
 from gdfe_ros.actuators.load import Load, total_gravity
 from gdfe_ros.errors import CommandError
-from gdfe_ros.mesh.operators import ShapeOperators
+from gdfe_ros.mesh.cells.operators import ShapeOperators
 from gdfe_ros.solver.motion.stepper import MotionStepper
 from gdfe_ros.solver.state import State
 from gdfe_ros.solver.stepping.stepper import Stepper

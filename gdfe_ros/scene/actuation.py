@@ -32,7 +32,7 @@ from gdfe_ros.constraints.rigid_body import RigidBody, rigid_among
 from gdfe_ros.errors import MeshError
 from gdfe_ros.materials import Material, cell_densities, lacks_density
 from gdfe_ros.mesh import HexMesh, select_cells, select_faces, select_vertices
-from gdfe_ros.mesh.faces import turned
+from gdfe_ros.mesh.cells.faces import turned
 from gdfe_ros.mesh.selection import select_skin
 from gdfe_ros.scene.actuator_schema import (
     AnchorModel,

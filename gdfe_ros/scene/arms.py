@@ -21,7 +21,7 @@ from gdfe_ros.arms.urdf import parse_urdf
 from gdfe_ros.constraints import Handle
 from gdfe_ros.errors import ArmError, MeshError
 from gdfe_ros.mesh import HexMesh
-from gdfe_ros.mesh.packing import pack_robot, unpack_robot
+from gdfe_ros.mesh.files.stored_mesh import pack_robot, unpack_robot
 from gdfe_ros.scene.arm_schema import ArmModel
 from gdfe_ros.scene.builder import KINDS
 from gdfe_ros.scene.document import Carried, KeyPath, without

@@ -14,7 +14,7 @@ from gdfe_ros.constraints import Axis, Handle
 from gdfe_ros.errors import MeshError
 from gdfe_ros.materials import Material
 from gdfe_ros.mesh import HexMesh, Mesh, select_cells, select_vertices
-from gdfe_ros.mesh.faces import vertex_pieces
+from gdfe_ros.mesh.cells.faces import vertex_pieces
 from gdfe_ros.mesh.quality import list_ids
 from gdfe_ros.mesh.selection import Where
 from gdfe_ros.scene.document import Carried, KeyPath, without

@@ -15,7 +15,7 @@ from gdfe_ros.constraints import Handle
 from gdfe_ros.errors import show_point
 from gdfe_ros.mesh import HexMesh, select_faces
 from gdfe_ros.mesh.cavities import Cavity, close_on, find_cavities, inside_volume, skin_cavities
-from gdfe_ros.mesh.faces import turned
+from gdfe_ros.mesh.cells.faces import turned
 from gdfe_ros.mesh.outside import Outside
 from gdfe_ros.mesh.quality import list_ids
 from gdfe_ros.scene.actuator_schema import ChamberModel

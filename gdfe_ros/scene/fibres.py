@@ -12,8 +12,8 @@ from gdfe_ros.materials import Material
 from gdfe_ros.materials.fibre_layer import FibreLayer
 from gdfe_ros.mesh import Mesh, select_faces
 from gdfe_ros.mesh.cavities import inside_volume, surface_pieces
-from gdfe_ros.mesh.faces import corners_of, group_faces
-from gdfe_ros.mesh.fibres import fibre_points, perpendicular_faces
+from gdfe_ros.mesh.cells.face_fibres import fibre_points, perpendicular_faces
+from gdfe_ros.mesh.cells.faces import corners_of, group_faces
 from gdfe_ros.scene.builder import select
 from gdfe_ros.scene.material_schema import FibreLayerModel, Wall
 from gdfe_ros.scene.report import NO_VALUE, Defects, Unfit

@@ -15,15 +15,15 @@ from scipy.spatial.transform import Rotation
 from gdfe_ros.mesh import HexMesh, Mesh, TetMesh
 from gdfe_ros.mesh.assembly import mirror
 from gdfe_ros.mesh.contact_skin import touch_by_skin
-from gdfe_ros.mesh.importer import read_mesh
+from gdfe_ros.mesh.files.importer import read_mesh
+from gdfe_ros.mesh.files.mesher_process import expected_cells
+from gdfe_ros.mesh.files.stored_mesh import pack_surface, unpack_mesh, unpack_surface
 from gdfe_ros.mesh.mesh import MeshPart
-from gdfe_ros.mesh.mesher_process import expected_cells
+from gdfe_ros.mesh.meshing.tetrahedralise import from_step, from_surface, step_volume
+from gdfe_ros.mesh.meshing.voxels import CutCubes, examine_surface, read_surface, read_voxels
 from gdfe_ros.mesh.outside import carry_skin
-from gdfe_ros.mesh.packing import pack_surface, unpack_mesh, unpack_surface
-from gdfe_ros.mesh.shells import shells
-from gdfe_ros.mesh.surface_edges import is_closed
-from gdfe_ros.mesh.tetrahedralise import from_step, from_surface, step_volume
-from gdfe_ros.mesh.voxels import CutCubes, examine_surface, read_surface, read_voxels
+from gdfe_ros.mesh.surfaces.shells import shells
+from gdfe_ros.mesh.surfaces.surface_edges import is_closed
 from gdfe_ros.quantity import Quantity, RotationQuantity, Vector
 from gdfe_ros.scene.entry import Choice, Entry, belongs
 from gdfe_ros.scene.generator_schema import BarModel, FingerModel, GridModel, RingModel, SphereShellModel, TubeModel

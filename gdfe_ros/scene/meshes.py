@@ -15,11 +15,11 @@ import numpy as np
 from gdfe_ros.errors import MeshError, show_point
 from gdfe_ros.mesh import Mesh, TetMesh, require_sound
 from gdfe_ros.mesh.assembly import assemble
+from gdfe_ros.mesh.files.mesh_input import LARGEST
+from gdfe_ros.mesh.files.stored_mesh import keep, key_of, mesh_arrays, mesh_of, pack_mesh, recall, under
 from gdfe_ros.mesh.mesh import MeshPart
-from gdfe_ros.mesh.mesh_input import LARGEST
 from gdfe_ros.mesh.outside import Outside
 from gdfe_ros.mesh.overlap import find_overlap
-from gdfe_ros.mesh.packing import keep, key_of, mesh_arrays, mesh_of, pack_mesh, recall, under
 from gdfe_ros.mesh.tetmesh import divided
 from gdfe_ros.mesh.touching import Touching
 from gdfe_ros.scene.document import Carried, KeyPath, without

@@ -14,10 +14,10 @@ from gdfe_ros.constraints.form import Box, Capsule, Cylinder, Form, Plane, Spher
 from gdfe_ros.constraints.obstacle import ContactPoints, Obstacle
 from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.mesh.contact_skin import out_of_material
-from gdfe_ros.mesh.packing import pack_surface
+from gdfe_ros.mesh.files.stored_mesh import pack_surface
 from gdfe_ros.mesh.selection import Where
-from gdfe_ros.mesh.shells import inertia_of
-from gdfe_ros.mesh.solid import make_solid, require_outward
+from gdfe_ros.mesh.surfaces.shells import inertia_of
+from gdfe_ros.mesh.surfaces.solid import make_solid, require_outward
 from gdfe_ros.quantity import Quantity, RotationQuantity, Vector
 from gdfe_ros.scene.entry import Choice, Entry, belongs, one_of
 from gdfe_ros.scene.mesh_schema import SurfaceModel

@@ -17,10 +17,10 @@ from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.errors import SceneError
 from gdfe_ros.materials import Material, lacks_density
 from gdfe_ros.mesh import Mesh, TetMesh
-from gdfe_ros.mesh.faces import enclosed_volume
-from gdfe_ros.mesh.tet_faces import flat_quads
+from gdfe_ros.mesh.cells.faces import enclosed_volume
+from gdfe_ros.mesh.cells.tetrahedra import flat_quads
+from gdfe_ros.mesh.meshing.walls import flat_walls
 from gdfe_ros.mesh.touching import outline
-from gdfe_ros.mesh.walls import flat_walls
 from gdfe_ros.paper.shape_factor import calibration_remarks
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.solver.settings import Dynamics, Policy, Scheme, SolverSettings

@@ -14,9 +14,9 @@ from gdfe_ros.constraints.obstacle import Obstacle, SelfContact
 from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh import HexMesh, select_faces
+from gdfe_ros.mesh.cells.tetrahedra import flat_quads
 from gdfe_ros.mesh.selection import Where, select_touching, select_touching_faces
-from gdfe_ros.mesh.solid import Solid
-from gdfe_ros.mesh.tet_faces import flat_quads
+from gdfe_ros.mesh.surfaces.solid import Solid
 from gdfe_ros.results.contacts import ContactSensor
 from gdfe_ros.scene.builder import select
 from gdfe_ros.scene.document import Carried, KeyPath

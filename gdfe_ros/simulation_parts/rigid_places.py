@@ -13,8 +13,8 @@ from gdfe_ros.constraints import Pose
 from gdfe_ros.constraints.overlap import inside_surface, overlaps, placed_now
 from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.errors import CommandError, OverlapError
-from gdfe_ros.mesh.faces import vertex_pieces
-from gdfe_ros.mesh.tet_faces import flat_quads
+from gdfe_ros.mesh.cells.faces import vertex_pieces
+from gdfe_ros.mesh.cells.tetrahedra import flat_quads
 from gdfe_ros.mesh.touching import outline
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.handle_motions import HandleMotions

@@ -14,9 +14,9 @@ from gdfe_ros.constraints import Pose
 from gdfe_ros.constraints.overlap import TOUCHING, inside_surface, placed_now
 from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.errors import OverlapError
+from gdfe_ros.mesh.cells.tetrahedra import flat_quads
 from gdfe_ros.mesh.mesh import MeshPart
 from gdfe_ros.mesh.overlap import find_overlap
-from gdfe_ros.mesh.tet_faces import flat_quads
 from gdfe_ros.mesh.touching import outline
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.scene.soft_bodies import parts_of

@@ -21,10 +21,10 @@ from gdfe_ros.constraints.obstacle import SelfContact
 from gdfe_ros.constraints.rigid_body import RigidBody, rigid_among
 from gdfe_ros.materials.material import Material
 from gdfe_ros.materials.table import YOUNG, MaterialTable, pack
-from gdfe_ros.mesh.across import cells_across
-from gdfe_ros.mesh.filling import Filling
-from gdfe_ros.mesh.operators import ShapeOperators
-from gdfe_ros.mesh.tet_operators import TetOperators
+from gdfe_ros.mesh.cells.faces import cells_across
+from gdfe_ros.mesh.cells.filling import Filling
+from gdfe_ros.mesh.cells.operators import ShapeOperators
+from gdfe_ros.mesh.cells.tet_operators import TetOperators
 from gdfe_ros.mesh.touching import Touching
 from gdfe_ros.solver.elements.blocks import Blocks, Operators, in_lanes
 from gdfe_ros.solver.elements.cell_type import CellType, cell_type_of, cell_type_with

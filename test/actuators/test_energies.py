@@ -11,7 +11,7 @@ from gdfe_ros.actuators import Cable, Chamber, Embedding, Gravity, Growth, Mode,
 from gdfe_ros.materials import Linear, Material, NeoHookean
 from gdfe_ros.mesh import HexMesh, bar
 from gdfe_ros.mesh.cavities import find_cavities
-from gdfe_ros.mesh.faces import enclosed_volume
+from gdfe_ros.mesh.cells.faces import enclosed_volume
 from gdfe_ros.mesh.generators import sphere
 from gdfe_ros.mesh.outside import carry_skin
 from gdfe_ros.results.element_fields import corner_forces

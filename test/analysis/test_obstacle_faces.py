@@ -16,7 +16,7 @@ from gdfe_ros.analysis.scenery import Scenery, faces_of, obstacle_faces, recorde
 from gdfe_ros.constraints import Pose
 from gdfe_ros.constraints.form import Box, Capsule, Cylinder, Form, Plane, Sphere, TriangleMesh
 from gdfe_ros.constraints.obstacle import Obstacle
-from gdfe_ros.mesh.solid import make_solid
+from gdfe_ros.mesh.surfaces.solid import make_solid
 from gdfe_ros.scene import load_scene
 from gdfe_ros.simulation import Simulation
 from test.written import scene_of

@@ -11,7 +11,7 @@ import trimesh
 from PIL import Image
 
 from gdfe_ros.analysis.picture import draw_surface
-from gdfe_ros.mesh.surface_findings import surface_findings
+from gdfe_ros.mesh.meshing.surface_findings import surface_findings
 
 BOX = trimesh.creation.box((0.1, 0.06, 0.04))
 

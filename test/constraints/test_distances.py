@@ -12,7 +12,7 @@ from gdfe_ros import Pose
 from gdfe_ros.constraints.distances import form_numbers, measure
 from gdfe_ros.constraints.form import Box, Capsule, Cylinder, Form, Plane, Sphere, TriangleMesh
 from gdfe_ros.constraints.obstacle import Obstacle
-from gdfe_ros.mesh.solid import make_solid
+from gdfe_ros.mesh.surfaces.solid import make_solid
 
 FORMS = [Plane(), Sphere(0.7), Box((1.0, 1.4, 0.6)), Capsule(0.4, 1.0), Cylinder(0.6, 0.8)]
 

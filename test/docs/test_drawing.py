@@ -16,7 +16,7 @@ from docs.scripts.cad_pneunet import NAME as PNEUNET
 from docs.scripts.drawing import Drawing, write_step
 from gdfe_ros.mesh import check_mesh
 from gdfe_ros.mesh.cavities import find_cavities
-from gdfe_ros.mesh.tetrahedralise import step_facts
+from gdfe_ros.mesh.meshing.tetrahedralise import step_facts
 from gdfe_ros.scene import load_scene
 
 

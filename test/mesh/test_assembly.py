@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh import HexMesh, bar, check_mesh, select_cells, select_faces, select_vertices
 from gdfe_ros.mesh.assembly import assemble
-from gdfe_ros.mesh.filling import Filling
+from gdfe_ros.mesh.cells.filling import Filling
 from gdfe_ros.mesh.mesh import MeshPart
 from gdfe_ros.mesh.outside import carry_skin
 from gdfe_ros.mesh.selection import BoxSelection, Side, Where

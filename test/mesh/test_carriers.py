@@ -4,7 +4,7 @@
 import numpy as np
 
 from gdfe_ros.mesh import bar
-from gdfe_ros.mesh.filling import reference_coordinates, trilinear_weights
+from gdfe_ros.mesh.cells.filling import reference_coordinates, trilinear_weights
 from gdfe_ros.mesh.outside import hang
 
 

@@ -8,10 +8,10 @@ import pytest
 
 from gdfe_ros.mesh import bar, select_faces
 from gdfe_ros.mesh.cavities import find_cavities
-from gdfe_ros.mesh.faces import enclosed_volume
+from gdfe_ros.mesh.cells.faces import enclosed_volume
 from gdfe_ros.mesh.generators import cut, sphere
 from gdfe_ros.mesh.selection import BoxSelection, Side, Where
-from gdfe_ros.mesh.surface_edges import open_edges
+from gdfe_ros.mesh.surfaces.surface_edges import open_edges
 
 CUBE = bar([1, 1, 1], [5, 5, 5])
 MIDDLE = Where(box=BoxSelection((0.2, 0.8), (-0.3, 0.3), (-0.3, 0.3)))

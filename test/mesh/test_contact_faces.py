@@ -12,9 +12,9 @@ import trimesh
 from gdfe_ros.mesh import HexMesh
 from gdfe_ros.mesh.assembly import mirror
 from gdfe_ros.mesh.contact_skin import touch_by_skin
+from gdfe_ros.mesh.meshing.voxels import CutCubes, fill_surface
 from gdfe_ros.mesh.outside import carry_skin
-from gdfe_ros.mesh.surface_edges import edge_counts
-from gdfe_ros.mesh.voxels import CutCubes, fill_surface
+from gdfe_ros.mesh.surfaces.surface_edges import edge_counts
 
 BALL = trimesh.creation.icosphere(4, 0.05)
 BOX = trimesh.creation.box((0.06, 0.04, 0.03))

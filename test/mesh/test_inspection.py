@@ -10,9 +10,9 @@ import pytest
 import trimesh
 
 from gdfe_ros.mesh import bar
+from gdfe_ros.mesh.files.mesh_input import guess_unit, unit_defects
 from gdfe_ros.mesh.generators import cut
 from gdfe_ros.mesh.inspection import inspect_file
-from gdfe_ros.mesh.mesh_input import guess_unit, unit_defects
 from gdfe_ros.mesh.selection import BoxSelection, Where
 from gdfe_ros.mesh.tetmesh import divided
 

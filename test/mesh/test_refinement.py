@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from gdfe_ros.mesh.surface_edges import refine
+from gdfe_ros.mesh.surfaces.surface_edges import refine
 
 LONGEST = 0.002
 SURFACES: dict[str, Callable[[], trimesh.Trimesh]] = {

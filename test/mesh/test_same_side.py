@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from gdfe_ros.mesh import HexMesh, bar
-from gdfe_ros.mesh.importer import examine_mesh
+from gdfe_ros.mesh.files.importer import examine_mesh
 from gdfe_ros.mesh.quality import check_mesh
 from gdfe_ros.mesh.tetmesh import divided, raised
 from gdfe_ros.scene import load_scene, scene_names

@@ -15,12 +15,18 @@ from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh import TetMesh, bar, check_mesh
 from gdfe_ros.mesh.assembly import keep_cells
 from gdfe_ros.mesh.cavities import find_cavities, inside_volume
+from gdfe_ros.mesh.cells.tetrahedra import (
+    EDGES,
+    barycentric,
+    node_areas,
+    quadratic_slopes,
+    quadratic_weights,
+    simplex_rule,
+)
+from gdfe_ros.mesh.files.importer import read_mesh
+from gdfe_ros.mesh.files.stored_mesh import pack_mesh, unpack_mesh
 from gdfe_ros.mesh.generators import sphere
-from gdfe_ros.mesh.importer import read_mesh
-from gdfe_ros.mesh.packing import pack_mesh, unpack_mesh
-from gdfe_ros.mesh.tet_faces import node_areas
 from gdfe_ros.mesh.tetmesh import divided
-from gdfe_ros.mesh.tetrahedra import EDGES, barycentric, quadratic_slopes, quadratic_weights, simplex_rule
 
 BAR = divided(bar([0.2, 0.05, 0.05], [4, 1, 1]))
 CORNERS = np.unique(BAR.cells[:, :4])

@@ -13,9 +13,9 @@ from gdfe_ros.mesh.assembly import assemble
 from gdfe_ros.mesh.contact_skin import touch_by_skin
 from gdfe_ros.mesh.generators import bar
 from gdfe_ros.mesh.mesh import MeshPart
+from gdfe_ros.mesh.meshing.voxels import CutCubes, fill_surface
 from gdfe_ros.mesh.outside import carry_skin
 from gdfe_ros.mesh.touching import outline
-from gdfe_ros.mesh.voxels import CutCubes, fill_surface
 
 RNG = np.random.default_rng(5)
 RADIUS = 0.05

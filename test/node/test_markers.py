@@ -19,9 +19,9 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from gdfe_ros.colour_map import colour
 from gdfe_ros.constraints import Pose
+from gdfe_ros.mesh.files.stored_mesh import pack_surface
 from gdfe_ros.mesh.generators import bar
 from gdfe_ros.mesh.outside import carry_skin
-from gdfe_ros.mesh.packing import pack_surface
 from gdfe_ros.node.messages import MOST_TRIANGLES, ContactMarkers, SurfaceMarker, pose_stamped
 from gdfe_ros.results.contacts import POINT
 from gdfe_ros.scene.loader import scene_from_text

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from gdfe_ros import Command, Pose, Simulation, load_scene
 from gdfe_ros.actuators.embedding import embed
 from gdfe_ros.errors import CommandError
-from gdfe_ros.mesh.operators import shape_operators
+from gdfe_ros.mesh.cells.operators import shape_operators
 from gdfe_ros.results.inertial_units import imu_reading
 from test.solver.motion.conftest import BAR
 from test.written import simulate

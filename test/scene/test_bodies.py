@@ -13,7 +13,7 @@ import trimesh
 from gdfe_ros.constraints.form import Capsule, Form, Sphere
 from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.errors import SceneError
-from gdfe_ros.mesh.shells import inertia_of
+from gdfe_ros.mesh.surfaces.shells import inertia_of
 from gdfe_ros.scene import load_scene
 
 SCENE = """

@@ -9,7 +9,7 @@ import pytest
 from gdfe_ros import Command, Pose, Simulation
 from gdfe_ros.errors import SceneError
 from gdfe_ros.mesh import bar
-from gdfe_ros.mesh.packing import pack_mesh
+from gdfe_ros.mesh.files.stored_mesh import pack_mesh
 from gdfe_ros.mesh.tetmesh import divided
 from gdfe_ros.scene import scene_from_text
 from test.written import advance

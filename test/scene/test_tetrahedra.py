@@ -16,7 +16,7 @@ from gdfe_ros.constraints import Pose
 from gdfe_ros.errors import SceneError
 from gdfe_ros.mesh import HexMesh, TetMesh, bar
 from gdfe_ros.mesh.assembly import keep_cells
-from gdfe_ros.mesh.packing import pack_mesh
+from gdfe_ros.mesh.files.stored_mesh import pack_mesh
 from gdfe_ros.mesh.tetmesh import divided, raised
 from gdfe_ros.scene import Scene
 from gdfe_ros.scene.loader import scene_from_text

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from gdfe_ros.constraints import Axis, Handle
 from gdfe_ros.mesh import HexMesh, bar
-from gdfe_ros.mesh.operators import shape_operators
+from gdfe_ros.mesh.cells.operators import shape_operators
 from gdfe_ros.paper.relative import assemble_centring
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix, apply_inverse, assemble
 from gdfe_ros.solver.matrix.unknowns import Unknowns, number_unknowns

@@ -13,8 +13,8 @@ from scipy.spatial.transform import Rotation
 from gdfe_ros.materials import Curve, CurveData, Law, Linear, Material, NeoHookean, preset
 from gdfe_ros.materials.table import PENALTY
 from gdfe_ros.mesh import HexMesh, bar
-from gdfe_ros.mesh.filling import CORNERS, Filling
-from gdfe_ros.mesh.operators import shape_operators
+from gdfe_ros.mesh.cells.filling import CORNERS, Filling
+from gdfe_ros.mesh.cells.operators import shape_operators
 from gdfe_ros.results.element_fields import corner_forces, element_fields, strain_energies, volume_pressures
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.elements.measures import least_volume_ratio, update_pressures

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from scipy.sparse.linalg import spsolve
 
 from gdfe_ros.mesh import HexMesh, bar
+from gdfe_ros.mesh.cells.operators import shape_operators
 from gdfe_ros.mesh.generators import sphere
-from gdfe_ros.mesh.operators import shape_operators
 from gdfe_ros.solver.matrix import constant_matrix as factors
 from gdfe_ros.solver.matrix.constant_matrix import Factor, assemble
 from gdfe_ros.solver.matrix.elimination import dissect, find_elimination, narrow_orders

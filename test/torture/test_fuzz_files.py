@@ -26,9 +26,9 @@ from gdfe_ros.analysis.sweep import read_list
 from gdfe_ros.checkpoint import load_state, save_state
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.fitting.csv_source import TableFile
-from gdfe_ros.mesh.importer import read_mesh
-from gdfe_ros.mesh.packing import pack_mesh, unpack_mesh
-from gdfe_ros.mesh.voxels import examine_surface
+from gdfe_ros.mesh.files.importer import read_mesh
+from gdfe_ros.mesh.files.stored_mesh import pack_mesh, unpack_mesh
+from gdfe_ros.mesh.meshing.voxels import examine_surface
 from gdfe_ros.scene import load_scene
 from gdfe_ros.scene.table import read_stress_table
 from gdfe_ros.simulation import Simulation

@@ -14,8 +14,8 @@ from gdfe_ros.analysis.export import Columns, write_csv
 from gdfe_ros.arms.meshes import find_mesh
 from gdfe_ros.checkpoint import load_state, save_state, write_state
 from gdfe_ros.errors import ArmError, GdfeError, MeshError, SceneError
-from gdfe_ros.mesh.importer import read_mesh
-from gdfe_ros.mesh.voxels import examine_surface
+from gdfe_ros.mesh.files.importer import read_mesh
+from gdfe_ros.mesh.meshing.voxels import examine_surface
 from gdfe_ros.scene import load_scene, scene_from_text
 from gdfe_ros.simulation import Simulation
 from gdfe_ros.untrusted.bounded_text import quoted

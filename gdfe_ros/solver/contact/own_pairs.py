@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from gdfe_ros.compiled import kernel
 from gdfe_ros.constraints.obstacle import SelfContact
-from gdfe_ros.mesh.tet_faces import flat_quads
+from gdfe_ros.mesh.cells.tetrahedra import flat_quads
 from gdfe_ros.mesh.triples import along, corner, dot, minus
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact.closest import Nearest, face_areas, least_distance, nearest_faces

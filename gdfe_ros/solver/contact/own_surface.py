@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.mesh.tet_faces import flat_quads
+from gdfe_ros.mesh.cells.tetrahedra import flat_quads
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact.closest import face_areas
 from gdfe_ros.solver.contact.near import Ragged, incidence, make_ragged

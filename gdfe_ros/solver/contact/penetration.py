@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from gdfe_ros.compiled import inlined, internal, kernel
 from gdfe_ros.constraints.obstacle import SelfContact
-from gdfe_ros.mesh.faces import vertex_pieces
-from gdfe_ros.mesh.tet_faces import flat_quads
+from gdfe_ros.mesh.cells.faces import vertex_pieces
+from gdfe_ros.mesh.cells.tetrahedra import flat_quads
 from gdfe_ros.mesh.triples import along, corner, cross, dot, minus, unit
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact.closest import EQUAL, area_vector, clamp, closest_on, face_at, to_box

@@ -12,7 +12,7 @@ from scipy import sparse
 
 from gdfe_ros.actuators.load import corner_areas
 from gdfe_ros.constraints.rigid_body import RigidBody
-from gdfe_ros.mesh.tet_faces import flat_quads
+from gdfe_ros.mesh.cells.tetrahedra import flat_quads
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact.gap import SHAPE
 from gdfe_ros.solver.contact.near import incidence

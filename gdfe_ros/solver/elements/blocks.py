@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.compiled import inlined
-from gdfe_ros.mesh.operators import ShapeOperators
-from gdfe_ros.mesh.tet_operators import TetOperators
+from gdfe_ros.mesh.cells.operators import ShapeOperators
+from gdfe_ros.mesh.cells.tet_operators import TetOperators
 from gdfe_ros.solver.elements.hourglass import couplings
 from gdfe_ros.solver.vectors import NEGLIGIBLE
 

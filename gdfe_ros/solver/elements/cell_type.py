@@ -17,11 +17,10 @@ from numpy.typing import NDArray
 
 from gdfe_ros.compiled import INLINED
 from gdfe_ros.materials.table import MaterialTable, with_local_share
-from gdfe_ros.mesh.faces import Faces, boundary_faces
-from gdfe_ros.mesh.operators import ShapeOperators, grown_operators, shape_operators
-from gdfe_ros.mesh.tet_faces import tet_boundary
-from gdfe_ros.mesh.tet_operators import TetOperators, gradients, grown_tet_operators, tet_operators
-from gdfe_ros.mesh.tetrahedra import EDGES, PARTS
+from gdfe_ros.mesh.cells.faces import Faces, boundary_faces
+from gdfe_ros.mesh.cells.operators import ShapeOperators, grown_operators, shape_operators
+from gdfe_ros.mesh.cells.tet_operators import TetOperators, gradients, grown_tet_operators, tet_operators
+from gdfe_ros.mesh.cells.tetrahedra import EDGES, PARTS, tet_boundary
 from gdfe_ros.solver.elements import hexahedra, tetrahedra
 from gdfe_ros.solver.elements.blocks import Blocks, hex_geometry, make_blocks, tet_geometry
 

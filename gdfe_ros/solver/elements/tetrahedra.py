@@ -15,7 +15,7 @@ from gdfe_ros.materials.material import Law
 from gdfe_ros.materials.stress import corotated, logarithmic_volume, volumetric
 from gdfe_ros.materials.table import LAME, LOCAL, PENALTY, SHEAR
 from gdfe_ros.materials.tensor import cofactor, determinant, times
-from gdfe_ros.mesh.tetrahedra import POINTS
+from gdfe_ros.mesh.cells.tetrahedra import POINTS
 from gdfe_ros.mesh.triples import combine, corner
 from gdfe_ros.solver.elements.blocks import (
     ENERGY,

@@ -10,7 +10,7 @@ from gdfe_ros.compiled import internal, kernel
 from gdfe_ros.materials.material import Law
 from gdfe_ros.materials.stress import logarithmic_volume
 from gdfe_ros.materials.table import BULK, CARRIED, PENALTY, SHEAR, MaterialTable
-from gdfe_ros.mesh.operators import ShapeOperators
+from gdfe_ros.mesh.cells.operators import ShapeOperators
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.elements.barrier import least_corners
 from gdfe_ros.solver.elements.cell_type import volume_ratio

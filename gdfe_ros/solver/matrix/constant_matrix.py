@@ -21,7 +21,7 @@ import scipy.sparse as sparse
 from numpy.typing import NDArray
 
 from gdfe_ros.compiled import kernel, vector_kernel
-from gdfe_ros.mesh.operators import ShapeOperators
+from gdfe_ros.mesh.cells.operators import ShapeOperators
 from gdfe_ros.solver.elements.cell_type import cell_type_of
 from gdfe_ros.solver.matrix.fronts import Fronts
 from gdfe_ros.solver.matrix.substitution import Inverse, apply_free, solve_rigid

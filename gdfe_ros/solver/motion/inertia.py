@@ -17,7 +17,7 @@ from scipy import sparse
 
 from gdfe_ros.actuators.load import AttachedMass, gauss_points
 from gdfe_ros.compiled import kernel
-from gdfe_ros.mesh.filling import Filling
+from gdfe_ros.mesh.cells.filling import Filling
 from gdfe_ros.mesh.triples import corner, cross, dot
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.matrix.constant_matrix import scatter

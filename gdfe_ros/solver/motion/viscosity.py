@@ -26,7 +26,7 @@ from scipy import sparse
 
 from gdfe_ros.compiled import inlined, kernel, vector_kernel
 from gdfe_ros.materials.table import SHEAR
-from gdfe_ros.mesh.tet_operators import TetOperators, gradients
+from gdfe_ros.mesh.cells.tet_operators import TetOperators, gradients
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.matrix.constant_matrix import assemble
 from gdfe_ros.solver.settings import Dynamics

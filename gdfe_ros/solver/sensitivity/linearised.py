@@ -24,7 +24,7 @@ from gdfe_ros.compiled import kernel
 from gdfe_ros.errors import ENDED, GdfeError
 from gdfe_ros.materials.material import Law
 from gdfe_ros.materials.table import BULK, CARRIED, LAME, PENALTY, SHEAR, MaterialTable
-from gdfe_ros.mesh.operators import ShapeOperators
+from gdfe_ros.mesh.cells.operators import ShapeOperators
 from gdfe_ros.solver.elements.blocks import Operators
 from gdfe_ros.solver.elements.cell_type import volume_ratio
 from gdfe_ros.solver.elements.measures import update_hourglass_scales

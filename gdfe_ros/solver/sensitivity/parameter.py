@@ -14,7 +14,7 @@ from gdfe_ros.actuators.load import AttachedMass, Gravity, Load
 from gdfe_ros.constraints import Pose
 from gdfe_ros.materials import Material, cell_densities
 from gdfe_ros.materials.table import MaterialTable, pack
-from gdfe_ros.mesh.filling import Filling
+from gdfe_ros.mesh.cells.filling import Filling
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.motion import inertia, viscosity
 from gdfe_ros.solver.motion.inertia import Inertia, mass_matrix

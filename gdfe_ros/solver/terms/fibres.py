@@ -2,7 +2,7 @@
 """Layers of fibres as terms.
 
 The energy of a fibre point with area A is k A / 2 e^2, with e = (d . d - 1) / 2. The present fibre vector d is linear
-in the positions of the face's nodes (`gdfe_ros.mesh.fibres`).
+in the positions of the face's nodes (`gdfe_ros.mesh.cells.face_fibres`).
 """
 
 from __future__ import annotations

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from gdfe_ros.actuators.load import GAUSS
 from gdfe_ros.compiled import inlined, internal, kernel
-from gdfe_ros.mesh.tetrahedra import face_slopes, face_weights, triangle_rule
+from gdfe_ros.mesh.cells.tetrahedra import face_slopes, face_weights, triangle_rule
 from gdfe_ros.mesh.triples import along, corner, cross, dot, minus, plus
 
 NODES, COUNT, FACES = range(3)

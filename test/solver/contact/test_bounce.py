@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from gdfe_ros.mesh.packing import pack_surface
+from gdfe_ros.mesh.files.stored_mesh import pack_surface
 from test.written import simulate, trace
 
 BALL = """

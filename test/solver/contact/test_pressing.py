@@ -11,7 +11,7 @@ import pytest
 import trimesh
 
 from gdfe_ros import Command, Pose, Simulation
-from gdfe_ros.mesh.packing import pack_surface
+from gdfe_ros.mesh.files.stored_mesh import pack_surface
 from test.solver.contact.balls import ball_between_plates, hertz, tatara
 from test.written import advance, scene_of
 

@@ -12,7 +12,7 @@ import trimesh
 
 from gdfe_ros import Command, Pose, Simulation, load_scene
 from gdfe_ros.mesh.outside import hang
-from gdfe_ros.mesh.surface_edges import refine
+from gdfe_ros.mesh.surfaces.surface_edges import refine
 from gdfe_ros.solver.contact.contact import Contact
 from gdfe_ros.solver.contact.stencil import add_loads
 from test.solver.contact.balls import CALCULIX, press_ball

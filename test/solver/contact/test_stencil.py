@@ -10,7 +10,7 @@ import pytest
 import trimesh
 
 from gdfe_ros import Command, Pose, Simulation, load_scene
-from gdfe_ros.mesh.packing import pack_surface
+from gdfe_ros.mesh.files.stored_mesh import pack_surface
 
 BALL = trimesh.creation.icosphere(subdivisions=4, radius=0.04)
 MESH = {"mesh": {"embedded": pack_surface(BALL.vertices, BALL.faces)}}

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from gdfe_ros.command import Command
 from gdfe_ros.constraints import Axis, Pose
 from gdfe_ros.mesh import HexMesh, bar
-from gdfe_ros.mesh.packing import pack_mesh
+from gdfe_ros.mesh.files.stored_mesh import pack_mesh
 from gdfe_ros.scene import scene_from_text
 from gdfe_ros.simulation import Simulation
 from gdfe_ros.solver.settings import Torsion

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from gdfe_ros.compiled import kernel
+from gdfe_ros.mesh.cells.operators import ShapeOperators
 from gdfe_ros.mesh.mesh import HexMesh
-from gdfe_ros.mesh.operators import ShapeOperators
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.elements.barrier import LINE, NEARLY_FOLDED, THRESHOLD, add_walls, wall
 from gdfe_ros.solver.elements.measures import corner_ratios

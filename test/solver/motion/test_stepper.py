@@ -11,7 +11,7 @@ import pytest
 from gdfe_ros import Command, Pose
 from gdfe_ros.checkpoint import load_state, save_state
 from gdfe_ros.errors import CommandError
-from gdfe_ros.mesh.filling import CORNERS
+from gdfe_ros.mesh.cells.filling import CORNERS
 from gdfe_ros.solver.motion.inertia import mass_matrix
 from test.written import advance
 

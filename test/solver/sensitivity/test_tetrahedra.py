@@ -11,7 +11,7 @@ import pytest
 from gdfe_ros import Command, Pose
 from gdfe_ros.mesh import bar
 from gdfe_ros.mesh.assembly import keep_cells
-from gdfe_ros.mesh.packing import pack_mesh
+from gdfe_ros.mesh.files.stored_mesh import pack_mesh
 from gdfe_ros.mesh.tetmesh import divided
 from test.solver.sensitivity.test_equilibrium import BAR, TIP, command_error, worst_error
 from test.solver.sensitivity.test_motion import CASES, motion_error

@@ -13,7 +13,7 @@ from gdfe_ros.actuators.load import PressureLoad
 from gdfe_ros.errors import SceneError
 from gdfe_ros.materials import NeoHookean
 from gdfe_ros.mesh import Mesh, bar
-from gdfe_ros.mesh.faces import turned
+from gdfe_ros.mesh.cells.faces import turned
 from gdfe_ros.mesh.tetmesh import divided
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.terms.load import PressureTerm

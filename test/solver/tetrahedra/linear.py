@@ -12,10 +12,10 @@ from gdfe_ros.materials import Law, Material
 from gdfe_ros.materials.table import BULK, LOCAL, PENALTY
 from gdfe_ros.mesh import HexMesh, TetMesh
 from gdfe_ros.mesh.assembly import merge_vertices
-from gdfe_ros.mesh.faces import HEX_FACES
-from gdfe_ros.mesh.tet_operators import gradients
+from gdfe_ros.mesh.cells.faces import HEX_FACES
+from gdfe_ros.mesh.cells.tet_operators import gradients
+from gdfe_ros.mesh.cells.tetrahedra import face_slopes, face_weights, triangle_rule
 from gdfe_ros.mesh.tetmesh import raised
-from gdfe_ros.mesh.tetrahedra import face_slopes, face_weights, triangle_rule
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.elements.tetrahedra import element_tangents
 

@@ -10,7 +10,7 @@ import pytest
 
 from gdfe_ros import Command, Simulation
 from gdfe_ros.mesh import Mesh, bar
-from gdfe_ros.mesh.packing import pack_mesh
+from gdfe_ros.mesh.files.stored_mesh import pack_mesh
 from gdfe_ros.mesh.tetmesh import divided
 from gdfe_ros.scene import scene_from_text
 from gdfe_ros.scene.document import write_document

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from gdfe_ros.materials import Linear, Material, NeoHookean
 from gdfe_ros.mesh import HexMesh, TetMesh, bar
 from gdfe_ros.mesh.assembly import keep_cells
+from gdfe_ros.mesh.cells.tetrahedra import POINTS, quadratic_weights
 from gdfe_ros.mesh.generators import sphere
 from gdfe_ros.mesh.tetmesh import divided
-from gdfe_ros.mesh.tetrahedra import POINTS, quadratic_weights
 from test.solver.tetrahedra.linear import displacements, pushed, round_faces, snapped, starred, stresses
 
 INNER, OUTER, PRESSURE = 0.05, 0.1, 1.0

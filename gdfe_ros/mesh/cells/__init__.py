@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Cells of meshes: faces, shape functions and shape operators of hexahedra and tetrahedra."""
