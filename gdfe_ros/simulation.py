@@ -19,8 +19,8 @@ from gdfe_ros.coupling.joint_coupling import JointCoupling
 from gdfe_ros.differentiation.differentiator import make_differentiator
 from gdfe_ros.errors import CommandError, OverlapError
 from gdfe_ros.results.step_result import StepResult
+from gdfe_ros.scene.building.soft_bodies import parts_of
 from gdfe_ros.scene.scene import Scene
-from gdfe_ros.scene.soft_bodies import parts_of
 from gdfe_ros.scene.solvable import refuse_unsolvable
 from gdfe_ros.simulation_parts.grip_reach import find_far_grips
 from gdfe_ros.simulation_parts.rigid_places import carry_soft, move_along, put_rigid, require_free

@@ -6,17 +6,17 @@ from __future__ import annotations
 from gdfe_ros.constraints.form import Box, Capsule, Cylinder, Sphere
 from gdfe_ros.materials import ArrudaBoyce, Gent, Linear, MooneyRivlin, NeoHookean, Ogden, StableNeoHookean, Yeoh
 from gdfe_ros.mesh.selection import BoxSelection, SphereSelection, Where
-from gdfe_ros.scene import (
+from gdfe_ros.scene import program
+from gdfe_ros.scene.schemas import (
     actuator_schema,
     arm_schema,
     generator_schema,
     material_schema,
     mesh_schema,
     obstacle_schema,
-    program,
-    schema,
 )
-from gdfe_ros.scene.material_schema import LAW_MODELS
+from gdfe_ros.scene.schemas import scene_schema as schema
+from gdfe_ros.scene.schemas.material_schema import LAW_MODELS
 from gdfe_ros.solver.settings import Branch, Damping, Dynamics, SolverSettings
 
 SCENE = """\

@@ -21,7 +21,7 @@ from gdfe_ros.keys import Alternatives
 from gdfe_ros.mesh.selection import BoxSelection, SphereSelection
 from gdfe_ros.quantity import ANY, Quantity, find_quantity
 from gdfe_ros.scene.report import bare, description_of, fields_of, quantity_of
-from gdfe_ros.scene.schema import SceneModel
+from gdfe_ros.scene.schemas.scene_schema import SceneModel
 from gdfe_ros.solver.settings import SolverSettings
 
 _TITLES = {

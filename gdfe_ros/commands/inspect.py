@@ -12,7 +12,7 @@ from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh.files.mesh_input import require_file
 from gdfe_ros.mesh.inspection import Inspection, inspect_file
 from gdfe_ros.mesh.quality import check_mesh
-from gdfe_ros.scene.mesh_schema import SCALE, SIZE
+from gdfe_ros.scene.schemas.mesh_schema import SCALE, SIZE
 from gdfe_ros.untrusted.terminal import QUANTITIES, PlainConsole, make_table
 
 DEFECTIVE = 1

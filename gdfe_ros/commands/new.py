@@ -22,8 +22,8 @@ from gdfe_ros.mesh.meshing.tetrahedralise import STEP_SUFFIXES, from_step, from_
 from gdfe_ros.mesh.meshing.voxels import SUFFIXES, examine_surface, read_surface
 from gdfe_ros.mesh.meshing.walls import default_size
 from gdfe_ros.scene.document import write_document
-from gdfe_ros.scene.mesh_schema import LEAST_SIZE, SCALE, SIZE
 from gdfe_ros.scene.report import suggest
+from gdfe_ros.scene.schemas.mesh_schema import LEAST_SIZE, SCALE, SIZE
 
 PRESSURE = 5e3
 """Final pressure [Pa] of the program that is written for a scene with chambers."""

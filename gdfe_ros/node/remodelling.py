@@ -14,9 +14,9 @@ from gdfe_ros.materials import Linear, NeoHookean
 from gdfe_ros.mesh.mesh import MeshPart
 from gdfe_ros.node.carry import Correspondence, carried, match_loose, match_vertices, with_bodies_of
 from gdfe_ros.node.interface import MODULUS
+from gdfe_ros.scene.building.soft_bodies import parts_of
 from gdfe_ros.scene.loader import scene_from_text
 from gdfe_ros.scene.scene import Scene
-from gdfe_ros.scene.soft_bodies import parts_of
 from gdfe_ros.simulation import Command, Simulation
 from gdfe_ros.simulation_parts.rigid_places import put_rigid, release
 from gdfe_ros.simulation_parts.soft_places import require_soft_free

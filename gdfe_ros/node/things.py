@@ -22,10 +22,10 @@ from gdfe_ros.node.command_messages import require_pose
 from gdfe_ros.node.frames import Frames, Placement
 from gdfe_ros.node.refusals import Refused, ResultCode
 from gdfe_ros.node.services import SPAWNED, path_of
+from gdfe_ros.scene.building.soft_bodies import parts_of
 from gdfe_ros.scene.entity import LARGEST, Entity, read_entity
 from gdfe_ros.scene.scene import Scene
-from gdfe_ros.scene.schema import NAME
-from gdfe_ros.scene.soft_bodies import parts_of
+from gdfe_ros.scene.schemas.scene_schema import NAME
 from gdfe_ros.simulation import Simulation
 from gdfe_ros.simulation_parts.soft_places import fit_rigidly
 from gdfe_ros.untrusted.regular_file import read_text

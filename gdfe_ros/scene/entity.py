@@ -20,10 +20,10 @@ from gdfe_ros.errors import ArmError, MeshError, SceneError
 from gdfe_ros.scene.document import parse_document
 from gdfe_ros.scene.entry import VALUE_ERROR
 from gdfe_ros.scene.loader import scene_from_text
-from gdfe_ros.scene.mesh_schema import MeshModel
-from gdfe_ros.scene.obstacle_schema import BodyModel
 from gdfe_ros.scene.scene import Scene
-from gdfe_ros.scene.schema import NAME
+from gdfe_ros.scene.schemas.mesh_schema import MeshModel
+from gdfe_ros.scene.schemas.obstacle_schema import BodyModel
+from gdfe_ros.scene.schemas.scene_schema import NAME
 
 SOFT = ("material", "materials", "regions")
 """Keys of a description that make its body a soft one."""

@@ -16,22 +16,28 @@ from gdfe_ros.arms.arm import Arm
 from gdfe_ros.constraints import Handle
 from gdfe_ros.errors import SceneError
 from gdfe_ros.installation import share_dir
-from gdfe_ros.scene.actuation import build_actuators, build_loads, build_masses, build_probes
-from gdfe_ros.scene.arms import build_arms, require_arms
-from gdfe_ros.scene.builder import assign_materials, build_handles, build_materials, require_held, require_own_names
+from gdfe_ros.scene.building.actuators import build_actuators, build_loads, build_masses, build_probes
+from gdfe_ros.scene.building.arms import build_arms, require_arms
+from gdfe_ros.scene.building.builder import (
+    assign_materials,
+    build_handles,
+    build_materials,
+    require_held,
+    require_own_names,
+)
+from gdfe_ros.scene.building.fibre_layers import build_fibres
+from gdfe_ros.scene.building.simulated_mesh import build_mesh, require_body
+from gdfe_ros.scene.building.soft_bodies import assign_soft_materials, build_soft_bodies, with_soft_bodies
+from gdfe_ros.scene.building.touchable import build_bodies, build_obstacles, build_self_contact, build_sensors
+from gdfe_ros.scene.building.tracks import build_program
 from gdfe_ros.scene.document import Carried, Document, KeyPath, parse_document, write_document
-from gdfe_ros.scene.fibres import build_fibres
-from gdfe_ros.scene.meshes import build_mesh, require_body
 from gdfe_ros.scene.override import apply_override
-from gdfe_ros.scene.paths import missing_packages
 from gdfe_ros.scene.program import Program
 from gdfe_ros.scene.report import Defects, bare
 from gdfe_ros.scene.scene import Scene
-from gdfe_ros.scene.schema import Draft, SceneModel
-from gdfe_ros.scene.soft_bodies import assign_soft_materials, build_soft_bodies, with_soft_bodies
+from gdfe_ros.scene.schemas.paths import missing_packages
+from gdfe_ros.scene.schemas.scene_schema import Draft, SceneModel
 from gdfe_ros.scene.solvable import unsolvable
-from gdfe_ros.scene.touchable import build_bodies, build_obstacles, build_self_contact, build_sensors
-from gdfe_ros.scene.tracks import build_program
 from gdfe_ros.untrusted.bounded_text import LARGEST_TEXT
 from gdfe_ros.untrusted.regular_file import defect_of, is_file, read_text
 from gdfe_ros.untrusted.spelling import closest

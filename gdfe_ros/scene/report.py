@@ -17,8 +17,8 @@ from gdfe_ros.keys import FieldError, Keys, Meaning
 from gdfe_ros.quantity import Quantity, find_quantity
 from gdfe_ros.scene.document import Document, KeyPath
 from gdfe_ros.scene.entry import TAG, VALUE_ERROR
-from gdfe_ros.scene.material_schema import LAWS
-from gdfe_ros.scene.schema import SceneModel
+from gdfe_ros.scene.schemas.material_schema import LAWS
+from gdfe_ros.scene.schemas.scene_schema import SceneModel
 from gdfe_ros.untrusted.regular_file import NAME_RULE
 from gdfe_ros.untrusted.spelling import closest, did_you_mean
 

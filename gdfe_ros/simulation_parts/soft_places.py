@@ -18,8 +18,8 @@ from gdfe_ros.mesh.cells.tetrahedra import flat_quads
 from gdfe_ros.mesh.mesh import MeshPart
 from gdfe_ros.mesh.overlap import find_overlap
 from gdfe_ros.mesh.touching import outline
+from gdfe_ros.scene.building.soft_bodies import parts_of
 from gdfe_ros.scene.scene import Scene
-from gdfe_ros.scene.soft_bodies import parts_of
 
 Array = NDArray[np.float64]
 

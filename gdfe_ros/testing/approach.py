@@ -12,7 +12,7 @@ from gdfe_ros.actuators import Mode
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.results.step_result import StepResult
 from gdfe_ros.scene import Scene
-from gdfe_ros.scene.builder import find_unheld
+from gdfe_ros.scene.building.builder import find_unheld
 from gdfe_ros.simulation import Command, Simulation
 from gdfe_ros.simulation_parts.grip_reach import find_far_grips
 

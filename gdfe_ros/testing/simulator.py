@@ -29,7 +29,7 @@ from gdfe_ros.node.messages import actuation, pose_stamped
 from gdfe_ros.node.refusals import Reason
 from gdfe_ros.node.ros_types import interface_class, subscribe
 from gdfe_ros.recording.step import Begin
-from gdfe_ros.scene.arms import joint_starts
+from gdfe_ros.scene.building.arms import joint_starts
 from gdfe_ros.scene.loader import load_scene
 from gdfe_ros.scene.override import override_words
 from gdfe_ros.simulation import Command

@@ -6,7 +6,7 @@ from __future__ import annotations
 import pytest
 
 from gdfe_ros.actuators import Actuator, ActuatorState, Growth, Mode
-from gdfe_ros.scene.actuator_schema import ActuatorModel
+from gdfe_ros.scene.schemas.actuator_schema import ActuatorModel
 from gdfe_ros.solver.forces.actuation import TERMS
 from gdfe_ros.solver.terms.term import Term
 from test.written import scene_of

@@ -13,7 +13,7 @@ from gdfe_ros.checkpoint import load_state, save_state
 from gdfe_ros.errors import CommandError, SceneError
 from gdfe_ros.installation import robots_extra
 from gdfe_ros.scene import scene_from_text
-from gdfe_ros.scene.paths import missing_packages
+from gdfe_ros.scene.schemas.paths import missing_packages
 from test.arms.conftest import SCENE, TWO_LINKS
 from test.written import advance
 

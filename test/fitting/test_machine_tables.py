@@ -15,7 +15,7 @@ from gdfe_ros.errors import GdfeError
 from gdfe_ros.fitting.csv_source import TableFile
 from gdfe_ros.fitting.tensile import fit_tensile
 from gdfe_ros.materials import Law
-from gdfe_ros.scene.table import read_stress_table
+from gdfe_ros.scene.schemas.machine_table import read_stress_table
 
 CASES = Path(__file__).parents[1] / "data" / "cases" / "tensile"
 YOUNG = 120e3

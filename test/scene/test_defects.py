@@ -12,7 +12,7 @@ from gdfe_ros.constraints import Axis, Handle
 from gdfe_ros.errors import SceneError
 from gdfe_ros.mesh import HexMesh, bar
 from gdfe_ros.scene import scene_from_text
-from gdfe_ros.scene.builder import require_held
+from gdfe_ros.scene.building.builder import require_held
 from gdfe_ros.scene.document import Document
 from gdfe_ros.scene.report import Defects
 

@@ -11,7 +11,7 @@ from pydantic import BaseModel, ValidationError
 from scipy.spatial.transform import Rotation
 
 from gdfe_ros.quantity import RotationQuantity
-from gdfe_ros.scene.obstacle_schema import ObstacleModel
+from gdfe_ros.scene.schemas.obstacle_schema import ObstacleModel
 
 
 class Placed(BaseModel):

@@ -124,8 +124,8 @@ def test_a_body_that_was_made_once_is_recalled(folder: Path, monkeypatch: pytest
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(folder / "cache"))
     made, found = load(folder), None
     with monkeypatch.context() as patch:
-        patch.setattr("gdfe_ros.scene.mesh_schema.carry_skin", None)  # what is recalled is not made again
-        patch.setattr("gdfe_ros.scene.mesh_schema.read_voxels", None)
+        patch.setattr("gdfe_ros.scene.schemas.mesh_schema.carry_skin", None)  # what is recalled is not made again
+        patch.setattr("gdfe_ros.scene.schemas.mesh_schema.read_voxels", None)
         found = load(folder)
     for kind, names in (("skin", ("faces", "cells", "corners", "weights")), ("touching", ("corners", "weights"))):
         for name in names:
@@ -150,7 +150,7 @@ def test_a_left_and_a_right_body_of_one_file_are_made_once(folder: Path, monkeyp
     text = SCENE.format(skin="null").replace("skin: null\n", "").splitlines()
     (folder / "pair.yaml").write_text("\n".join([*text[:2], pair, *text[3:-1], HELD]))
     with monkeypatch.context() as patch:
-        patch.setattr("gdfe_ros.scene.mesh_schema.read_voxels", None)
+        patch.setattr("gdfe_ros.scene.schemas.mesh_schema.read_voxels", None)
         found = load_scene(folder / "pair.yaml")
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(folder / "empty"))
     made = load_scene(folder / "pair.yaml")

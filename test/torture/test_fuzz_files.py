@@ -30,7 +30,7 @@ from gdfe_ros.mesh.files.importer import read_mesh
 from gdfe_ros.mesh.files.stored_mesh import pack_mesh, unpack_mesh
 from gdfe_ros.mesh.meshing.voxels import examine_surface
 from gdfe_ros.scene import load_scene
-from gdfe_ros.scene.table import read_stress_table
+from gdfe_ros.scene.schemas.machine_table import read_stress_table
 from gdfe_ros.simulation import Simulation
 import meshio
 from hypothesis import HealthCheck, given, settings, strategies as st

@@ -25,7 +25,7 @@ from gdfe_ros.node.process import LoneNode
 from gdfe_ros.node.remodelling import moduli_of, source_with
 from gdfe_ros.node.ros_types import subscribe
 from gdfe_ros.recording.step import Begin, StepRecord
-from gdfe_ros.scene.arms import joint_starts
+from gdfe_ros.scene.building.arms import joint_starts
 from gdfe_ros.scene.loader import scene_from_text
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.testing.state import PublishedState

@@ -34,7 +34,12 @@ from gdfe_ros.materials import Material, cell_densities, lacks_density
 from gdfe_ros.mesh import HexMesh, select_cells, select_faces, select_vertices
 from gdfe_ros.mesh.cells.faces import turned
 from gdfe_ros.mesh.selection import select_skin
-from gdfe_ros.scene.actuator_schema import (
+from gdfe_ros.scene.building.builder import select
+from gdfe_ros.scene.building.chambers import chamber, on_skin
+from gdfe_ros.scene.building.simulated_mesh import require_part
+from gdfe_ros.scene.report import NO_VALUE, Defects, Unfit, require_known
+from gdfe_ros.scene.scene import Scene
+from gdfe_ros.scene.schemas.actuator_schema import (
     AnchorModel,
     CableModel,
     DriveModel,
@@ -45,12 +50,7 @@ from gdfe_ros.scene.actuator_schema import (
     PressureLoadModel,
     SurfaceLoadModel,
 )
-from gdfe_ros.scene.builder import select
-from gdfe_ros.scene.chambers import chamber, on_skin
-from gdfe_ros.scene.meshes import require_part
-from gdfe_ros.scene.report import NO_VALUE, Defects, Unfit, require_known
-from gdfe_ros.scene.scene import Scene
-from gdfe_ros.scene.schema import Draft
+from gdfe_ros.scene.schemas.scene_schema import Draft
 
 
 def build_actuators(

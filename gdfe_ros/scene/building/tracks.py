@@ -5,14 +5,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from gdfe_ros.scene.actuation import neutral_commands
-from gdfe_ros.scene.arms import ONE, joint_starts
+from gdfe_ros.scene.building.actuators import neutral_commands
+from gdfe_ros.scene.building.arms import ONE, joint_starts
 from gdfe_ros.scene.document import KeyPath
-from gdfe_ros.scene.obstacle_schema import ObstacleModel
 from gdfe_ros.scene.program import JointPoint, Keyframe, Point, Program
 from gdfe_ros.scene.report import NO_VALUE, Defects, suggest
 from gdfe_ros.scene.scene import Scene
-from gdfe_ros.scene.schema import Draft, HandleModel
+from gdfe_ros.scene.schemas.obstacle_schema import ObstacleModel
+from gdfe_ros.scene.schemas.scene_schema import Draft, HandleModel
 
 Frame = Keyframe | Point | JointPoint
 _TRACKS = {

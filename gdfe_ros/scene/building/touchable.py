@@ -18,11 +18,11 @@ from gdfe_ros.mesh.cells.tetrahedra import flat_quads
 from gdfe_ros.mesh.selection import Where, select_touching, select_touching_faces
 from gdfe_ros.mesh.surfaces.solid import Solid
 from gdfe_ros.results.contacts import ContactSensor
-from gdfe_ros.scene.builder import select
+from gdfe_ros.scene.building.builder import select
 from gdfe_ros.scene.document import Carried, KeyPath
-from gdfe_ros.scene.obstacle_schema import BodyModel, ObstacleModel
 from gdfe_ros.scene.report import Defects
-from gdfe_ros.scene.schema import Draft
+from gdfe_ros.scene.schemas.obstacle_schema import BodyModel, ObstacleModel
+from gdfe_ros.scene.schemas.scene_schema import Draft
 
 SMALLEST, LARGEST = 1e-3, 1e3
 """Allowed range of a surface's size divided by the body's size; outside of it, the surface's unit is probably wrong."""

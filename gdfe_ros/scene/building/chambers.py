@@ -18,10 +18,10 @@ from gdfe_ros.mesh.cavities import Cavity, close_on, find_cavities, inside_volum
 from gdfe_ros.mesh.cells.faces import turned
 from gdfe_ros.mesh.outside import Outside
 from gdfe_ros.mesh.quality import list_ids
-from gdfe_ros.scene.actuator_schema import ChamberModel
-from gdfe_ros.scene.builder import select
-from gdfe_ros.scene.meshes import require_part
+from gdfe_ros.scene.building.builder import select
+from gdfe_ros.scene.building.simulated_mesh import require_part
 from gdfe_ros.scene.report import NO_VALUE, Unfit
+from gdfe_ros.scene.schemas.actuator_schema import ChamberModel
 
 
 def chamber(value: ChamberModel, mesh: HexMesh, common: dict, *, handles: Sequence[Handle] = ()) -> Chamber:

@@ -41,8 +41,8 @@ from gdfe_ros.materials.published import PUBLISHED, published
 from gdfe_ros.mesh.selection import Where
 from gdfe_ros.quantity import ANY, Quantity, Vector
 from gdfe_ros.scene.entry import TAG, Entry, belongs
-from gdfe_ros.scene.paths import resolve_path
-from gdfe_ros.scene.table import StressTable, read_stress_table
+from gdfe_ros.scene.schemas.machine_table import StressTable, read_stress_table
+from gdfe_ros.scene.schemas.paths import resolve_path
 
 LAWS = tuple(law.name.lower() for law in Law)
 _FORMULAS = (Linear, NeoHookean, StableNeoHookean, Ogden, Yeoh, MooneyRivlin, ArrudaBoyce, Gent)

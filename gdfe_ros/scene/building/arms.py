@@ -22,11 +22,11 @@ from gdfe_ros.constraints import Handle
 from gdfe_ros.errors import ArmError, MeshError
 from gdfe_ros.mesh import HexMesh
 from gdfe_ros.mesh.files.stored_mesh import pack_robot, unpack_robot
-from gdfe_ros.scene.arm_schema import ArmModel
-from gdfe_ros.scene.builder import KINDS
+from gdfe_ros.scene.building.builder import KINDS
 from gdfe_ros.scene.document import Carried, KeyPath, without
 from gdfe_ros.scene.report import Defects, require_known, suggest
-from gdfe_ros.scene.schema import Draft
+from gdfe_ros.scene.schemas.arm_schema import ArmModel
+from gdfe_ros.scene.schemas.scene_schema import Draft
 from gdfe_ros.untrusted.bounded_text import LARGEST_XML
 from gdfe_ros.untrusted.regular_file import read_text
 

@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 from gdfe_ros.mesh import HexMesh, Mesh, TetMesh
 from gdfe_ros.mesh.assembly import assemble
 from gdfe_ros.mesh.mesh import MeshPart
-from gdfe_ros.scene.builder import fill_regions
+from gdfe_ros.scene.building.builder import fill_regions
+from gdfe_ros.scene.building.simulated_mesh import build_part, of_tetrahedra, require_apart
 from gdfe_ros.scene.document import Carried
-from gdfe_ros.scene.meshes import build_part, of_tetrahedra, require_apart
 from gdfe_ros.scene.report import Defects
-from gdfe_ros.scene.schema import Draft, RegionModel
+from gdfe_ros.scene.schemas.scene_schema import Draft, RegionModel
 
 MAIN = "mesh"
 """Name of the body of a scene with the key `mesh`, among the parts of the whole mesh."""

@@ -9,7 +9,7 @@ from pydantic import Field
 
 from gdfe_ros.quantity import Quantity, RotationQuantity, Vector
 from gdfe_ros.scene.entry import Entry, one_of
-from gdfe_ros.scene.paths import FilePath
+from gdfe_ros.scene.schemas.paths import FilePath
 
 _AT = Quantity("position of the origin of the root link [x, y, z]", "m", least=-1e3, most=1e3, count=3)
 _ROTATION = RotationQuantity("rotation vector of the root link [x, y, z], or several in turn about fixed axes")

@@ -17,10 +17,10 @@ from gdfe_ros.mesh import HexMesh, Mesh, select_cells, select_vertices
 from gdfe_ros.mesh.cells.faces import vertex_pieces
 from gdfe_ros.mesh.quality import list_ids
 from gdfe_ros.mesh.selection import Where
+from gdfe_ros.scene.building.simulated_mesh import require_part
 from gdfe_ros.scene.document import Carried, KeyPath, without
-from gdfe_ros.scene.meshes import require_part
 from gdfe_ros.scene.report import WHOLE, Defects, Unfit, require_known
-from gdfe_ros.scene.schema import Draft, HandleModel, RegionModel
+from gdfe_ros.scene.schemas.scene_schema import Draft, HandleModel, RegionModel
 
 _TESTED = {
     "cell": "cell centroids",

@@ -26,8 +26,15 @@ from gdfe_ros.mesh.surfaces.shells import shells
 from gdfe_ros.mesh.surfaces.surface_edges import is_closed
 from gdfe_ros.quantity import Quantity, RotationQuantity, Vector
 from gdfe_ros.scene.entry import Choice, Entry, belongs
-from gdfe_ros.scene.generator_schema import BarModel, FingerModel, GridModel, RingModel, SphereShellModel, TubeModel
-from gdfe_ros.scene.paths import FilePath
+from gdfe_ros.scene.schemas.generator_schema import (
+    BarModel,
+    FingerModel,
+    GridModel,
+    RingModel,
+    SphereShellModel,
+    TubeModel,
+)
+from gdfe_ros.scene.schemas.paths import FilePath
 
 SCALE = Quantity("metres per unit of the file", above=0.0, most=1000.0, remedy="millimetres: 0.001")
 

@@ -14,10 +14,10 @@ from gdfe_ros.mesh import Mesh, select_faces
 from gdfe_ros.mesh.cavities import inside_volume, surface_pieces
 from gdfe_ros.mesh.cells.face_fibres import fibre_points, perpendicular_faces
 from gdfe_ros.mesh.cells.faces import corners_of, group_faces
-from gdfe_ros.scene.builder import select
-from gdfe_ros.scene.material_schema import FibreLayerModel, Wall
+from gdfe_ros.scene.building.builder import select
 from gdfe_ros.scene.report import NO_VALUE, Defects, Unfit
-from gdfe_ros.scene.schema import Draft
+from gdfe_ros.scene.schemas.material_schema import FibreLayerModel, Wall
+from gdfe_ros.scene.schemas.scene_schema import Draft
 
 STIFFEST = 1e4
 """Largest stiffness of a layer, divided by the least Young's modulus and the size of the body. Fibres beyond it hardly

@@ -11,13 +11,13 @@ from pydantic import Field, StringConstraints, WrapValidator, model_validator
 
 from gdfe_ros.constraints import Axis
 from gdfe_ros.mesh.selection import Where
-from gdfe_ros.scene.actuator_schema import ActuatorModel, LoadModel, MassModel, Place
-from gdfe_ros.scene.arm_schema import ArmModel
 from gdfe_ros.scene.entry import Entry, one_of
-from gdfe_ros.scene.material_schema import FibreLayerModel, MaterialModel
-from gdfe_ros.scene.mesh_schema import MeshModel, PlacedMeshModel, SkinModel
-from gdfe_ros.scene.obstacle_schema import BodyModel, ObstacleModel, SelfContactModel, SensorModel
 from gdfe_ros.scene.program import Program
+from gdfe_ros.scene.schemas.actuator_schema import ActuatorModel, LoadModel, MassModel, Place
+from gdfe_ros.scene.schemas.arm_schema import ArmModel
+from gdfe_ros.scene.schemas.material_schema import FibreLayerModel, MaterialModel
+from gdfe_ros.scene.schemas.mesh_schema import MeshModel, PlacedMeshModel, SkinModel
+from gdfe_ros.scene.schemas.obstacle_schema import BodyModel, ObstacleModel, SelfContactModel, SensorModel
 from gdfe_ros.solver.settings import Dynamics, SolverSettings
 from gdfe_ros.untrusted.regular_file import NAME_PATTERN
 

@@ -23,9 +23,9 @@ from gdfe_ros.mesh.overlap import find_overlap
 from gdfe_ros.mesh.tetmesh import divided
 from gdfe_ros.mesh.touching import Touching
 from gdfe_ros.scene.document import Carried, KeyPath, without
-from gdfe_ros.scene.mesh_schema import MeshModel, PlacedMeshModel, SkinModel
 from gdfe_ros.scene.report import Defects, Unfit, require_known
-from gdfe_ros.scene.schema import Draft
+from gdfe_ros.scene.schemas.mesh_schema import MeshModel, PlacedMeshModel, SkinModel
+from gdfe_ros.scene.schemas.scene_schema import Draft
 from gdfe_ros.untrusted.regular_file import read_bytes
 
 Texts = tuple[str | None, str | None]

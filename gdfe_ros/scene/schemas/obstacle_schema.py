@@ -20,7 +20,7 @@ from gdfe_ros.mesh.surfaces.shells import inertia_of
 from gdfe_ros.mesh.surfaces.solid import make_solid, require_outward
 from gdfe_ros.quantity import Quantity, RotationQuantity, Vector
 from gdfe_ros.scene.entry import Choice, Entry, belongs, one_of
-from gdfe_ros.scene.mesh_schema import SurfaceModel
+from gdfe_ros.scene.schemas.mesh_schema import SurfaceModel
 
 _NORMAL = Quantity(
     "normal of a plane, out of the obstacle [x, y, z]", least=-1e6, most=1e6, count=3, direction="[0, 0, 1] for a floor"
