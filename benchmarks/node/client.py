@@ -20,8 +20,8 @@ from gdfe_ros.constraints import Pose
 from gdfe_ros.node.interface import NODE_NAME, TopicSpec
 from gdfe_ros.node.interface.topics import DIAGNOSTICS, TARGET
 from gdfe_ros.node.messages import pose_stamped
-from gdfe_ros.node.process import make_executor
-from gdfe_ros.node.ros_types import interface_class
+from gdfe_ros.node.middleware.process import make_executor
+from gdfe_ros.node.middleware.ros_types import interface_class
 from gdfe_ros.testing.client import PATIENCE
 
 CELLS = {500: (20, 5, 5), 1250: (50, 5, 5), 10_000: (100, 10, 10)}

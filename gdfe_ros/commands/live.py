@@ -15,8 +15,8 @@ from gdfe_ros.commands.options import add_overrides
 from gdfe_ros.commands.waiting import waiting
 from gdfe_ros.entry import catch_endings, collect, without_collection
 from gdfe_ros.errors import GdfeError
+from gdfe_ros.node.driving.pace import ClockMode
 from gdfe_ros.node.interface import NODE_NAME
-from gdfe_ros.node.pace import ClockMode
 from gdfe_ros.scene.override import read_overrides
 from gdfe_ros.untrusted.bounded_text import plain_lines
 

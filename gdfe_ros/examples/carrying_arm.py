@@ -21,7 +21,7 @@ from rclpy.node import Node
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import JointState
 
-from gdfe_ros.node.process import answer_arguments, run
+from gdfe_ros.node.middleware.process import answer_arguments, run
 
 LINKS = (0.30, 0.20)
 """Lengths of the links [m]."""

@@ -22,7 +22,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from gdfe_ros.examples.soft_grip import GripSchedule
 from gdfe_ros.node.interface import FOLLOW_TRAJECTORY
 from gdfe_ros.node.messages import actuation
-from gdfe_ros.node.ros_types import installed, interface_class
+from gdfe_ros.node.middleware.ros_types import installed, interface_class
 from gdfe_ros.scene.program import Program
 from gdfe_ros.scene.scene import Scene
 

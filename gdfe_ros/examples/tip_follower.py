@@ -22,7 +22,7 @@ from std_msgs.msg import String
 from gdfe_ros.control import FeedbackControl, Target
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.messages import actuation
-from gdfe_ros.node.process import answer_arguments, run
+from gdfe_ros.node.middleware.process import answer_arguments, run
 from gdfe_ros.scene.loader import scene_from_text
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.simulation import Command, Simulation

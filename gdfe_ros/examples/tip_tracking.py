@@ -26,7 +26,7 @@ from std_msgs.msg import Float64MultiArray, String
 from std_srvs.srv import Trigger
 
 from gdfe_ros.examples.tip_tracker import TipTracker, circle
-from gdfe_ros.node.process import answer_arguments, run
+from gdfe_ros.node.middleware.process import answer_arguments, run
 from gdfe_ros.scene.loader import scene_from_text
 
 _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)

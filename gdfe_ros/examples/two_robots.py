@@ -13,7 +13,7 @@ import threading
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from gdfe_ros.node.process import answer_arguments, run_all
+from gdfe_ros.node.middleware.process import answer_arguments, run_all
 from gdfe_ros.node.sim_node import SimNode
 
 ROBOTS = {"left": "tendon_finger", "right": "three_chamber_arm"}

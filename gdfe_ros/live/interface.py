@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.constraints import Pose
-from gdfe_ros.node.orders import Order
+from gdfe_ros.node.driving.orders import Order
 from gdfe_ros.recording.step import StepRecord
 from gdfe_ros.results.contacts import contact_points
 from gdfe_ros.scene.scene import Scene

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.live.interface import ShownRun, View
-from gdfe_ros.node.orders import ActuatorOrder
+from gdfe_ros.node.driving.orders import ActuatorOrder
 
 STILL = 1e-6
 """Commands count as constant if their relative change is below this."""

@@ -26,7 +26,7 @@ from gdfe_ros.live.panel import Panel, Status, waiting
 from gdfe_ros.live.plots import Plots, StepHistory
 from gdfe_ros.live.stage import Stage
 from gdfe_ros.live.surface import Range, fields_of, legend
-from gdfe_ros.node.orders import Order
+from gdfe_ros.node.driving.orders import Order
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.threads import VIEWER, show_name
 from gdfe_ros.untrusted.bounded_text import Throttle, plain_lines

@@ -15,8 +15,8 @@ from typing import Any
 import viser
 
 from gdfe_ros.live.interface import Ability, ShownRun, View
+from gdfe_ros.node.driving.orders import ActuatorOrder
 from gdfe_ros.node.interface import MODULUS
-from gdfe_ros.node.orders import ActuatorOrder
 
 _TOUCHED = 1.0
 """After a viewer's move, a slider shows the viewer's value for this time [s]; then it shows the present command."""

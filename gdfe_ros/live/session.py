@@ -16,11 +16,11 @@ from gdfe_ros.checkpoint import save_state
 from gdfe_ros.constraints import Pose
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.live.interface import Ability, ShownRun, View
-from gdfe_ros.node.orders import ActuatorOrder, Inbox, Order, PoseOrder, require_order
-from gdfe_ros.node.pace import ClockMode, FastPace, Timing, WallPace
+from gdfe_ros.node.driving.orders import ActuatorOrder, Inbox, Order, PoseOrder, require_order
+from gdfe_ros.node.driving.pace import ClockMode, FastPace, Timing, WallPace
+from gdfe_ros.node.driving.remodelling import moduli_of, with_moduli
+from gdfe_ros.node.driving.stepper import SteppingThread
 from gdfe_ros.node.refusals import RefusalLog
-from gdfe_ros.node.remodelling import moduli_of, with_moduli
-from gdfe_ros.node.stepper import SteppingThread
 from gdfe_ros.recording.bag_info import new_bag
 from gdfe_ros.recording.step import Begin, Step, to_nanoseconds
 from gdfe_ros.scene.program import Program

@@ -23,8 +23,8 @@ from gdfe_ros.live.interface import View
 from gdfe_ros.live.solids import Arms, Arrows, Chambers, Solids, turn_of
 from gdfe_ros.live.surface import AlternatingBody, DrawnSurface, RealRobot
 from gdfe_ros.mesh import HexMesh
+from gdfe_ros.node.driving.orders import PoseOrder, TeleportOrder
 from gdfe_ros.node.interface.topics import is_commanded
-from gdfe_ros.node.orders import PoseOrder, TeleportOrder
 from gdfe_ros.results.contacts import contact_names, places_and_forces
 from gdfe_ros.scene.scene import Scene
 

@@ -18,8 +18,7 @@ from gdfe_ros.actuators import Mode
 from gdfe_ros.command import Orders, require_movable
 from gdfe_ros.constraints import Handle
 from gdfe_ros.errors import CommandError, RangeError
-from gdfe_ros.node.frames import Frames, Placement
-from gdfe_ros.node.orders import (
+from gdfe_ros.node.driving.orders import (
     FARTHEST,
     ActuatorOrder,
     PoseOrder,
@@ -28,6 +27,7 @@ from gdfe_ros.node.orders import (
     TwistOrder,
     require_near,
 )
+from gdfe_ros.node.frames import Frames, Placement
 from gdfe_ros.node.refusals import Reason, Refusal, require_finite, require_place
 from gdfe_ros.scene.scene import Scene
 

@@ -10,10 +10,10 @@ from dataclasses import dataclass, field
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
-from gdfe_ros.node.channel import Channel, Doubles
+from gdfe_ros.node.driving.pace import ClockMode
 from gdfe_ros.node.interface import topics
-from gdfe_ros.node.managed import ManagedNode
-from gdfe_ros.node.pace import ClockMode
+from gdfe_ros.node.middleware.channel import Channel, Doubles
+from gdfe_ros.node.middleware.managed import ManagedNode
 from gdfe_ros.node.refusals import RefusalLog
 from gdfe_ros.node.session import SimulationSession
 

@@ -18,11 +18,11 @@ from scipy.spatial.transform import Rotation
 from gdfe_ros.arms.dynamics import LinkFrame
 from gdfe_ros.constraints import Handle, Pose
 from gdfe_ros.constraints.obstacle import ArmLink
-from gdfe_ros.node.drive import Settings
+from gdfe_ros.node.driving.drive import Settings
 from gdfe_ros.node.interface import TopicSpec, topics
-from gdfe_ros.node.managed import ManagedNode
+from gdfe_ros.node.middleware.managed import ManagedNode
+from gdfe_ros.node.middleware.ros_types import interface_class, subscribe
 from gdfe_ros.node.refusals import Freshness, Reason, Refusal, require_place, require_small
-from gdfe_ros.node.ros_types import interface_class, subscribe
 from gdfe_ros.recording.published import material_pose
 from gdfe_ros.recording.step import Step
 from gdfe_ros.scene.scene import Scene

@@ -18,11 +18,11 @@ from rclpy.serialization import deserialize_message
 
 from gdfe_ros.actuators import Mode
 from gdfe_ros.node.command_messages import ActuatorOrders, pose_order, put_order, twist_order
+from gdfe_ros.node.driving.orders import Inbox, Order, TrajectoryOrder
 from gdfe_ros.node.interface import TopicSpec, topics
 from gdfe_ros.node.interface.topics import put_key
-from gdfe_ros.node.orders import Inbox, Order, TrajectoryOrder
+from gdfe_ros.node.middleware.ros_types import interface_class, subscribe, topic_info
 from gdfe_ros.node.refusals import Freshness, Reason, Refusal, require_small
-from gdfe_ros.node.ros_types import interface_class, subscribe, topic_info
 from gdfe_ros.node.run import Followers, Leader, Run, followed_order, refuse_followed
 from gdfe_ros.recording.bag_info import TopicInfo
 from gdfe_ros.recording.recorder import Recorder

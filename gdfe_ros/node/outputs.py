@@ -13,12 +13,12 @@ from rosgraph_msgs.msg import Clock
 
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.node import messages
-from gdfe_ros.node.channel import Channel
+from gdfe_ros.node.driving.pace import ClockMode
 from gdfe_ros.node.inputs import Inputs
 from gdfe_ros.node.interface import TopicSpec, topics
 from gdfe_ros.node.interface.topics import step_topic
 from gdfe_ros.node.messages import ContactMarkers, SurfaceMarker, TransformPacker
-from gdfe_ros.node.pace import ClockMode
+from gdfe_ros.node.middleware.channel import Channel
 from gdfe_ros.node.run import Run
 from gdfe_ros.recording.bag_info import new_bag
 from gdfe_ros.recording.packing import pack_text, packers

@@ -18,9 +18,9 @@ from rclpy.lifecycle import LifecycleNode
 from rclpy.parameter import Parameter
 
 from gdfe_ros.errors import GdfeError
+from gdfe_ros.node.driving.remodelling import moduli_of
 from gdfe_ros.node.interface import MODULUS, PARAMETERS, Changeable, ParameterSpec
-from gdfe_ros.node.managed import ManagedNode
-from gdfe_ros.node.remodelling import moduli_of
+from gdfe_ros.node.middleware.managed import ManagedNode
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.untrusted.bounded_text import require_plain
 from gdfe_ros.untrusted.spelling import did_you_mean

@@ -17,13 +17,13 @@ from gdfe_ros.command import require_movable
 from gdfe_ros.constraints import Handle
 from gdfe_ros.errors import CommandError, GdfeError
 from gdfe_ros.node.command_messages import placed_order, require_pose
+from gdfe_ros.node.driving.orders import PoseOrder
+from gdfe_ros.node.driving.pace import ExternalPace, Pace, Timing
+from gdfe_ros.node.driving.stepper import SteppingThread
 from gdfe_ros.node.frames import Frames, Placement, Transforms
-from gdfe_ros.node.managed import ManagedNode
-from gdfe_ros.node.orders import PoseOrder
-from gdfe_ros.node.pace import ExternalPace, Pace, Timing
+from gdfe_ros.node.middleware.managed import ManagedNode
 from gdfe_ros.node.parameters import NodeParameters
 from gdfe_ros.node.refusals import Reason, Refusal, RefusalLog
-from gdfe_ros.node.stepper import SteppingThread
 from gdfe_ros.recording.step import Step, to_nanoseconds
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.simulation import Simulation

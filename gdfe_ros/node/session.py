@@ -15,20 +15,20 @@ from rclpy.clock import JumpHandle
 from gdfe_ros.checkpoint import save_state
 from gdfe_ros.constraints import Pose
 from gdfe_ros.errors import GdfeError
-from gdfe_ros.node.channel import StepPublisher, UnmatchedTopics
+from gdfe_ros.node.driving.orders import Inbox
+from gdfe_ros.node.driving.pace import ClockMode, Lateness, Pace, Solves, make_pace
+from gdfe_ros.node.driving.remodelling import with_moduli
+from gdfe_ros.node.driving.stepper import SteppingThread
 from gdfe_ros.node.frames import Transforms
 from gdfe_ros.node.inputs import Inputs
 from gdfe_ros.node.interface import MODULUS, topics
-from gdfe_ros.node.managed import ManagedNode
-from gdfe_ros.node.orders import Inbox
+from gdfe_ros.node.middleware.channel import StepPublisher, UnmatchedTopics
+from gdfe_ros.node.middleware.managed import ManagedNode
+from gdfe_ros.node.middleware.ros_types import installed
 from gdfe_ros.node.outputs import Bags, TopicOutputs
-from gdfe_ros.node.pace import ClockMode, Lateness, Pace, Solves, make_pace
 from gdfe_ros.node.parameters import Moduli, NodeParameters
 from gdfe_ros.node.refusals import RefusalLog
-from gdfe_ros.node.remodelling import with_moduli
-from gdfe_ros.node.ros_types import installed
 from gdfe_ros.node.run import Run, StepRequest, leaders_of
-from gdfe_ros.node.stepper import SteppingThread
 from gdfe_ros.recording.step import Begin, Step, observe
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.simulation import Simulation

@@ -14,17 +14,17 @@ from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 
 from gdfe_ros.errors import GdfeError
-from gdfe_ros.node.channel import Channel
 from gdfe_ros.node.diagnostics import Diagnostics
-from gdfe_ros.node.entities import Entities, EntityQueries, SceneExchange
+from gdfe_ros.node.driving.remodelling import build_simulation, take_over
 from gdfe_ros.node.interface import NODE_NAME, PARAMETERS, topics
 from gdfe_ros.node.messages import pack_refusal
+from gdfe_ros.node.middleware.channel import Channel
 from gdfe_ros.node.parameters import NodeParameters, given_moduli
 from gdfe_ros.node.refusals import Refusal, RefusalLog
-from gdfe_ros.node.remodelling import build_simulation, take_over
-from gdfe_ros.node.services import Services, SessionNode, Worlds
+from gdfe_ros.node.requests.entities import Entities, EntityQueries, SceneExchange
+from gdfe_ros.node.requests.services import Services, SessionNode, Worlds
+from gdfe_ros.node.requests.standard import StandardServices, TrajectoryAction
 from gdfe_ros.node.session import SimulationSession
-from gdfe_ros.node.standard import StandardServices, TrajectoryAction
 from gdfe_ros.recording.step import Begin
 from gdfe_ros.scene.loader import load_scene
 from gdfe_ros.scene.override import read_overrides
@@ -299,7 +299,7 @@ parameters (docs/node.md says more):
 
 def main(args: list[str] | None = None) -> int:
     """Run the node until SIGINT or SIGTERM; the entry point of ``sim_node``."""
-    from gdfe_ros.node.process import answer_arguments, run
+    from gdfe_ros.node.middleware.process import answer_arguments, run
 
     lines = [f"  {spec.name:<18}{spec.meaning} [{spec.default!r}]" for spec in PARAMETERS]
     answered = answer_arguments("sim_node", _HELP + "\n".join(lines), args)

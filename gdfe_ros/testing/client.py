@@ -20,9 +20,9 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from gdfe_ros.errors import GdfeError
-from gdfe_ros.node.channel import namesakes
 from gdfe_ros.node.interface.topics import DIAGNOSTICS, PROCESS, STEP_RECORD
-from gdfe_ros.node.process import LoneNode
+from gdfe_ros.node.middleware.channel import namesakes
+from gdfe_ros.node.middleware.process import LoneNode
 from gdfe_ros.recording.step import StepRecord
 from gdfe_ros.testing.process import NodeProcess
 

@@ -15,9 +15,9 @@ from std_msgs.msg import Header
 
 from gdfe_ros.analysis.bag_run import BagRun
 from gdfe_ros.constraints import Handle, Pose
+from gdfe_ros.node.driving.orders import PoseOrder, TeleportOrder, TwistOrder
 from gdfe_ros.node.interface.topics import MOVED, put_key, target_key
 from gdfe_ros.node.messages import actuation, pose_stamped
-from gdfe_ros.node.orders import PoseOrder, TeleportOrder, TwistOrder
 from gdfe_ros.recording.step import StepRecord
 
 ACTUATION = "actuation"

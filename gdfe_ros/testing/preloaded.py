@@ -8,7 +8,7 @@ from gdfe_ros.scene import load_scene
 from gdfe_ros.simulation import Simulation
 
 for needed, module in (
-    ("rclpy", "gdfe_ros.node.process"),
+    ("rclpy", "gdfe_ros.node.middleware.process"),
     ("rclpy", "gdfe_ros.node.sim_node"),
     ("gymnasium", "gdfe_ros.testing.environment"),
 ):

@@ -26,8 +26,8 @@ from gdfe_ros.errors import CommandError, GdfeError, OverlapError
 from gdfe_ros.node.interface import COMPUTE_JACOBIAN, NODE_NAME, RESET_COMMANDS, STEP
 from gdfe_ros.node.interface.topics import JACOBIAN, REFUSED, is_commanded, put_key, state_topics, target_key
 from gdfe_ros.node.messages import actuation, pose_stamped
+from gdfe_ros.node.middleware.ros_types import interface_class, subscribe
 from gdfe_ros.node.refusals import Reason
-from gdfe_ros.node.ros_types import interface_class, subscribe
 from gdfe_ros.recording.step import Begin
 from gdfe_ros.scene.building.arms import joint_starts
 from gdfe_ros.scene.loader import load_scene

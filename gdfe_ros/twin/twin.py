@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.live.interface import View
 from gdfe_ros.live.session import LiveSession
-from gdfe_ros.node.orders import ActuatorOrder, require_near
+from gdfe_ros.node.driving.orders import ActuatorOrder, require_near
+from gdfe_ros.node.driving.remodelling import moduli_of
 from gdfe_ros.node.refusals import Reason, Refusal, require_finite
-from gdfe_ros.node.remodelling import moduli_of
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.simulation import Simulation
 from gdfe_ros.twin.estimator import LATEST, Deviation, ModulusEstimator, ProbeComparison, Sample

@@ -22,7 +22,7 @@ from gdfe_ros.cli import BAD_INPUT, main
 from gdfe_ros.commands.remote.message_text import fill, parse, show
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.interface.topics import TF
-from gdfe_ros.node.ros_types import installed
+from gdfe_ros.node.middleware.ros_types import installed
 from gdfe_ros.testing import NodeProcess
 
 

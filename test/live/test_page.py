@@ -28,8 +28,8 @@ from gdfe_ros.live.page import Page
 from gdfe_ros.live.session import LiveSession
 from gdfe_ros.live.stage import first_view, round_length, scale_of
 from gdfe_ros.live.surface import DrawnSurface
+from gdfe_ros.node.driving.orders import ActuatorOrder
 from gdfe_ros.node.interface.topics import state_topics
-from gdfe_ros.node.orders import ActuatorOrder
 from gdfe_ros.recording.reader import BagReader
 from gdfe_ros.scene import load_scene, scene_from_text
 from gdfe_ros.simulation import Command, Simulation
@@ -166,7 +166,7 @@ def test_a_bag_holds_what_the_node_would_record(live: Callable[..., Any], tmp_pa
     """A bag of a scene at rest, in motion or in contact has every topic of the node, readable by rclpy."""
     from rclpy.serialization import deserialize_message
 
-    from gdfe_ros.node.ros_types import interface_class
+    from gdfe_ros.node.middleware.ros_types import interface_class
 
     session = live(motion=motion).session
     session.record(tmp_path / "bag").result()
@@ -530,7 +530,7 @@ def _largest(viewer: Viewer) -> float:
 
 
 def _moduli(page: Any) -> dict[str, float]:
-    from gdfe_ros.node.remodelling import moduli_of
+    from gdfe_ros.node.driving.remodelling import moduli_of
 
     return moduli_of(page.session.scene)
 

@@ -22,7 +22,7 @@ from gdfe_ros.errors import GdfeError
 from gdfe_ros.live.page import Page
 from gdfe_ros.live.remote.commander import Player
 from gdfe_ros.live.remote.node_session import NodeSession
-from gdfe_ros.node.orders import ActuatorOrder
+from gdfe_ros.node.driving.orders import ActuatorOrder
 from gdfe_ros.recording.reader import BagReader
 from gdfe_ros.recording.step import Begin, StepRecord
 from gdfe_ros.scene import scene_from_text

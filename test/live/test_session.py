@@ -12,8 +12,8 @@ import trimesh
 
 from gdfe_ros.live.session import LiveSession, RestingPace
 from gdfe_ros.live.surface import DrawnSurface
-from gdfe_ros.node.orders import ActuatorOrder
-from gdfe_ros.node.pace import Timing
+from gdfe_ros.node.driving.orders import ActuatorOrder
+from gdfe_ros.node.driving.pace import Timing
 from gdfe_ros.scene import load_scene, scene_from_text
 from gdfe_ros.simulation import Simulation
 

@@ -15,9 +15,9 @@ import rclpy
 from rclpy.executors import MultiThreadedExecutor
 from rclpy.parameter import Parameter
 
-from gdfe_ros.node import things
-from gdfe_ros.node.entities import MOST_WAITING
-from gdfe_ros.node.process import make_executor
+from gdfe_ros.node.middleware.process import make_executor
+from gdfe_ros.node.requests import things
+from gdfe_ros.node.requests.entities import MOST_WAITING
 from gdfe_ros.node.sim_node import SimNode
 from gdfe_ros.scene.entity import read_entity
 

@@ -16,10 +16,10 @@ from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
 
 from gdfe_ros.errors import CommandError, GdfeError, RecordingError
-from gdfe_ros.node.orders import PoseOrder
-from gdfe_ros.node.process import make_executor
+from gdfe_ros.node.driving.orders import PoseOrder
+from gdfe_ros.node.driving.stepper import SteppingThread
+from gdfe_ros.node.middleware.process import make_executor
 from gdfe_ros.node.sim_node import SimNode
-from gdfe_ros.node.stepper import SteppingThread
 from gdfe_ros.recording.reader import BagReader
 
 PARAMETERS = {"scene_overrides": ["mesh.bar.cells=[8, 2, 2]"], "clock": "lockstep", "record": True}

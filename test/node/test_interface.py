@@ -11,7 +11,7 @@ from rcl_interfaces.srv import DescribeParameters, ListParameters
 from docs.scripts.node_reference import markdown
 from gdfe_ros.node.interface import NODE_NAME, PARAMETERS, SERVICES
 from gdfe_ros.node.interface.topics import COMMANDS, OUTPUTS
-from gdfe_ros.node.ros_types import installed
+from gdfe_ros.node.middleware.ros_types import installed
 
 _OTHERS = ("/rosout", "/parameter_events", f"/{NODE_NAME}/transition_event")
 

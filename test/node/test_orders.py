@@ -17,8 +17,8 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from gdfe_ros.constraints import Handle, Pose
 from gdfe_ros.node.command_messages import ActuatorOrders, pose_order, twist_order
+from gdfe_ros.node.driving.orders import TwistOrder
 from gdfe_ros.node.frames import Frames
-from gdfe_ros.node.orders import TwistOrder
 from gdfe_ros.node.refusals import Freshness, Reason, Refusal
 from gdfe_ros.scene import scene_from_text
 

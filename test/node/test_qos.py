@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from gdfe_ros.node.ros_types import installed
+from gdfe_ros.node.middleware.ros_types import installed
 
 
 def test_a_folder_of_the_same_name_is_no_installed_package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -12,7 +12,7 @@ import pytest
 from sensor_msgs.msg import JointState
 
 from gdfe_ros.actuators import Grip, Mode
-from gdfe_ros.node.drive import Slew
+from gdfe_ros.node.driving.drive import Slew
 from gdfe_ros.scene import load_scene
 from gdfe_ros.simulation import Command, Simulation
 

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from gdfe_ros.errors import ArmError, OverlapError, SceneError
-from gdfe_ros.node.remodelling import take_over
+from gdfe_ros.node.driving.remodelling import take_over
 from gdfe_ros.scene import scene_from_text
 from gdfe_ros.scene.entity import read_entity, with_body, without_bodies
 from gdfe_ros.scene.scene import Scene

@@ -12,7 +12,7 @@ import yaml
 
 from gdfe_ros.analysis.message_values import cloud_kind
 from gdfe_ros.errors import GdfeError
-from gdfe_ros.node.ros_types import interface_class
+from gdfe_ros.node.middleware.ros_types import interface_class
 from gdfe_ros.untrusted.bounded_text import load_yaml, plain_lines
 from gdfe_ros.untrusted.spelling import did_you_mean
 

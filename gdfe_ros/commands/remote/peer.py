@@ -18,8 +18,8 @@ from std_msgs.msg import String
 from gdfe_ros.commands.remote.message_text import fill
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.interface.topics import TF
-from gdfe_ros.node.process import LoneNode
-from gdfe_ros.node.ros_types import installed, interface_class
+from gdfe_ros.node.middleware.process import LoneNode
+from gdfe_ros.node.middleware.ros_types import installed, interface_class
 from gdfe_ros.untrusted.bounded_text import load_json_object, shorten
 from gdfe_ros.untrusted.spelling import did_you_mean
 

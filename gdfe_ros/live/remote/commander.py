@@ -19,11 +19,11 @@ from gdfe_ros.errors import GdfeError
 from gdfe_ros.live.interface import Ability
 from gdfe_ros.live.session import Programme
 from gdfe_ros.node import interface
+from gdfe_ros.node.driving.orders import ActuatorOrder, Order, PlaceOrder, require_order
 from gdfe_ros.node.interface import MODULUS, topics
 from gdfe_ros.node.interface.topics import is_commanded, put_key, target_key
 from gdfe_ros.node.messages import actuation, pose_message
-from gdfe_ros.node.orders import ActuatorOrder, Order, PlaceOrder, require_order
-from gdfe_ros.node.ros_types import interface_class, qos_profile
+from gdfe_ros.node.middleware.ros_types import interface_class, qos_profile
 from gdfe_ros.recording.step import Begin, StepRecord
 from gdfe_ros.scene.scene import Scene
 

@@ -19,11 +19,11 @@ from gdfe_ros.errors import GdfeError
 from gdfe_ros.live.interface import Ability, ShownRun, View
 from gdfe_ros.live.remote.commander import Commander, Player
 from gdfe_ros.live.remote.steps import NodeReport, Steps, Waiting, absence, full_name, view_of
+from gdfe_ros.node.driving.orders import Order, require_order
+from gdfe_ros.node.driving.remodelling import moduli_of, source_with
 from gdfe_ros.node.interface import topics
-from gdfe_ros.node.orders import Order, require_order
-from gdfe_ros.node.process import LoneNode
-from gdfe_ros.node.remodelling import moduli_of, source_with
-from gdfe_ros.node.ros_types import subscribe
+from gdfe_ros.node.middleware.process import LoneNode
+from gdfe_ros.node.middleware.ros_types import subscribe
 from gdfe_ros.recording.step import Begin, StepRecord
 from gdfe_ros.scene.building.arms import joint_starts
 from gdfe_ros.scene.loader import scene_from_text

@@ -23,10 +23,10 @@ from rclpy.validate_full_topic_name import validate_full_topic_name
 from gdfe_ros.actuators import Actuator, ActuatorState, Mode
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.live.interface import Reading, View
-from gdfe_ros.node.channel import namesakes
 from gdfe_ros.node.interface import topics
 from gdfe_ros.node.interface.topics import state_topics
-from gdfe_ros.node.ros_types import interface_class
+from gdfe_ros.node.middleware.channel import namesakes
+from gdfe_ros.node.middleware.ros_types import interface_class
 from gdfe_ros.recording.published import STRAIN
 from gdfe_ros.recording.step import StepRecord
 from gdfe_ros.scene.scene import Scene

@@ -18,7 +18,7 @@ from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.command_messages import ActuatorOrders
 from gdfe_ros.node.inputs import read_message
 from gdfe_ros.node.interface import FRAME
-from gdfe_ros.node.process import LoneNode
+from gdfe_ros.node.middleware.process import LoneNode
 from gdfe_ros.node.refusals import Refusal, RefusalLog
 from gdfe_ros.twin.twin import Twin
 from gdfe_ros.untrusted.bounded_text import shorten

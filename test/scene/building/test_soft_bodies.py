@@ -17,7 +17,7 @@ from gdfe_ros.errors import OverlapError, SceneError
 from gdfe_ros.installation import share_dir
 from gdfe_ros.mesh.files.stored_mesh import pack_mesh
 from gdfe_ros.mesh.generators import bar
-from gdfe_ros.node.remodelling import take_over
+from gdfe_ros.node.driving.remodelling import take_over
 from gdfe_ros.scene import entity, load_scene, scene_from_text
 from gdfe_ros.scene.entity import Entity, read_entity, with_body, without_bodies
 from gdfe_ros.simulation import Simulation

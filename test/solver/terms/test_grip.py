@@ -9,7 +9,7 @@ import pytest
 from gdfe_ros import Command, Pose, Simulation
 from gdfe_ros.checkpoint import load_state, save_state
 from gdfe_ros.errors import CommandError, GdfeError, SceneError
-from gdfe_ros.node.remodelling import take_over, with_moduli
+from gdfe_ros.node.driving.remodelling import take_over, with_moduli
 from gdfe_ros.testing import make_env
 from test.written import advance, scene_of
 

@@ -19,7 +19,7 @@ from rcl_interfaces.msg import Parameter, ParameterValue
 from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from std_msgs.msg import String
 
-from gdfe_ros.node.managed import ManagedNode
+from gdfe_ros.node.middleware.managed import ManagedNode
 
 _STEPS = {"unconfigured": (), "inactive": ("configure",), "active": ("configure", "activate")}
 _INVALID = {"unconfigured": (0, 2, 3, 4, 6, 7, 99, 255), "inactive": (0, 1, 4, 5, 7, 10), "active": (0, 1, 2, 3, 6, 99)}
@@ -28,7 +28,7 @@ _RAISING = """
 import sys, threading
 import rclpy
 from rclpy.node import Node
-from gdfe_ros.node import process
+from gdfe_ros.node.middleware import process
 
 class Raising(Node):
     def __init__(self, stopping):

@@ -22,7 +22,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from gdfe_ros.entry import NODE_ENDINGS, catch_endings
 from gdfe_ros.errors import GdfeError
-from gdfe_ros.node.managed import EventlessNode, Faults, ManagedNode
+from gdfe_ros.node.middleware.managed import EventlessNode, Faults, ManagedNode
 
 _WAIT = 0.5
 """Longest wait of the executor [s]; a signal ends the wait at once."""

@@ -8,7 +8,7 @@ import threading
 import numpy as np
 import pytest
 
-from gdfe_ros.node.orders import ActuatorOrder, Inbox, Order, PoseOrder, TrajectoryOrder, TwistOrder
+from gdfe_ros.node.driving.orders import ActuatorOrder, Inbox, Order, PoseOrder, TrajectoryOrder, TwistOrder
 from gdfe_ros.node.refusals import Reason, Refusal
 
 

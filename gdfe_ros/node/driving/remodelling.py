@@ -12,7 +12,7 @@ from gdfe_ros.constraints import Pose
 from gdfe_ros.errors import GdfeError, OverlapError
 from gdfe_ros.materials import Linear, NeoHookean
 from gdfe_ros.mesh.mesh import MeshPart
-from gdfe_ros.node.carry import Correspondence, carried, match_loose, match_vertices, with_bodies_of
+from gdfe_ros.node.driving.carry import Correspondence, carried, match_loose, match_vertices, with_bodies_of
 from gdfe_ros.node.interface import MODULUS
 from gdfe_ros.scene.building.soft_bodies import parts_of
 from gdfe_ros.scene.loader import scene_from_text

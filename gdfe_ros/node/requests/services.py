@@ -21,11 +21,11 @@ from gdfe_ros.checkpoint import load_state, save_state, write_state
 from gdfe_ros.errors import GdfeError, SceneError
 from gdfe_ros.installation import share_dir
 from gdfe_ros.node import interface
+from gdfe_ros.node.driving.remodelling import build_simulation
 from gdfe_ros.node.interface import ServiceSpec
-from gdfe_ros.node.managed import ManagedNode
+from gdfe_ros.node.middleware.managed import ManagedNode
 from gdfe_ros.node.parameters import NodeParameters
 from gdfe_ros.node.refusals import Refused, ResultCode
-from gdfe_ros.node.remodelling import build_simulation
 from gdfe_ros.node.session import SimulationSession
 from gdfe_ros.recording.step import Begin
 from gdfe_ros.scene.entity import LARGEST

@@ -21,7 +21,7 @@ from gdfe_ros.mesh.mesh import MeshPart
 from gdfe_ros.node.command_messages import require_pose
 from gdfe_ros.node.frames import Frames, Placement
 from gdfe_ros.node.refusals import Refused, ResultCode
-from gdfe_ros.node.services import SPAWNED, path_of
+from gdfe_ros.node.requests.services import SPAWNED, path_of
 from gdfe_ros.scene.building.soft_bodies import parts_of
 from gdfe_ros.scene.entity import LARGEST, Entity, read_entity
 from gdfe_ros.scene.scene import Scene

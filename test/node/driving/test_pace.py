@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from gdfe_ros.node.pace import ExternalPace, FastPace, LockstepPace, Timing, WallPace
+from gdfe_ros.node.driving.pace import ExternalPace, FastPace, LockstepPace, Timing, WallPace
 
 TIMING = Timing(rate=10.0, dt=0.5, heartbeat=2.0, ticking=False)
 

@@ -8,7 +8,7 @@ import sys
 
 _CODE = """
 import os, signal, sys, threading
-from gdfe_ros.node import process
+from gdfe_ros.node.middleware import process
 process._INSIST = float(sys.argv[1])
 if "ignored" in sys.argv:
     signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -18,9 +18,9 @@ from rclpy.serialization import serialize_message
 
 from gdfe_ros.constraints import Handle
 from gdfe_ros.node.interface import Delivery, TopicSpec, topics
-from gdfe_ros.node.managed import ManagedNode
+from gdfe_ros.node.middleware.managed import ManagedNode
+from gdfe_ros.node.middleware.ros_types import interface_class, qos_profile, topic_info
 from gdfe_ros.node.refusals import Reason, Refusal, RefusalLog
-from gdfe_ros.node.ros_types import interface_class, qos_profile, topic_info
 from gdfe_ros.recording.recorder import Recorder
 from gdfe_ros.recording.step import Step
 from gdfe_ros.threads import PUBLISHER, show_name

@@ -17,15 +17,14 @@ from geometry_msgs.msg import Vector3
 
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.node import interface
+from gdfe_ros.node.driving.orders import require_near
+from gdfe_ros.node.driving.remodelling import build_simulation
 from gdfe_ros.node.frames import Placement
 from gdfe_ros.node.messages import by_axis, header, pose_message
-from gdfe_ros.node.orders import require_near
+from gdfe_ros.node.middleware.ros_types import interface_class
 from gdfe_ros.node.refusals import Refused, ResultCode, answer
-from gdfe_ros.node.remodelling import build_simulation
-from gdfe_ros.node.ros_types import interface_class
-from gdfe_ros.node.services import SessionNode
-from gdfe_ros.node.session import SimulationSession
-from gdfe_ros.node.things import (
+from gdfe_ros.node.requests.services import SessionNode
+from gdfe_ros.node.requests.things import (
     BOX,
     EMPTY,
     OBJECT,
@@ -44,6 +43,7 @@ from gdfe_ros.node.things import (
     things_of,
     within,
 )
+from gdfe_ros.node.session import SimulationSession
 from gdfe_ros.scene.entity import with_body, without_bodies
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.simulation import Simulation

@@ -17,10 +17,10 @@ from typing import Any, TypeVar
 import numpy as np
 
 from gdfe_ros.errors import CommandError, GdfeError, OverlapError
-from gdfe_ros.node.drive import CommandAssembler, Host
+from gdfe_ros.node.driving.drive import CommandAssembler, Host
+from gdfe_ros.node.driving.orders import Inbox, Order
+from gdfe_ros.node.driving.pace import Pace, WallPace
 from gdfe_ros.node.interface.topics import BODY_SET
-from gdfe_ros.node.orders import Inbox, Order
-from gdfe_ros.node.pace import Pace, WallPace
 from gdfe_ros.node.refusals import Reason, Refusal
 from gdfe_ros.recording.step import Begin, Step, make_record, observe, to_nanoseconds
 from gdfe_ros.results.step_result import StepResult

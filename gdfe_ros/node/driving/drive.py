@@ -13,7 +13,7 @@ import numpy as np
 
 from gdfe_ros.actuators import Actuator, Mode
 from gdfe_ros.constraints import Pose
-from gdfe_ros.node.orders import (
+from gdfe_ros.node.driving.orders import (
     ActuatorOrder,
     Order,
     PoseOrder,

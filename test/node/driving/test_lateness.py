@@ -16,7 +16,7 @@ import pytest
 from geometry_msgs.msg import TwistStamped
 
 from gdfe_ros.cli import main
-from gdfe_ros.node.pace import Lateness
+from gdfe_ros.node.driving.pace import Lateness
 
 
 @dataclass

@@ -18,13 +18,20 @@ from trajectory_msgs.msg import JointTrajectoryPoint
 
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.node import interface
-from gdfe_ros.node.entities import Entities
 from gdfe_ros.node.inputs import Code, Pursuit, Tolerances
 from gdfe_ros.node.interface import FOLLOW_TRAJECTORY
 from gdfe_ros.node.messages import header
+from gdfe_ros.node.middleware.ros_types import (
+    LARGEST,
+    available,
+    bounded_action,
+    installed,
+    interface_class,
+    unread_size,
+)
 from gdfe_ros.node.refusals import Reason, Refusal, Refused, ResultCode, fail, succeed
-from gdfe_ros.node.ros_types import LARGEST, available, bounded_action, installed, interface_class, unread_size
-from gdfe_ros.node.services import SessionNode, Worlds
+from gdfe_ros.node.requests.entities import Entities
+from gdfe_ros.node.requests.services import SessionNode, Worlds
 from gdfe_ros.node.session import SimulationSession
 
 

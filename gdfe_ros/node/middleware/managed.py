@@ -25,8 +25,8 @@ from rclpy.timer import Timer
 
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.interface import ServiceSpec
+from gdfe_ros.node.middleware.ros_types import LARGEST, available, bounded_service, interface_class, unread_size
 from gdfe_ros.node.refusals import answer, answer_after, fail
-from gdfe_ros.node.ros_types import LARGEST, available, bounded_service, interface_class, unread_size
 from gdfe_ros.untrusted.bounded_text import PlainLog, Throttle
 
 NO_PUBLISHER_EVENTS = PublisherEventCallbacks(use_default_callbacks=False)

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from gdfe_ros.constraints import Pose
 from gdfe_ros.errors import OverlapError
-from gdfe_ros.node.remodelling import take_over
+from gdfe_ros.node.driving.remodelling import take_over
 from gdfe_ros.scene import load_scene
 from gdfe_ros.scene.entity import Entity, read_entity, with_body, without_bodies
 from gdfe_ros.simulation import Command, Simulation
