@@ -42,7 +42,7 @@ COMMANDS = {
     "compile": "compile the kernels of some scenes, or of all shipped ones, so that the first start is fast",
 }
 _HOMES = {
-    **dict.fromkeys(("topics", "nodes", "params", "lifecycle", "hz", "pub", "echo", "call"), "graph"),
+    **dict.fromkeys(("topics", "nodes", "params", "lifecycle", "hz", "pub", "echo", "call"), "remote.graph"),
     **dict.fromkeys(("export", "recover", "report"), "bags"),
     "compare": "replay",
     "workspace": "sweep",

@@ -19,7 +19,7 @@ from benchmarks.markdown import markdown_table
 from benchmarks.measured_robots import ROBOTS
 from benchmarks.report import run_script
 from gdfe_ros.errors import GdfeError
-from gdfe_ros.fitting.tensile import fit_tensile
+from gdfe_ros.fitting.laws.tensile import fit_tensile
 from gdfe_ros.materials import Law, Material
 from gdfe_ros.mesh import bar
 from gdfe_ros.results.element_fields import corner_forces, volume_pressures

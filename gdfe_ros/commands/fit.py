@@ -94,7 +94,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _fit_tensile(arguments: argparse.Namespace) -> int:
-    from gdfe_ros.fitting.tensile import draw_tensile, fit_tensile, material_text, tensile_remarks, tensile_rows
+    from gdfe_ros.fitting.laws.tensile import draw_tensile, fit_tensile, material_text, tensile_remarks, tensile_rows
     from gdfe_ros.materials import Law
     from gdfe_ros.scene.schemas.machine_table import read_stress_table
 

@@ -13,7 +13,7 @@ from gdfe_ros import Simulation, load_scene
 from gdfe_ros.cli import main
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.fitting.csv_source import TableFile
-from gdfe_ros.fitting.tensile import fit_tensile
+from gdfe_ros.fitting.laws.tensile import fit_tensile
 from gdfe_ros.materials import Law
 from gdfe_ros.scene.schemas.machine_table import read_stress_table
 

@@ -12,7 +12,7 @@ import pytest
 from gdfe_ros import Command, Pose, Simulation, load_scene
 from gdfe_ros.cli import main
 from gdfe_ros.errors import SceneError
-from gdfe_ros.fitting.tensile import fit_tensile
+from gdfe_ros.fitting.laws.tensile import fit_tensile
 from gdfe_ros.materials import ArrudaBoyce, Gent, Law, Material, MooneyRivlin, Ogden, StableNeoHookean, Yeoh
 from gdfe_ros.scene import scene_from_text
 from test.written import advance

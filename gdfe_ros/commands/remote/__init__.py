@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A node for the commands that talk to other nodes; the only modules of the commands that import rclpy."""
+"""The commands that talk to other nodes, and their node; the only modules of the commands that import rclpy."""

@@ -15,8 +15,8 @@ from numpy.typing import ArrayLike
 from scipy.optimize import least_squares
 
 from gdfe_ros.errors import GdfeError
-from gdfe_ros.fitting.invariant_fit import INVARIANT_LAWS, Found, invariant_candidates
-from gdfe_ros.fitting.tensile_data import TestData, Vector, prepare
+from gdfe_ros.fitting.laws.invariant_fit import INVARIANT_LAWS, Found, invariant_candidates
+from gdfe_ros.fitting.laws.tensile_data import TestData, Vector, prepare
 from gdfe_ros.materials import Curve, CurveData, Law, Linear, Material, NeoHookean, Ogden, StableNeoHookean
 
 FLOOR = 0.01

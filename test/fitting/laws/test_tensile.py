@@ -12,7 +12,7 @@ import yaml
 
 from gdfe_ros.cli import main
 from gdfe_ros.errors import GdfeError
-from gdfe_ros.fitting.tensile import fit_tensile
+from gdfe_ros.fitting.laws.tensile import fit_tensile
 from gdfe_ros.materials import LIBRARY, Law, preset
 from gdfe_ros.scene import scene_from_text
 
