@@ -61,7 +61,7 @@ class Artist:
     def __init__(self, simulation: Simulation) -> None:
         self._simulation, self._surface = simulation, DrawnSurface(simulation.mesh)
         materials = np.array([COLOURS[name] for name in simulation.scene.materials])[simulation.scene.cell_material]
-        self._plain = np.column_stack([self._surface.at_vertices(channel) for channel in materials.T])
+        self._plain = np.column_stack([self._surface.outside.average(channel) for channel in materials.T])
         self._plotter = pyvista.Plotter(off_screen=True, window_size=SIZE, shape=(1, 2), border=False)
         self._plotter.set_background("white")
         self._body = _polygons(self._surface.outside.at(simulation.positions), self._surface.triangles)
@@ -103,7 +103,7 @@ class Artist:
 
     def _colours(self) -> NDArray[np.uint8]:
         """Return the colours (n, 3) of the points of the body's surface: of the materials, brighter with strain."""
-        strain = np.clip(self._surface.at_vertices(self._simulation.fields().eps_eq) / LARGEST, 0.0, 1.0)[:, None]
+        strain = np.clip(self._surface.outside.average(self._simulation.fields().eps_eq) / LARGEST, 0.0, 1.0)[:, None]
         return (255.0 * ((1.0 - strain) * self._plain + strain * HOT)).astype(np.uint8)
 
     def _faces(self, body: RigidBody) -> NDArray[np.float64]:

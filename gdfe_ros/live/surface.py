@@ -83,18 +83,11 @@ class DrawnSurface:
         self.outside = outside = mesh.outside
         self.count = len(outside.corners)
         self.triangles = np.ascontiguousarray(outside.triangles, dtype=np.uint32)
-        self._corners, self._owners = outside.faces.ravel(), np.repeat(outside.cells, outside.faces.shape[1])
-        self._sharing = np.maximum(np.bincount(self._corners, minlength=self.count), 1).astype(np.float64)
         self._scale, self._plain = scale, _linear(np.asarray(plain, dtype=np.float64))
         self._data = bytearray(self._template())
         count = 3 * self.count
         numbers = np.frombuffer(self._data, "<f4", count=2 * count, offset=self._start)
         self._positions, self._colours = numbers[:count].reshape(-1, 3), numbers[count:].reshape(-1, 3)
-
-    def at_vertices(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return values at the surface points (k,): at each point the mean of ``values`` (m,) of the adjacent cells."""
-        total = np.bincount(self._corners, weights=values[self._owners], minlength=self.count)
-        return total / self._sharing
 
     def be_translucent(self, wanted: bool) -> None:
         """Let the next frames show what is inside the body, or not."""
@@ -243,7 +236,7 @@ def fields_of(scene: Scene) -> dict[str, Field]:
     """Return the fields of a scene by label; fields of the cells are averaged at the surface points."""
 
     def of_cells(label: str, name: str) -> Field:
-        return Field(label, lambda view, surface: surface.at_vertices(view.fields()[name]))
+        return Field(label, lambda view, surface: surface.outside.average(view.fields()[name]))
 
     def of_vertices(label: str, give: Callable[[View], NDArray[np.floating]]) -> Field:
         noise = NOISE * scene.mesh.size

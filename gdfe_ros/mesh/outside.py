@@ -91,6 +91,12 @@ class Outside:
             return values[self.corners[:, 0]]
         return np.einsum("ka,ka...->k...", self.weights, values[self.corners])
 
+    def average(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return values at the points (k,): at each point the mean of ``values`` (m,) of the cells of its faces."""
+        points, count = self.faces.ravel(), len(self.corners)
+        total = np.bincount(points, weights=np.repeat(values[self.cells], self.faces.shape[1]), minlength=count)
+        return total / np.maximum(np.bincount(points, minlength=count), 1)
+
 
 def carry_skin(
     vertices: NDArray[np.float64],

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from gdfe_ros.analysis.scenery import Scenery
 from gdfe_ros.colour_map import colour, colour_range
 from gdfe_ros.errors import GdfeError
-from gdfe_ros.live.surface import DrawnSurface
 from gdfe_ros.simulation import Simulation
 
 WIDTH, HEIGHT = 640, 480
@@ -44,7 +43,7 @@ class Painter:
             text = "render_mode 'rgb_array' needs pyvista, which is not installed"
             raise GdfeError(f"{text}; remedy: pip install 'gdfe_ros[gym]'") from error
         self._simulation = simulation
-        self._surface = DrawnSurface(simulation.mesh)
+        self._outside = simulation.mesh.outside
         self._plotter = self._open()
         self._plotter.set_background("white")
         self._aim()
@@ -53,9 +52,9 @@ class Painter:
         """Return a picture (480, 640, 3) of the present state."""
         simulation = self._simulation
         self._plotter.clear_actors()
-        values = self._surface.at_vertices(simulation.fields().eps_eq)
+        values = self._outside.average(simulation.fields().eps_eq)
         shades = colour(values, *colour_range(float(values.min()), float(values.max())))
-        body = self._polygons(self._surface.outside.at(simulation.positions), self._surface.triangles)
+        body = self._polygons(self._outside.at(simulation.positions), self._outside.triangles)
         self._add(body, scalars=(255.0 * shades).astype(np.uint8), rgb=True, smooth_shading=False)
         scenery = Scenery.of(simulation)
         for faces in scenery.obstacles:

@@ -65,7 +65,7 @@ def test_fields_of_cells_are_averaged_at_the_vertices() -> None:
     """A cell field's value at a vertex is the mean over the faces there; a constant field stays constant."""
     mesh = load_scene("bend5", overrides={"mesh.bar.cells": [10, 2, 2]}).mesh
     surface = DrawnSurface(mesh)
-    np.testing.assert_allclose(surface.at_vertices(np.full(mesh.n_cells, 3.0)), 3.0)
-    along = surface.at_vertices(mesh.centroids[:, 0])
+    np.testing.assert_allclose(surface.outside.average(np.full(mesh.n_cells, 3.0)), 3.0)
+    along = surface.outside.average(mesh.centroids[:, 0])
     inner = np.isclose(surface.outside.at(mesh.vertices)[:, 0], np.median(np.unique(mesh.vertices[:, 0])))
     np.testing.assert_allclose(along[inner], np.median(np.unique(mesh.vertices[:, 0])), atol=1e-12)

@@ -283,6 +283,13 @@ def test_an_environment_needs_no_ros() -> None:
     assert done.stdout == "False\n"
 
 
+def test_pictures_need_no_page() -> None:
+    """Pictures of an environment are drawn without the server of the page, which another extra installs."""
+    code = "import sys, gdfe_ros.testing.render; print('viser' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
+    assert done.stdout == "False\n"
+
+
 def _flaws(scene: str, steps: int) -> list[str]:
     """Make random actions; return the steps that fail, end the episode, jump, or give numbers that are not finite."""
     env = make_env(scene, steps=steps + 1)
