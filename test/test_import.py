@@ -17,6 +17,12 @@ from gdfe_ros.errors import GdfeError
 from gdfe_ros.installation import share_dir
 
 ROOT = Path(__file__).parents[1]
+ROOMS = sorted({path.parent for path in (ROOT / "gdfe_ros").rglob("*.py")})
+"""Folders of the package."""
+MOST = 15
+"""Largest number of modules in a folder."""
+LARGE = [ROOT / "gdfe_ros" / "solver" / "contact"]
+"""Folders that are still larger."""
 
 
 def _loaded(code: str) -> set[str]:
@@ -98,6 +104,20 @@ def test_no_module_imports_itself_by_way_of_others() -> None:
     graph = {name: (_imports(path) & files.keys()) - {name} for name, path in files.items()}
     order = tuple(TopologicalSorter(graph).static_order())
     assert order.index("gdfe_ros.mesh.cells.faces") < order.index("gdfe_ros.simulation")
+
+
+@pytest.mark.parametrize("folder", ROOMS, ids=lambda folder: str(folder.relative_to(ROOT)))
+def test_a_room_is_small_and_without_circles(folder: Path) -> None:
+    """A folder has at most 15 modules, and its modules and folders do not import each other in a circle."""
+    modules, graph = [*folder.glob("*.py")], {}
+    assert len(modules) <= MOST or folder in LARGE
+    package = ".".join(folder.relative_to(ROOT).parts) + "."
+    members = {path.relative_to(folder).with_suffix("").parts[0] for path in folder.rglob("*.py")} - {"__init__"}
+    for path in folder.rglob("*.py"):
+        member = path.relative_to(folder).with_suffix("").parts[0]
+        inside = {name.removeprefix(package).partition(".")[0] for name in _imports(path) if name.startswith(package)}
+        graph.setdefault(member, set()).update(inside & members - {member})
+    assert {*TopologicalSorter(graph).static_order()} == members | {"__init__"}
 
 
 @pytest.mark.parametrize(
