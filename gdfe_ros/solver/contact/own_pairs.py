@@ -14,7 +14,7 @@ from gdfe_ros.mesh.tet_faces import flat_quads
 from gdfe_ros.mesh.triples import along, corner, dot, minus
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact.closest import Nearest, face_areas, least_distance, nearest_faces
-from gdfe_ros.solver.contact.crossing import SEATS, crossing_edges, least_between
+from gdfe_ros.solver.contact.crossing import LEAST, SEATS, crossing_edges, least_between
 from gdfe_ros.solver.contact.near import boxes_around, find_near
 from gdfe_ros.solver.contact.own_surface import Topology
 from gdfe_ros.solver.contact.surface import BodyPoints
@@ -40,6 +40,58 @@ def relative_motion(x, before, points):
         moved = minus(minus(corner(x, p), corner(before, p)), mean)
         longest = max(longest, dot(moved, moved)) if dot(moved, moved) >= 0.0 else math.inf
     return math.sqrt(longest)
+
+
+@kernel
+def choose_pairs(found, first, own, others, start, yielding):
+    """Do `OwnPairs.choose`; the vertices of a pair are a row of ``own`` plus one of ``others``, after its ``start``."""
+    chosen, count = np.empty(len(first), np.int64), 0
+    corners, give = np.empty((len(first), 4), np.int32), np.empty(len(first))
+    for i in range(len(first)):
+        if found.face[i] < 0 or found.support[i] < LEAST:
+            continue
+        whole, rest = 1.0, 0.0
+        for a in range(4):
+            point, weight = own[i, a] + others[found.face[i] + start[i], a], found.weights[i, a]
+            corners[count, a] = point
+            if point == first[i]:
+                whole -= weight
+            else:
+                rest += weight**2 * yielding[point]
+        give[count] = whole**2 * yielding[first[i]] + rest
+        if give[count] > 0.0:
+            chosen[count] = i
+            count += 1
+    return chosen[:count].copy(), corners[:count].copy(), give[:count].copy()
+
+
+@kernel
+def slips_of(x, first, corners, weights, normals):
+    """Return the vectors (k, 3) [m] from the second members of pairs to the first, less their parts along normals."""
+    found = np.empty((len(first), 3))
+    for i in range(len(first)):
+        away, n = corner(x, first[i]), corner(normals, i)
+        for a in range(4):
+            away = along(1.0, away, -weights[i, a], corner(x, corners[i, a]))
+        found[i, 0], found[i, 1], found[i, 2] = along(1.0, away, -dot(away, n), n)
+    return found
+
+
+@kernel
+def lay_out_pairs(first, corners, weights, carriers, shares, stencils):
+    """Write the ends of the ``stencils`` of pairs: the vertices that carry their five points, with their weights.
+
+    Further ends repeat the first one, without weight.
+    """
+    width = carriers.shape[1]
+    for i in range(len(first)):
+        for a in range(5):
+            point, weight = (corners[i, a - 1], -weights[i, a - 1]) if a else (first[i], 1.0)
+            for c in range(width):
+                e, share = a * width + c, weight * shares[point, c]
+                stencils.ends[i, e], stencils.pressing[i, e], stencils.rubbing[i, e] = carriers[point, c], share, share
+        for e in range(5 * width, stencils.ends.shape[1]):
+            stencils.ends[i, e] = stencils.ends[i, 0]
 
 
 class OwnPairs:
@@ -139,13 +191,9 @@ class OwnPairs:
         """Return the four vertices (p, 4) of some ``pairs`` (p,) with the faces or edges ``others`` (p,)."""
         return self._own[pairs] + self._others[others + self._start[pairs]]
 
-    def give(self, yielding: Array, pairs: Numbers, carriers: NDArray[np.int32], weights: Array) -> Array:
-        """Return the compliance (p,) [m/N] of some ``pairs`` (p,) with four vertices and weights (p, 4) each.
+    def choose(self, found: Nearest, yielding: Array) -> tuple[Numbers, NDArray[np.int32], Array]:
+        """Return the pairs (p,) that may press, their four vertices (p, 4), and their compliances (p,) [m/N].
 
         ``yielding`` (n + p,) [m/N] are the compliances of the points.
         """
-        first = self.first[pairs]
-        own = carriers == first[:, None]
-        others = np.where(own, 0.0, weights)
-        whole = 1.0 - (weights - others).sum(axis=1)
-        return whole**2 * yielding[first] + np.einsum("ka,ka->k", others**2, yielding[carriers])
+        return choose_pairs(found, self.first, self._own, self._others, self._start, yielding)
