@@ -204,7 +204,7 @@ class OwnContact(ContactTerm):
         bound, x = DEEPEST * self._body.size, self.points.at(positions)
         depth, text = self.penetration.tell(x, bound)
         reach = REACH * self._body.size + 2.0 * self.pairs.motion(x, self._from)
-        edges = NONE, self.pairs.within(x, reach)[1]
+        edges = NONE, self.pairs.kept.within(x, reach)[1]
         crossed = self.pairs.look(x, self._from, reach, self._partners, candidates=edges)
         deepest = int(crossed.gap.argmin())
         if -crossed.gap[deepest] > max(depth, bound):

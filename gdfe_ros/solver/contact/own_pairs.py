@@ -3,43 +3,27 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.compiled import kernel
 from gdfe_ros.constraints.obstacle import SelfContact
 from gdfe_ros.mesh.tet_faces import flat_quads
-from gdfe_ros.mesh.triples import along, corner, dot, minus
+from gdfe_ros.mesh.triples import along, corner, dot
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact.closest import Nearest, face_areas, least_distance, nearest_faces
 from gdfe_ros.solver.contact.crossing import LEAST, SEATS, crossing_edges, least_between
-from gdfe_ros.solver.contact.near import boxes_around, find_near
+from gdfe_ros.solver.contact.near import KeptPairs, boxes_around, find_near, relative_motion
 from gdfe_ros.solver.contact.own_surface import Topology
 from gdfe_ros.solver.contact.surface import BodyPoints
 
 MARGIN = 0.01
-"""Candidates are searched up to this distance, divided by the body's size, beyond the search distance. They are
-searched again after the points have moved by half of it relative to each other.
-"""
+"""Candidates are searched up to this distance, divided by the body's size, beyond the search distance."""
 Array, Numbers = NDArray[np.float64], NDArray[np.int64]
 Candidates = tuple[Numbers, Numbers]
 """Vertices and faces (2, p) that may touch, and edges (2, e) that may cross."""
 NONE = np.zeros((2, 0), np.int64)
 """No pairs."""
-
-
-@kernel
-def relative_motion(x, before, points):
-    """Return the largest displacement [m] of the ``points`` (k,) from ``before`` to ``x``, less their mean."""
-    mean, longest = (0.0, 0.0, 0.0), 0.0
-    for p in points:
-        mean = along(1.0, mean, 1.0 / len(points), minus(corner(x, p), corner(before, p)))
-    for p in points:
-        moved = minus(minus(corner(x, p), corner(before, p)), mean)
-        longest = max(longest, dot(moved, moved)) if dot(moved, moved) >= 0.0 else math.inf
-    return math.sqrt(longest)
 
 
 @kernel
@@ -110,6 +94,7 @@ class OwnPairs:
         surface: the vertices, faces and edges.
         count: number of pairs k.
         first: (k,) int32 vertex v of each pair.
+        kept: candidates, of which `look` finds those that touch.
     """
 
     def __init__(self, body: Body, points: BodyPoints, meant: SelfContact) -> None:
@@ -123,7 +108,7 @@ class OwnPairs:
         self._own[own:, ::2], others[1:, 1::2] = seats, surface.ends
         self._others = np.concatenate([surface.quads, others])
         self._start = np.repeat([0, len(surface.quads) + 1], [own, len(seats)])
-        self._margin, self._within, self._searched = MARGIN * body.size, -np.inf, points.at(body.rest)
+        self.kept = KeptPairs(self._find, surface.vertices, MARGIN * body.size, (NONE, NONE))
 
     def look(
         self,
@@ -145,7 +130,7 @@ class OwnPairs:
             sunk: (k,) whether each surface vertex already penetrated at ``last``; None if none did.
             candidates: the pairs among which to look; None for all within ``reach``.
         """
-        surface, (faces, edges) = self.surface, self.within(x, reach) if candidates is None else candidates
+        surface, (faces, edges) = self.surface, self.kept.within(x, reach) if candidates is None else candidates
         sunk = np.zeros(len(surface.vertices), dtype=np.bool_) if sunk is None else sunk
         found, areas = Nearest.none(self.count), face_areas(x, surface.quads)
         nearest_faces(x, last, sunk, faces, surface, areas, reach, found)
@@ -154,30 +139,23 @@ class OwnPairs:
 
     def clearance(self, x: Array, reach: float) -> float:
         """Return the least distance [m] of two parts of the surface that may touch at ``x``, at most ``reach`` [m]."""
-        faces, edges = self.within(x, reach)
-        if not np.isfinite(self._within):
+        if not np.isfinite(x).all():
             return 0.0
+        faces, edges = self.kept.within(x, reach)
         return float(least_between(x, edges, self.surface.ends, least_distance(x, faces, self.surface, reach)))
 
     def motion(self, x: Array, before: Array) -> float:
         """Return the largest displacement [m] of a point of the surface, relative to the surface's mean."""
         return relative_motion(x, before, self.surface.vertices)
 
-    def within(self, x: Array, reach: float) -> Candidates:
-        """Return the pairs that come within a distance [m].
-
-        They are found again if the points have moved too far, relative to each other, for those at hand.
-        """
-        if reach + 2.0 * self.motion(x, self._searched) > self._within:
-            surface, self._searched, self._candidates = self.surface, x.copy(), (NONE, NONE)
-            self._within = reach + self._margin if np.isfinite(x).all() else -np.inf
-            if np.isfinite(self._within):
-                own, edges = surface.vertices[:, None], boxes_around(x, surface.ends)
-                boxes, quads = boxes_around(x, own), boxes_around(x, surface.quads)
-                faces = find_near(boxes, quads, own, surface.near, self._within)
-                later, earlier = find_near(edges, edges, surface.ends, surface.beside, self._within)
-                self._candidates = faces, np.stack([earlier, later]).compress(earlier < later, axis=1)
-        return self._candidates
+    def _find(self, x: Array, within: float) -> Candidates:
+        """Return the pairs that come within a distance [m] at the points ``x`` (n + p, 3) [m]."""
+        surface = self.surface
+        own, edges = surface.vertices[:, None], boxes_around(x, surface.ends)
+        boxes, quads = boxes_around(x, own), boxes_around(x, surface.quads)
+        faces = find_near(boxes, quads, own, surface.near, within)
+        later, earlier = find_near(edges, edges, surface.ends, surface.beside, within)
+        return faces, np.stack([earlier, later]).compress(earlier < later, axis=1)
 
     def nearest_to(self, x: Array, pairs: Numbers, others: Numbers) -> Nearest:
         """Return the closest points of some ``pairs`` (p,) and their given faces or edges ``others`` (p,)."""

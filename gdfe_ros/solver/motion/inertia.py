@@ -148,14 +148,20 @@ class FreeMass:
 
 @kernel
 def spread(columns, rows, vertices, free, axes, forces, out):
-    """Add the acceleration of ``free`` vertices (f,) by ``forces`` (n, 3) [N] along ``axes`` to ``out`` (n, 3).
+    """Write the acceleration of ``free`` vertices (f,) by ``forces`` (n, 3) [N] along ``axes`` to ``out`` (n, 3).
 
     The forces are those on ``vertices`` (k,), whose columns of the inverse mass are some ``rows`` (k,) of ``columns``.
     """
+    found = np.zeros((len(axes), len(free)))
     for j in range(len(rows)):
+        column = columns[rows[j]]
+        for a in range(len(axes)):
+            force = forces[vertices[j], axes[a]]
+            for i in range(len(free) if force != 0.0 else 0):
+                found[a, i] += column[i] * force
+    for a in range(len(axes)):
         for i in range(len(free)):
-            for axis in axes:
-                out[free[i], axis] += columns[rows[j], i] * forces[vertices[j], axis]
+            out[free[i], axes[a]] = found[a, i]
 
 
 @kernel
