@@ -43,6 +43,9 @@ class KeptPairs:
         none: the pairs if positions are not finite.
     """
 
+    WIDE = 2.0
+    """Pairs are searched again, too, if the distance at hand exceeds that of a new search by this factor."""
+
     def __init__(
         self,
         find: Callable[[NDArray[np.float64], float], Pairs],
@@ -55,7 +58,7 @@ class KeptPairs:
 
     def within(self, x: NDArray[np.float64], reach: float) -> Pairs:
         """Return the pairs at positions ``x`` (n, 3) [m] that come within a distance [m], and perhaps others."""
-        known = np.isfinite(self._within)
+        known = np.isfinite(self._within) and self._within <= self.WIDE * (reach + self._margin)
         if not (known and reach + 2.0 * relative_motion(x, self._searched, self._points) <= self._within):
             sound = bool(np.isfinite(x).all())
             self._within, self._searched = reach + self._margin if sound else -np.inf, x.copy()
