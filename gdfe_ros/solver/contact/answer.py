@@ -49,7 +49,6 @@ TALLY = np.dtype(
         ("stage", np.int64),  # the next one
         ("over", np.int64),  # whether the minimisation has ended
         ("shows", np.int64),  # whether the caller shows each step
-        ("waits", np.int64),  # whether contacts wait for the caller to choose their points before each step
         ("swings", np.int64),  # whether steps may swing, see `shorten`
         ("found", np.int64),  # result of `choose` for the present step
         ("count", np.int64),  # number of points that take part in it
@@ -66,6 +65,7 @@ TALLY = np.dtype(
         ("inertia", np.float64),  # of forces and steps
         ("gone", np.float64),  # bound of the motion of any vertex since points were chosen [m]
         ("room", np.float64),  # motion after which points are chosen again [m]
+        ("spare", np.float64),  # motion after which the caller has to search parts of the body that press nowhere [m]
     ]
 )
 """Fields of the progress of a minimisation with contact."""
@@ -242,7 +242,7 @@ def find_forces(problem, work, metric, field, known, tally, size, target):
             ready = t.count + (len(field.owner) + 1) * status.wild
             for c in range(t.count if t.inertia > 0.0 else 0):
                 for k in range(3 * c, 3 * c + 3):
-                    known.w[k, k] += t.inertia / field.scale[field.chosen[c]]
+                    known.w[k, k] += t.inertia / field.stencils.scale[field.chosen[c]]
         given = known, t.count, size, target, t.allowed, t.faint
         t.rounds += 1
         t.left, chose, changed, entered = settle(problem, work, metric, field, *given)
@@ -310,6 +310,13 @@ def go_on(work, tally, trust):
     return is_settling(tally)
 
 
+@internal
+def may_meet(work, tally):
+    """Return whether parts of the body that press nowhere may meet in the step that was found."""
+    t = tally[0]
+    return t.found != 0 and not t.gone + 2.0 * work.status[0].step < t.spare
+
+
 @kernel
 def descend_touching(problem, work, metric, field, known, tally, rows, size, target, proven, most, limit):
     """Do `descend` with contact, from the stage in ``tally`` on; return the number of iterations.
@@ -326,7 +333,7 @@ def descend_touching(problem, work, metric, field, known, tally, rows, size, tar
                 return made
             begin_step(problem, work, metric, field, rows, tally, size, most)
             t.stage, t.left, t.rounds = ANSWER, 0.0, 0
-            if t.waits:
+            if may_meet(work, tally):
                 return made
         if t.stage == ANSWER:
             touching = t.found != 0 and len(field.owner) > 0

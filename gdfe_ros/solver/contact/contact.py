@@ -15,7 +15,7 @@ from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact.contact_term import FAINT, ContactTerm
 from gdfe_ros.solver.contact.gap import find_close
-from gdfe_ros.solver.contact.stencil import NO_FACES, Stencils, Surfaces, sum_wrench, take_frames
+from gdfe_ros.solver.contact.stencil import NO_FACES, NOTHING_NEAR, Stencils, Surfaces, sum_wrench, take_frames
 from gdfe_ros.solver.contact.surface import TURNED, CarriedPoints, ContactSurface
 from gdfe_ros.solver.contact.touch import NOTHING, Touch
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
@@ -99,11 +99,6 @@ class Contact(ContactTerm):
         """Whether any point was inside the obstacle when the distances were last computed."""
         return bool(self._distances.min(initial=0.0) < -FAINT * self._body.size)
 
-    @property
-    def scale(self) -> NDArray[np.float64]:
-        """Stiffnesses (k,) [N/m] of the body at the chosen points."""
-        return self._scale[self._chosen]
-
     def fit(self, matrix: ConstantMatrix) -> None:
         """Take the stiffnesses of the points from the constant matrix' diagonal."""
         self._scale = 1.0 / self._points.compliance(self._body, matrix.assembled.diagonal())
@@ -148,21 +143,16 @@ class Contact(ContactTerm):
             self._take_frame(positions)
         super().look(positions)
 
-    def lay_out(
-        self, positions: NDArray[np.float64], presses: NDArray[np.float64], shears: NDArray[np.float64]
-    ) -> Stencils:
-        """Return the stencils of the chosen points; see `ContactTerm.lay_out`."""
+    def lay_out(self, positions: NDArray[np.float64], stencils: Stencils) -> None:
+        """Do `ContactTerm.lay_out`."""
         own, chosen, self.shape.frames[0] = self._points.carriers.shape[1], self._chosen, self._others
-        found = Stencils.blank(len(chosen), own + 4 * isinstance(self._touched, RigidBody))
-        found.held[:, 0], found.shears[...], found.anchors[...] = presses, shears, self._anchors[:, :3]
-        found.planes[...], found.fixed[...], found.offsets[...] = self._planes, self._fixed, self._radius
-        found.ends[:, :own], found.pressing[:, :own] = self._points.carriers[chosen], self._points.weights[chosen]
-        found.rubbing[:, :own] = self._anchors[:, 3:]
+        stencils.anchors[...], stencils.scale[...] = self._anchors[:, :3], self._scale[chosen]
+        stencils.planes[...], stencils.fixed[...], stencils.offsets[...] = self._planes, self._fixed, self._radius
+        stencils.ends[:, :own], stencils.pressing[:, :own] = self._points.carriers[chosen], self._points.weights[chosen]
+        stencils.rubbing[:, :own], stencils.ends[:, own:] = self._anchors[:, 3:], stencils.ends[:, :1]
         if isinstance(self._touched, RigidBody):
-            found.ends[:, own:] = self._touched.vertices
-        if len(self.faces[0]):
-            found.areas[...] = self._points.areas[chosen]
-        return found
+            stencils.ends[:, own : own + 4] = self._touched.vertices
+        stencils.areas[...] = self._points.areas[chosen] if len(self.faces[0]) else 0.0
 
     def stored(self, vectors: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return vectors (k, 3) in the obstacle's axes."""
@@ -283,8 +273,7 @@ class Contact(ContactTerm):
 
     def _take_none(self) -> None:
         self._chosen = self._around = np.zeros(0, dtype=np.int64)
-        self.faces = NO_FACES
-        self.stencils = Stencils.blank(0, 1)
+        self.stencils, self.faces = NOTHING_NEAR
 
     def _in_frame(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
         return (places - self._origin) @ self._axes
@@ -321,7 +310,8 @@ class Contact(ContactTerm):
             self.faces = NO_FACES
         elif not np.array_equal(chosen, self._around):
             self.faces, self._around = self._points.about(chosen), chosen
-        self.stencils = self.lay_out(positions, saved["press"][chosen], saved["shear"][chosen] @ self._axes.T)
+        width = self._points.carriers.shape[1] + 4 * isinstance(self._touched, RigidBody)
+        self.lay_out(positions, self.hold_forces(saved["press"][chosen], saved["shear"][chosen] @ self._axes.T, width))
 
     def _fix_planes(self, places: NDArray[np.float64], positions: NDArray[np.float64]) -> None:
         """Give some chosen points at ``places`` (k, 3) [m] a plane that holds wherever they leave."""

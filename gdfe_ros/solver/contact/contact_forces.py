@@ -19,7 +19,7 @@ from gdfe_ros.solver.contact.answer import (
 )
 from gdfe_ros.solver.contact.complementarity import find_violations
 from gdfe_ros.solver.contact.compliance import Compliance, project, pull
-from gdfe_ros.solver.contact.contact_term import FAINT, ROUNDING, ContactTerm
+from gdfe_ros.solver.contact.contact_term import FAINT, ROUNDING
 from gdfe_ros.solver.contact.field import HeldLoads, PointField
 from gdfe_ros.solver.contact.stencil import PLANES
 from gdfe_ros.solver.descent.loop import Metric
@@ -51,7 +51,7 @@ class ContactForces:
     def __init__(self, held: HeldLoads, unknowns: Unknowns, count: int) -> None:
         self.contacts, self._held = held.contacts, held
         self._searches = [contact for contact in self.contacts if contact.shape.kind[0] == PLANES]
-        handle_of, self._turns = np.full(count, -1, dtype=np.int64), unknowns.rigid_rows > 0
+        handle_of = np.full(count, -1, dtype=np.int64)
         for p in range(len(unknowns.slides)):
             handle_of[unknowns.members[unknowns.member_start[p] : unknowns.member_start[p + 1]]] = p
         self._rows, self._numbered = (np.full(count, -1, dtype=np.int64), handle_of), None
@@ -137,9 +137,8 @@ class ContactForces:
         if tally["stage"] == BEGIN:
             self._choose_points(work)
             field = self._held.gather()
-        elif tally["stage"] == ANSWER and tally["found"] and self._waiting and not tally["rounds"]:
-            self._approach(work)
-            if field is not self._held.field:
+        elif tally["stage"] == ANSWER and not tally["gone"] + 2.0 * numbers(work)["step"] < tally["spare"]:
+            if self._approach(work):
                 field = self._held.gather()
                 tally["count"] = look_again(problem, work, field, self._rows, size)
         elif tally["stage"] == MOVE:
@@ -150,30 +149,27 @@ class ContactForces:
     def _choose_points(self, work: Workspace) -> None:
         """Let contacts choose their points again whose points have moved far; note when this is due again."""
         self._waiting = [contact for contact in self._searches if not contact.acts]
-        room = 0.0 if self._waiting else np.inf
+        room = spare = np.inf
         for contact in self.contacts:
-            if contact in self._waiting:
-                continue
             own = contact.room(work.x)
+            if contact in self._waiting:
+                spare = min(spare, own)
+                continue
             if not own > 0.0:
-                self._follow(contact, work.x, np.inf)
-                own = contact.room(work.x)
+                contact.follow(work.x, np.inf)
+                own = 0.0 if contact in self._searches else contact.room(work.x)
             room = min(room, own)
-        self._tally["gone"], self._tally["room"], self._tally["waits"] = 0.0, room, bool(self._waiting)
+        self._tally["gone"], self._tally["room"], self._tally["spare"] = 0.0, room, spare
 
-    def _follow(self, contact: ContactTerm, positions: NDArray[np.float64], ahead: float) -> None:
-        """Let a contact choose its points again; the next step moves vertices by at most ``ahead`` [m]."""
-        was_near = contact.near
-        contact.follow(positions, ahead)
-        if was_near or contact.near:
-            self._held.field = None
-
-    def _approach(self, work: Workspace) -> None:
-        """Choose the points again of the other contacts, before the step in ``work``."""
-        # The rows of turning handles are no displacements of vertices.
-        ahead = np.inf if self._turns else float(numbers(work)["step"])
+    def _approach(self, work: Workspace) -> bool:
+        """Choose the points again of the waiting contacts, before the step in ``work``; return whether any is near."""
+        self._tally["room"], self._tally["spare"] = -np.inf, np.inf  # until points are chosen again
+        near = False
         for contact in self._waiting:
-            self._follow(contact, work.x, ahead)
+            near |= contact.near
+            contact.follow(work.x, 2.0 * float(numbers(work)["step"]))
+            near |= contact.near
+        return near
 
     @property
     def settled(self) -> bool:
@@ -194,7 +190,7 @@ class ContactForces:
         held, given = field.stencils.held, (field.rows, field.blocks, field.used)
         press, shear = held[:, 0], np.linalg.norm(held[:, 1:], axis=1)
         sticks = (press > 0.0) & (shear < (1.0 - ROUNDING) * field.friction * press)
-        springs = field.scale[:, None] * np.column_stack([press > 0.0, sticks, sticks])
+        springs = field.stencils.scale[:, None] * np.column_stack([press > 0.0, sticks, sticks])
 
         def multiply(direction: NDArray[np.float64]) -> NDArray[np.float64]:
             image, way = product(direction), np.empty_like(held)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.contact.stencil import NO_FACES, GapFaces, Stencils, Surfaces, find_stencils
+from gdfe_ros.solver.contact.stencil import NO_FACES, NOTHING_NEAR, GapFaces, Stencils, Surfaces, find_stencils
 from gdfe_ros.solver.state import Saved, State
 from gdfe_ros.solver.terms.term import Term
 
@@ -79,7 +79,7 @@ class ContactTerm(Term):
             "push": np.zeros(count),
             "rub": none,
         }
-        self.stencils = Stencils.blank(0, 1)
+        self.stencils = NOTHING_NEAR[0]
         self.shape: Surfaces
 
     @property
@@ -91,11 +91,6 @@ class ContactTerm(Term):
     def count(self) -> int:
         """Number of points or pairs that are near."""
         return len(self._chosen)
-
-    @property
-    @abstractmethod
-    def scale(self) -> NDArray[np.float64]:
-        """Stiffnesses (k,) [N/m] of the body at the near points."""
 
     @property
     def acts(self) -> bool:
@@ -120,19 +115,26 @@ class ContactTerm(Term):
         """Return the stored state without contact."""
         return {**self._free, "lost": np.zeros(1)}
 
-    @abstractmethod
-    def lay_out(
-        self, positions: NDArray[np.float64], presses: NDArray[np.float64], shears: NDArray[np.float64]
-    ) -> Stencils:
-        """Return the stencils of the near points at ``positions`` (n, 3) [m], whose places and axes are not written.
+    def hold_forces(self, presses: NDArray[np.float64], shears: NDArray[np.float64], width: int) -> Stencils:
+        """Return the stencils of the near points, each with at least ``width`` ends, with these forces.
 
-        ``presses`` (k,) and ``shears`` (k, 3) [N] are the normal forces and the vectors t of the friction forces.
+        ``presses`` (k,) and ``shears`` (k, 3) [N] are the normal forces and the vectors t of the friction forces. The
+        present stencils serve if they have as many points.
         """
+        ends = self.stencils.ends
+        if len(ends) != self.count or ends.shape[1] < width:
+            self.stencils = Stencils.blank(self.count, width)
+        self.stencils.held[:, 0], self.stencils.shears[...] = presses, shears
+        return self.stencils
+
+    @abstractmethod
+    def lay_out(self, positions: NDArray[np.float64], stencils: Stencils) -> None:
+        """Write the ``stencils`` of the near points at ``positions`` (n, 3) [m], but for places, axes and forces."""
 
     def look(self, positions: NDArray[np.float64]) -> None:
         """Take the stencils at ``positions`` (n, 3) [m], for derivatives; the forces turn with the surfaces."""
         if self.near:
-            self.stencils = self.lay_out(positions, self.stencils.held[:, 0], self.stencils.shears)
+            self.lay_out(positions, self.stencils)
             owner = np.zeros(self.count, dtype=np.int64)
             find_stencils(positions, self.shape, GapFaces.join([self.faces]), owner, self.stencils)
 
@@ -203,7 +205,7 @@ class ContactTerm(Term):
     @property
     def per_metre(self) -> NDArray[np.float64]:
         """Expected change of each multiplier per metre (4 k,): the body's stiffness [N/m]."""
-        return np.repeat(self.scale, 4)
+        return np.repeat(self.stencils.scale, 4)
 
     def hold(self, multipliers: NDArray[np.float64]) -> None:
         """Set the multipliers (4 k,)."""
@@ -218,7 +220,7 @@ class ContactTerm(Term):
         if not len(self._chosen):
             return np.zeros(0)
         self.look(positions)
-        found, scale, held = self.stencils, self.scale, self.stencils.held[:, 0]
+        found, scale, held = self.stencils, self.stencils.scale, self.stencils.held[:, 0]
         gaps = found.places[:, 0] + found.soft * held
         press = np.maximum(0.0, held - scale / (1.0 + scale * found.soft) * gaps)
         trial = found.shears + scale[:, None] * found.slips

@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import partial
 from itertools import pairwise
+from operator import is_
 from typing import NamedTuple
 
 import numpy as np
@@ -15,7 +16,7 @@ from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact.contact_term import ContactTerm
 from gdfe_ros.solver.contact.stencil import (
     LOADS,
-    NO_FACES,
+    NOTHING_NEAR,
     GapFaces,
     Stencils,
     Surfaces,
@@ -36,7 +37,6 @@ class PointField(NamedTuple):
         surfaces, faces: what they touch, and the faces that correct their gaps.
         owner: (k,) number of the contact of each point.
         friction, restitution, valid: (k,) those of each point's contact, see `ContactTerm`.
-        scale: (k,) stiffness [N/m] of the body at the point.
         rows, blocks, used: derivatives with respect to the rows of unknowns, see `differentiate`.
         ahead: (k, 3) [m] changes of gaps and slips in the step.
         usable, joins: (k,) whether a point may take part in the step, and whether it does.
@@ -54,7 +54,6 @@ class PointField(NamedTuple):
     friction: NDArray[np.float64]
     restitution: NDArray[np.float64]
     valid: NDArray[np.float64]
-    scale: NDArray[np.float64]
     rows: NDArray[np.int64]
     blocks: NDArray[np.float64]
     used: NDArray[np.int64]
@@ -79,8 +78,7 @@ class HeldLoads(Term):
 
     Attributes:
         contacts: the argument.
-        field: the near points of all contacts; the stencils of each contact are views of it. None after any contact
-            has chosen other points.
+        field: the near points of all contacts; the stencils of each contact are views of it.
         parts: the first and the last number plus 1 of the points of each contact in the field.
         last, head: see `PointField`.
     """
@@ -95,6 +93,7 @@ class HeldLoads(Term):
         self._scratch = np.zeros((count, 3)), before
         self._numbers = np.array([[each.friction, each.restitution, each.valid] for each in contacts]).reshape(-1, 3)
         self.field: PointField | None = None
+        self._gathered: tuple[object, ...] = ()
         self.parts: list[tuple[int, int]] = []
         if contacts:
             self._surfaces = Surfaces.join([contact.shape for contact in contacts])
@@ -102,37 +101,37 @@ class HeldLoads(Term):
                 contact.shape = contact.shape._replace(frames=self._surfaces.frames[number : number + 1])
 
     def gather(self) -> PointField:
-        """Return the field; it is made anew if any contact has chosen other points."""
-        if self.field is None:
-            near = [contact if contact.near else None for contact in self.contacts]
-            sizes, some = [contact.count if contact else 0 for contact in near], list(filter(None, near))
-            count, width = sum(sizes), max((contact.stencils.ends.shape[1] for contact in some), default=1)
-            owner, scale = np.repeat(np.arange(len(near)), sizes), [contact.scale for contact in some]
-            coefficients = np.ascontiguousarray(self._numbers[owner].T)
-            self.field = PointField(
-                Stencils.join([contact.stencils for contact in some], width),
-                self._surfaces,
-                GapFaces.join([contact.faces if contact else NO_FACES for contact in near]),
-                owner,
-                *coefficients,
-                np.concatenate([np.zeros(0), *scale]),
-                np.zeros((count, 2 * width), np.int64),
-                np.zeros((count, 2 * width, 3, 3)),
-                np.zeros(count, np.int64),
-                np.zeros((count, 3)),
-                *np.zeros((2, count), np.bool_),
-                np.zeros(count, np.int64),
-                self.reals.reshape(-1, LOADS),
-                self.integers,
-                *self._scratch,
-                self.last,
-                self.head,
-            )
-            ends = np.cumsum([0, *sizes]).tolist()
-            self.parts = list(pairwise(ends))
-            for contact, (first, last) in zip(self.contacts, self.parts, strict=True):
-                if last > first:
-                    contact.stencils = self.field.stencils.part(first, last)
+        """Return the field; it is made anew if a contact has more or fewer points, or other faces, than before."""
+        near = [(each.stencils, each.faces) if each.near else NOTHING_NEAR for each in self.contacts]
+        stencils, faces = zip(*near, strict=True)
+        if self.field is not None and all(map(is_, self._gathered, stencils + faces)):
+            return self.field
+        sizes, width = [len(each.fixed) for each in stencils], max(each.ends.shape[1] for each in stencils)
+        count, owner = sum(sizes), np.repeat(np.arange(len(sizes)), sizes)
+        self.field = PointField(
+            Stencils.join(stencils, width),
+            self._surfaces,
+            GapFaces.join(faces),
+            owner,
+            *np.ascontiguousarray(self._numbers[owner].T),
+            np.zeros((count, 2 * width), np.int64),
+            np.zeros((count, 2 * width, 3, 3)),
+            np.zeros(count, np.int64),
+            np.zeros((count, 3)),
+            *np.zeros((2, count), np.bool_),
+            np.zeros(count, np.int64),
+            self.reals.reshape(-1, LOADS),
+            self.integers,
+            *self._scratch,
+            self.last,
+            self.head,
+        )
+        self.parts, views = list(pairwise(np.cumsum([0, *sizes]).tolist())), []
+        for contact, (first, last) in zip(self.contacts, self.parts, strict=True):
+            if contact.near:
+                contact.stencils = self.field.stencils.part(first, last)
+            views.append(contact.stencils if contact.near else NOTHING_NEAR[0])
+        self._gathered = *views, *faces
         return self.field
 
     def look(self, positions: NDArray[np.float64]) -> PointField:
@@ -144,7 +143,6 @@ class HeldLoads(Term):
 
     def take(self, positions: NDArray[np.float64]) -> None:
         """Gather the points of all contacts, and let their forces act from ``positions`` (n, 3) [m]."""
-        self.field = None
         field = self.look(positions)
         self.integers[0] = field.stencils.held.any()
         field.loads[:, :3], field.loads[:, 3:] = 0.0, positions

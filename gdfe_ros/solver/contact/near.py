@@ -3,11 +3,18 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
+from typing import TypeVar
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
 from gdfe_ros.compiled import inlined, internal, kernel
+from gdfe_ros.mesh.triples import along, corner, dot, minus
+
+Pairs = TypeVar("Pairs")
 
 MOST = 25
 """Largest number of bins along an axis."""
@@ -24,6 +31,51 @@ def incidence(cells: NDArray[np.int32], count: int) -> sparse.csr_matrix:
 def make_ragged(rows: sparse.csr_matrix) -> Ragged:
     """Return the columns in each of m rows."""
     return rows.indptr.astype(np.int64), rows.indices.astype(np.int64)
+
+
+class KeptPairs:
+    """Pairs that a search has found within a distance, and a margin; it is made again when points have moved too far.
+
+    Args:
+        find: function of positions (n, 3) [m] and a distance [m] that returns the pairs within it.
+        points: (k,) the points whose motion, relative to their mean, counts.
+        margin: [m] by which the search goes beyond the distance that is asked for.
+        none: the pairs if positions are not finite.
+    """
+
+    WIDE = 2.0
+    """Pairs are searched again, too, if the distance at hand exceeds that of a new search by this factor."""
+
+    def __init__(
+        self,
+        find: Callable[[NDArray[np.float64], float], Pairs],
+        points: NDArray[np.int32],
+        margin: float,
+        none: Pairs,
+    ) -> None:
+        self._find, self._points, self._margin, self._none = find, points, margin, none
+        self._within, self._searched, self._found = -np.inf, np.zeros((0, 3)), none
+
+    def within(self, x: NDArray[np.float64], reach: float) -> Pairs:
+        """Return the pairs at positions ``x`` (n, 3) [m] that come within a distance [m], and perhaps others."""
+        known = np.isfinite(self._within) and self._within <= self.WIDE * (reach + self._margin)
+        if not (known and reach + 2.0 * relative_motion(x, self._searched, self._points) <= self._within):
+            sound = bool(np.isfinite(x).all())
+            self._within, self._searched = reach + self._margin if sound else -np.inf, x.copy()
+            self._found = self._find(x, self._within) if sound else self._none
+        return self._found
+
+
+@kernel
+def relative_motion(x, before, points):
+    """Return the largest displacement [m] of the ``points`` (k,) from ``before`` to ``x``, less their mean."""
+    mean, longest = (0.0, 0.0, 0.0), 0.0
+    for p in points:
+        mean = along(1.0, mean, 1.0 / len(points), minus(corner(x, p), corner(before, p)))
+    for p in points:
+        moved = minus(minus(corner(x, p), corner(before, p)), mean)
+        longest = max(longest, dot(moved, moved)) if dot(moved, moved) >= 0.0 else math.inf
+    return math.sqrt(longest)
 
 
 @kernel

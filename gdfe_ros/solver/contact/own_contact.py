@@ -14,8 +14,7 @@ from gdfe_ros.constraints.obstacle import NAME, SelfContact
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact.closest import Nearest
 from gdfe_ros.solver.contact.contact_term import MARGIN, ContactTerm
-from gdfe_ros.solver.contact.crossing import LEAST
-from gdfe_ros.solver.contact.own_pairs import NONE, OwnPairs
+from gdfe_ros.solver.contact.own_pairs import NONE, OwnPairs, lay_out_pairs, slips_of
 from gdfe_ros.solver.contact.pair_touch import frames, touching_points
 from gdfe_ros.solver.contact.penetration import Inside
 from gdfe_ros.solver.contact.stencil import PLANES, Stencils, Surfaces
@@ -57,20 +56,16 @@ class OwnContact(ContactTerm):
         self.penetration = Inside(body, self.points, self.surface, meant)
         given = self.pairs.count, np.unique(self.points.carriers[self.surface.vertices])
         super().__init__(NAME, body, *given, friction=meant.friction, restitution=meant.restitution)
-        self.shape = Surfaces.of(PLANES, 5 * self.points.carriers.shape[1], np.zeros(0))
+        self._width = 5 * self.points.carriers.shape[1]
+        self.shape = Surfaces.of(PLANES, self._width, np.zeros(0))
         self._yielding, self.valid = np.zeros(0), VALID * self.surface.depth
-        self._begins, self._clear, self._clearance = False, False, 0.0
+        self._begins, self._clear, self._sound, self._clearance = False, False, False, 0.0
         self._aside = MARGIN * body.size + self.surface.rim  # pairs that stay farther apart take no part
         self._last: State | None = None
         self._reach, self._now = 0.0, Nearest.none(0)
         self._slid: NDArray[np.float64] | None = None
         count = self.pairs.count
         self._free |= {"normal": self._free["shear"], "face": np.full(count, -1.0), "weights": np.zeros((count, 4))}
-
-    @property
-    def scale(self) -> NDArray[np.float64]:
-        """Stiffnesses (k,) [N/m] of the body at the pairs."""
-        return self._stiffness
 
     def fit(self, matrix: ConstantMatrix) -> None:
         """Set the points' compliances from the constant matrix' diagonal; vertices that handles drive have none."""
@@ -82,21 +77,25 @@ class OwnContact(ContactTerm):
 
     def begin(self, commands: Mapping[str, float], saved: Saved, positions: NDArray[np.float64], ratio: float) -> None:
         """Search the pairs. Start from the forces of the last step, rotated with their faces."""
-        x, self._clear = self.points.at(positions), False
+        x, presses = self.points.at(positions), saved["press"].any()
         last = x if self._last is None else self.points.at(self._last.positions)
         self._from = self._seen = last
-        far = self.pairs.motion(x, last)
-        self._begins = far > self.surface.depth
+        far, self._slid = self.pairs.motion(x, last), None
         self._find_sunk()
         self._set_reach(x, 0.0)
-        found = self.pairs.look(last, last, self._reach, saved["face"].astype(np.int64), sunk=self._sunk)
-        self._slid, on = None, found.face >= 0
         self._take_forces(saved, x)
-        before, after = (frames(at, self.pairs.carriers(np.flatnonzero(on), found.face[on])) for at in (last, x))
-        found.normal[on] = np.einsum("kij,klj,kl->ki", after, before, found.normal[on])
+        self._cleared, self._clearance = last, 0.0 if presses else self.pairs.clearance(last, self._reach)
+        self._clear = not (presses or self._sunk.any()) and 0.5 * (self._clearance - self._aside) > far
+        self._begins = far > self.surface.depth and not self._clear
+        if self._clear:
+            found = Nearest.none(self.pairs.count)
+        else:
+            found = self.pairs.look(last, last, self._reach, saved["face"].astype(np.int64), sunk=self._sunk)
+            on = np.flatnonzero(found.face >= 0)
+            before, after = (frames(at, self.pairs.carriers(on, found.face[on])) for at in (last, x))
+            found.normal[on] = np.einsum("kij,klj,kl->ki", after, before, found.normal[on])
         self._choose(found, positions)
         self._deepest = 2.0 * far
-        self._measure_clearance(last)
 
     def _take_forces(self, saved: Saved, x: NDArray[np.float64]) -> None:
         """Take the forces of all pairs from a stored state, turned with their faces at the points ``x``."""
@@ -110,20 +109,29 @@ class OwnContact(ContactTerm):
         """Whether any pair may touch in the next step of the minimisation."""
         return super().near and not self._clear
 
+    def room(self, positions: NDArray[np.float64]) -> float:
+        """Return how far [m] vertices may move from ``positions`` (n, 3) [m] before parts come near; 0 while any press.
+
+        Two parts approach each other by at most twice the motion of both relative to their mean.
+        """
+        if self.acts:
+            return 0.0
+        moved = self.pairs.motion(self.points.at(positions), self._cleared)
+        return 0.5 * (self._clearance - self._aside) - moved
+
     def follow(self, positions: NDArray[np.float64], ahead: float) -> None:
         """Search the pairs again at ``positions`` (n, 3) [m]; pairs that persist keep their forces.
 
         Nothing is searched if the next displacement of at most ``ahead`` [m] leaves everything apart. After a large
         displacement, the pairs of the last state serve for one iteration: it moves entered vertices back.
         """
-        x = self.points.at(positions)
-        apart = self._clearance - self._aside
-        self._clear = not self.acts and 2.0 * (self.pairs.motion(x, self._cleared) + ahead) < apart
+        self._clear = self.room(positions) > ahead
         if self._clear:
             return
         if self._begins:
             self._begins = False
             return
+        x = self.points.at(positions.copy())  # the minimisation goes on in the same array
         self._presses[self._chosen], self._shears[self._chosen] = self.stencils.held[:, 0], self.stencils.shears
         self._set_reach(x, self._deepest)
         found = self.pairs.look(x, self._from, self._reach, self._partners, sunk=self._sunk)
@@ -131,12 +139,10 @@ class OwnContact(ContactTerm):
         self._choose(found, positions)
         self.changed = bool((pressed & ((found.face != before) | (self._presses == 0.0))).any())
         if not pressed.any():
-            self._measure_clearance(x)
+            self._cleared, self._clearance = x, self.pairs.clearance(x, self._reach)
 
-    def lay_out(
-        self, positions: NDArray[np.float64], presses: NDArray[np.float64], shears: NDArray[np.float64]
-    ) -> Stencils:
-        """Return the stencils of the pairs, whose places and axes are not written; see `ContactTerm.lay_out`.
+    def lay_out(self, positions: NDArray[np.float64], stencils: Stencils) -> None:
+        """Do `ContactTerm.lay_out` for the pairs.
 
         The vector from the second member of a pair to the first is x_v - sum w_a x_a, and the slip is its component in
         the plane, minus that of the same material points in the last state.
@@ -149,18 +155,13 @@ class OwnContact(ContactTerm):
         self._at = x = self.points.at(positions)
         if self._slid is not None:
             self._look_again(x)
-        ends = np.column_stack([self.pairs.first[self._chosen], self._corners])
-        weights = np.column_stack([np.ones(self.count), -self._now.weights])
-        size = self.count, 5 * self.points.carriers.shape[1]
-        carriers = self.points.carriers[ends].reshape(size)
-        shares = (weights[:, :, None] * self.points.weights[ends]).reshape(size)
-        soft = (1.0 - self._now.support) / (self._now.support * self._stiffness)
-        found = Stencils.blank(*size)
-        found.held[:, 0], found.shears[...], found.soft[...] = presses, shears, soft
+        lay_out_pairs(
+            self._firsts, self._corners, self._now.weights, self.points.carriers, self.points.weights, stencils
+        )
+        stencils.scale[...] = self._stiffness
+        stencils.soft[...] = (1.0 - self._now.support) / (self._now.support * self._stiffness)
         # The place of a pair is the vector between its members: its plane goes through the origin.
-        found.anchors[...], found.planes[:, :3] = self._anchors + self._turned, self._now.normal
-        found.ends[...], found.pressing[...], found.rubbing[...] = carriers, shares, shares
-        return found
+        stencils.anchors[...], stencils.planes[:, :3] = self._anchors + self._turned, self._now.normal
 
     def finish(self, saved: Saved, positions: NDArray[np.float64]) -> Saved:
         """Do `ContactTerm.finish`; vectors are stored in the frames of the faces at ``positions``."""
@@ -198,20 +199,19 @@ class OwnContact(ContactTerm):
         Every surface vertex is checked, also a vertex without a pair in the solve, and every crossing of edges, also of
         two edges that have passed each other since the last state.
         """
+        if self._sound and self._last.summary.converged and self.room(positions) > 0.0:
+            return ""  # nothing has come near since the last state, which was checked
         bound, x = DEEPEST * self._body.size, self.points.at(positions)
         depth, text = self.penetration.tell(x, bound)
         reach = REACH * self._body.size + 2.0 * self.pairs.motion(x, self._from)
-        edges = NONE, self.pairs.within(x, reach)[1]
+        edges = NONE, self.pairs.kept.within(x, reach)[1]
         crossed = self.pairs.look(x, self._from, reach, self._partners, candidates=edges)
         deepest = int(crossed.gap.argmin())
         if -crossed.gap[deepest] > max(depth, bound):
             four = self.pairs.carriers([deepest], crossed.face[[deepest]])[0]
             text = self.penetration.sentence(*four[:2], x[four].mean(axis=0), -float(crossed.gap[deepest]))
+        self._sound = not text
         return text
-
-    def _measure_clearance(self, x: NDArray[np.float64]) -> None:
-        """Find the least distance at the points ``x`` (n + p, 3) [m] of what can touch."""
-        self._clear, self._cleared, self._clearance = False, x, self.pairs.clearance(x, self._reach)
 
     def _set_reach(self, x: NDArray[np.float64], deepest: float) -> None:
         """Set the search distance at the points ``x`` (n + p, 3) [m]; some may have been ``deepest`` [m] inside."""
@@ -228,19 +228,16 @@ class OwnContact(ContactTerm):
 
     def _choose(self, found: Nearest, positions: NDArray[np.float64]) -> None:
         """Choose the pairs that were found at ``positions`` (n, 3) [m]. Persisting pairs keep their forces."""
-        near = np.flatnonzero((found.face >= 0) & (found.support >= LEAST))
-        corners = self.pairs.carriers(near, found.face[near])
-        give = self.pairs.give(self._yielding, near, corners, found.weights[near])
-        chosen, self._corners = near[give > 0.0], corners[give > 0.0]
+        chosen, self._corners, give = self.pairs.choose(found, self._yielding)
         kept = np.zeros(self.pairs.count, dtype=np.bool_)
         kept[chosen] = np.einsum("ki,ki->k", self._normals[chosen], found.normal[chosen]) >= SAME_SIDE
         self._presses[~kept], self._shears[~kept] = 0.0, 0.0
         self._normals, self._partners = found.normal, found.face
         self._deepest = -float(found.gap.min(initial=0.0))
-        self._chosen, self._stiffness = chosen, 1.0 / give[give > 0.0]
+        self._chosen, self._firsts, self._stiffness = chosen, self.pairs.first[chosen], 1.0 / give
         self._now = Nearest(*(values[chosen] for values in found))
         self._anchors[...], self._turned = self._slip_before(), np.zeros((len(chosen), 3))
-        self.stencils = self.lay_out(positions, self._presses[chosen], self._shears[chosen])
+        self.lay_out(positions, self.hold_forces(self._presses[chosen], self._shears[chosen], self._width))
 
     def _slip_before(self) -> NDArray[np.float64]:
         """Return the vectors (k, 3) [m] from the second member of each pair to the first, in the last state.
@@ -248,9 +245,7 @@ class OwnContact(ContactTerm):
         They do not turn with the faces. All slips are then projections of one displacement field, so that vertex on
         vertex, each in the other's pair, do not contradict.
         """
-        own, corners = self._from[self.pairs.first[self._chosen]], self._from[self._corners]
-        away = own - np.einsum("ka,kai->ki", self._now.weights, corners)
-        return away - np.einsum("ki,ki->k", away, self._now.normal)[:, None] * self._now.normal
+        return slips_of(self._from, self._firsts, self._corners, self._now.weights, self._now.normal)
 
     def resume(self, commands: Mapping[str, float], saved: Saved, found: Saved, positions: NDArray[np.float64]) -> None:
         """Prepare the linearisation of a solve: choose the pairs that press at its end, with their forces and faces."""

@@ -3,26 +3,22 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.compiled import kernel
 from gdfe_ros.constraints.obstacle import SelfContact
 from gdfe_ros.mesh.cells.tetrahedra import flat_quads
-from gdfe_ros.mesh.triples import along, corner, dot, minus
+from gdfe_ros.mesh.triples import along, corner, dot
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact.closest import Nearest, face_areas, least_distance, nearest_faces
-from gdfe_ros.solver.contact.crossing import SEATS, crossing_edges, least_between
-from gdfe_ros.solver.contact.near import boxes_around, find_near
+from gdfe_ros.solver.contact.crossing import LEAST, SEATS, crossing_edges, least_between
+from gdfe_ros.solver.contact.near import KeptPairs, boxes_around, find_near, relative_motion
 from gdfe_ros.solver.contact.own_surface import Topology
 from gdfe_ros.solver.contact.surface import BodyPoints
 
 MARGIN = 0.01
-"""Candidates are searched up to this distance, divided by the body's size, beyond the search distance. They are
-searched again after the points have moved by half of it relative to each other.
-"""
+"""Candidates are searched up to this distance, divided by the body's size, beyond the search distance."""
 Array, Numbers = NDArray[np.float64], NDArray[np.int64]
 Candidates = tuple[Numbers, Numbers]
 """Vertices and faces (2, p) that may touch, and edges (2, e) that may cross."""
@@ -31,15 +27,55 @@ NONE = np.zeros((2, 0), np.int64)
 
 
 @kernel
-def relative_motion(x, before, points):
-    """Return the largest displacement [m] of the ``points`` (k,) from ``before`` to ``x``, less their mean."""
-    mean, longest = (0.0, 0.0, 0.0), 0.0
-    for p in points:
-        mean = along(1.0, mean, 1.0 / len(points), minus(corner(x, p), corner(before, p)))
-    for p in points:
-        moved = minus(minus(corner(x, p), corner(before, p)), mean)
-        longest = max(longest, dot(moved, moved)) if dot(moved, moved) >= 0.0 else math.inf
-    return math.sqrt(longest)
+def choose_pairs(found, first, own, others, start, yielding):
+    """Do `OwnPairs.choose`; the vertices of a pair are a row of ``own`` plus one of ``others``, after its ``start``."""
+    chosen, count = np.empty(len(first), np.int64), 0
+    corners, give = np.empty((len(first), 4), np.int32), np.empty(len(first))
+    for i in range(len(first)):
+        if found.face[i] < 0 or found.support[i] < LEAST:
+            continue
+        whole, rest = 1.0, 0.0
+        for a in range(4):
+            point, weight = own[i, a] + others[found.face[i] + start[i], a], found.weights[i, a]
+            corners[count, a] = point
+            if point == first[i]:
+                whole -= weight
+            else:
+                rest += weight**2 * yielding[point]
+        give[count] = whole**2 * yielding[first[i]] + rest
+        if give[count] > 0.0:
+            chosen[count] = i
+            count += 1
+    return chosen[:count].copy(), corners[:count].copy(), give[:count].copy()
+
+
+@kernel
+def slips_of(x, first, corners, weights, normals):
+    """Return the vectors (k, 3) [m] from the second members of pairs to the first, less their parts along normals."""
+    found = np.empty((len(first), 3))
+    for i in range(len(first)):
+        away, n = corner(x, first[i]), corner(normals, i)
+        for a in range(4):
+            away = along(1.0, away, -weights[i, a], corner(x, corners[i, a]))
+        found[i, 0], found[i, 1], found[i, 2] = along(1.0, away, -dot(away, n), n)
+    return found
+
+
+@kernel
+def lay_out_pairs(first, corners, weights, carriers, shares, stencils):
+    """Write the ends of the ``stencils`` of pairs: the vertices that carry their five points, with their weights.
+
+    Further ends repeat the first one, without weight.
+    """
+    width = carriers.shape[1]
+    for i in range(len(first)):
+        for a in range(5):
+            point, weight = (corners[i, a - 1], -weights[i, a - 1]) if a else (first[i], 1.0)
+            for c in range(width):
+                e, share = a * width + c, weight * shares[point, c]
+                stencils.ends[i, e], stencils.pressing[i, e], stencils.rubbing[i, e] = carriers[point, c], share, share
+        for e in range(5 * width, stencils.ends.shape[1]):
+            stencils.ends[i, e] = stencils.ends[i, 0]
 
 
 class OwnPairs:
@@ -58,6 +94,7 @@ class OwnPairs:
         surface: the vertices, faces and edges.
         count: number of pairs k.
         first: (k,) int32 vertex v of each pair.
+        kept: candidates, of which `look` finds those that touch.
     """
 
     def __init__(self, body: Body, points: BodyPoints, meant: SelfContact) -> None:
@@ -71,7 +108,7 @@ class OwnPairs:
         self._own[own:, ::2], others[1:, 1::2] = seats, surface.ends
         self._others = np.concatenate([surface.quads, others])
         self._start = np.repeat([0, len(surface.quads) + 1], [own, len(seats)])
-        self._margin, self._within, self._searched = MARGIN * body.size, -np.inf, points.at(body.rest)
+        self.kept = KeptPairs(self._find, surface.vertices, MARGIN * body.size, (NONE, NONE))
 
     def look(
         self,
@@ -93,7 +130,7 @@ class OwnPairs:
             sunk: (k,) whether each surface vertex already penetrated at ``last``; None if none did.
             candidates: the pairs among which to look; None for all within ``reach``.
         """
-        surface, (faces, edges) = self.surface, self.within(x, reach) if candidates is None else candidates
+        surface, (faces, edges) = self.surface, self.kept.within(x, reach) if candidates is None else candidates
         sunk = np.zeros(len(surface.vertices), dtype=np.bool_) if sunk is None else sunk
         found, areas = Nearest.none(self.count), face_areas(x, surface.quads)
         nearest_faces(x, last, sunk, faces, surface, areas, reach, found)
@@ -102,30 +139,23 @@ class OwnPairs:
 
     def clearance(self, x: Array, reach: float) -> float:
         """Return the least distance [m] of two parts of the surface that may touch at ``x``, at most ``reach`` [m]."""
-        faces, edges = self.within(x, reach)
-        if not np.isfinite(self._within):
+        if not np.isfinite(x).all():
             return 0.0
+        faces, edges = self.kept.within(x, reach)
         return float(least_between(x, edges, self.surface.ends, least_distance(x, faces, self.surface, reach)))
 
     def motion(self, x: Array, before: Array) -> float:
         """Return the largest displacement [m] of a point of the surface, relative to the surface's mean."""
         return relative_motion(x, before, self.surface.vertices)
 
-    def within(self, x: Array, reach: float) -> Candidates:
-        """Return the pairs that come within a distance [m].
-
-        They are found again if the points have moved too far, relative to each other, for those at hand.
-        """
-        if reach + 2.0 * self.motion(x, self._searched) > self._within:
-            surface, self._searched, self._candidates = self.surface, x.copy(), (NONE, NONE)
-            self._within = reach + self._margin if np.isfinite(x).all() else -np.inf
-            if np.isfinite(self._within):
-                own, edges = surface.vertices[:, None], boxes_around(x, surface.ends)
-                boxes, quads = boxes_around(x, own), boxes_around(x, surface.quads)
-                faces = find_near(boxes, quads, own, surface.near, self._within)
-                later, earlier = find_near(edges, edges, surface.ends, surface.beside, self._within)
-                self._candidates = faces, np.stack([earlier, later]).compress(earlier < later, axis=1)
-        return self._candidates
+    def _find(self, x: Array, within: float) -> Candidates:
+        """Return the pairs that come within a distance [m] at the points ``x`` (n + p, 3) [m]."""
+        surface = self.surface
+        own, edges = surface.vertices[:, None], boxes_around(x, surface.ends)
+        boxes, quads = boxes_around(x, own), boxes_around(x, surface.quads)
+        faces = find_near(boxes, quads, own, surface.near, within)
+        later, earlier = find_near(edges, edges, surface.ends, surface.beside, within)
+        return faces, np.stack([earlier, later]).compress(earlier < later, axis=1)
 
     def nearest_to(self, x: Array, pairs: Numbers, others: Numbers) -> Nearest:
         """Return the closest points of some ``pairs`` (p,) and their given faces or edges ``others`` (p,)."""
@@ -139,13 +169,9 @@ class OwnPairs:
         """Return the four vertices (p, 4) of some ``pairs`` (p,) with the faces or edges ``others`` (p,)."""
         return self._own[pairs] + self._others[others + self._start[pairs]]
 
-    def give(self, yielding: Array, pairs: Numbers, carriers: NDArray[np.int32], weights: Array) -> Array:
-        """Return the compliance (p,) [m/N] of some ``pairs`` (p,) with four vertices and weights (p, 4) each.
+    def choose(self, found: Nearest, yielding: Array) -> tuple[Numbers, NDArray[np.int32], Array]:
+        """Return the pairs (p,) that may press, their four vertices (p, 4), and their compliances (p,) [m/N].
 
         ``yielding`` (n + p,) [m/N] are the compliances of the points.
         """
-        first = self.first[pairs]
-        own = carriers == first[:, None]
-        others = np.where(own, 0.0, weights)
-        whole = 1.0 - (weights - others).sum(axis=1)
-        return whole**2 * yielding[first] + np.einsum("ka,ka->k", others**2, yielding[carriers])
+        return choose_pairs(found, self.first, self._own, self._others, self._start, yielding)

@@ -15,7 +15,7 @@ from gdfe_ros.mesh.cells.tetrahedra import flat_quads
 from gdfe_ros.mesh.triples import along, corner, cross, dot, minus, unit
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact.closest import EQUAL, area_vector, clamp, closest_on, face_at, to_box
-from gdfe_ros.solver.contact.near import Ragged, boxes_around, find_near, make_ragged
+from gdfe_ros.solver.contact.near import KeptPairs, Ragged, boxes_around, find_near, make_ragged
 from gdfe_ros.solver.contact.own_surface import Topology, flat_boundary
 from gdfe_ros.solver.contact.surface import BodyPoints
 
@@ -151,9 +151,11 @@ def find_inside(x, material, points, places, pairs, bounds, depth, cell):
         depth: (k,) [m], is written for points inside a cell.
         cell: (k,), is written for points inside a cell.
     """
-    boxes = boxes_around(x, material.quads)
+    boxes, cells = boxes_around(x, material.quads), boxes_around(x, material.cells)
     for pair in range(pairs.shape[1]):
         k, e = pairs[0, pair], pairs[1, pair]
+        if to_box(cells, e, corner(places, k)) > 0.0:
+            continue
         found = depth_in(x, boxes, material, e, points[k], corner(places, k), bounds[k])
         if found > depth[k]:
             depth[k], cell[k] = found, e
@@ -192,6 +194,8 @@ class Inside:
         )
         self._tested = np.concatenate([np.repeat(surface.vertices[:, None], 4, axis=1), quads[touchable]])
         self._count, self._deep = len(surface.vertices), surface.depth
+        every, none = np.arange(len(rest), dtype=np.int32), np.zeros((2, 0), np.int64)
+        self._kept = KeptPairs(self._find_cells, every, surface.depth, none)
 
     def depths(self, x: NDArray[np.float64], bound: float) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
         """Return the penetration depth [m] of each surface vertex (k,), and the cell in which it lies (k,).
@@ -216,11 +220,18 @@ class Inside:
         depth, bounds = np.zeros(len(self._tested)), np.full(len(self._tested), bound)
         cell, bounds[self._count :] = np.full(len(depth), -1, dtype=np.int64), self._deep
         if np.isfinite(x).all():
-            places, material = 0.25 * np.einsum("kai->ki", x[self._tested]), self._material
-            boxes, cells = np.stack([places, places], axis=1), boxes_around(x, material.cells)
-            pairs = find_near(boxes, cells, self._tested, material.near, 0.0)
-            find_inside(x, material, self._tested, places, pairs, bounds, depth, cell)
+            places = self._middles(x)
+            find_inside(x, self._material, self._tested, places, self._kept.within(x, 0.0), bounds, depth, cell)
         return depth, cell
+
+    def _middles(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the tested points (k, 3) [m]."""
+        return 0.25 * np.einsum("kai->ki", x[self._tested])
+
+    def _find_cells(self, x: NDArray[np.float64], within: float) -> NDArray[np.int64]:
+        """Return the tested points and cells (2, i) that come within a distance [m] along each axis."""
+        places, cells = self._middles(x), boxes_around(x, self._material.cells)
+        return find_near(np.stack([places, places], axis=1), cells, self._tested, self._material.near, within)
 
     def tell(self, x: NDArray[np.float64], bound: float) -> tuple[float, str]:
         """Return the largest penetration depth [m], and a sentence with parts, depth and place; 0 and empty if none."""

@@ -40,6 +40,7 @@ class Stencils(NamedTuple):
         held: (k, 3) [N] present forces along these axes.
         shears: (k, 3) [N] vectors t of the friction forces -t.
         soft: (k,) [m/N] compliance of the spring through which the normal force acts.
+        scale: (k,) [N/m] stiffness of the body at each point.
         anchors: (k, 3) [m] places where slips begin, in the frame of what is touched.
         planes: (k, 4) planes n . q = d in this frame that replace the surface; n = 0 stands for none, but for `PLANES`.
         fixed: (k,) whether a plane holds wherever the point leaves.
@@ -54,6 +55,7 @@ class Stencils(NamedTuple):
     held: NDArray[np.float64]
     shears: NDArray[np.float64]
     soft: NDArray[np.float64]
+    scale: NDArray[np.float64]
     anchors: NDArray[np.float64]
     planes: NDArray[np.float64]
     fixed: NDArray[np.bool_]
@@ -66,11 +68,11 @@ class Stencils(NamedTuple):
     @classmethod
     def blank(cls, count: int, width: int) -> Self:
         """Return stencils of ``count`` points with ``width`` ends each; all numbers are 0."""
-        vectors, scalars, weights = np.zeros((4, count, 3)), np.zeros((3, count)), np.zeros((2, count, width))
+        vectors, scalars, weights = np.zeros((4, count, 3)), np.zeros((4, count)), np.zeros((2, count, width))
         places, held, shears, anchors = vectors
         planes, fixed, ends = np.zeros((count, 4)), np.zeros(count, np.bool_), np.zeros((count, width), np.int32)
-        frames = places, np.zeros((count, 3, 3)), held, shears, scalars[0], anchors
-        return cls(*frames, planes, fixed, *scalars[1:], ends, *weights)
+        frames = places, np.zeros((count, 3, 3)), held, shears, *scalars[:2], anchors
+        return cls(*frames, planes, fixed, *scalars[2:], ends, *weights)
 
     def part(self, first: int, last: int) -> Self:
         """Return views of the points from ``first`` to before ``last``."""
@@ -164,6 +166,8 @@ class GapFaces(NamedTuple):
 
 NO_FACES = np.zeros((0, 4), np.int32), np.zeros((0, 4))
 """No faces, and no areas."""
+NOTHING_NEAR = Stencils.blank(0, 1), NO_FACES
+"""Stencils and faces of a contact that no point is near."""
 
 
 @internal

@@ -104,14 +104,17 @@ class ContactImpulses:
 
         ``held`` has the near points of the contacts, and their stencils at the positions of ``now``.
         """
-        acting, x, saved = any(contact.acts for contact in held.contacts), now.positions, now.terms[NAME]
-        if not (acting and any(contact.near for contact in held.contacts)):
+        if not any(contact.acts and contact.near for contact in held.contacts):
             return now
-        rule, slopes = Rule.of(dynamics, h, Kinematics.of(before.terms[NAME])), np.zeros_like(x)
-        add_loads(held.gather().stencils, slopes)
-        moved = self._mass.accelerate(-slopes, x) / rule.kappa
+        part, x, saved = Pressing.of(held, now.positions, before), now.positions, now.terms[NAME]
+        vertices, loads = np.unique(part.vertices), np.zeros_like(x)
+        place, between = self._mass.inverse(x, vertices)
+        rule = Rule.of(dynamics, h, Kinematics.of(before.terms[NAME]))
+        add_loads(held.gather().stencils, loads)
+        moved = self._mass.respond(x, vertices, -loads) / rule.kappa
         velocity = saved["velocity"] - rule.theta * moved
-        gained, now = self._strike(held, velocity, 2.0 / (rule.kappa * h), before, now, h)
+        pulls, now = self._strike(part, velocity, 2.0 / (rule.kappa * h), place, between, before, now, h)
+        gained = self._mass.respond(x, vertices, pulls)
         kept = {
             **saved,
             "velocity": velocity + gained,
@@ -124,17 +127,22 @@ class ContactImpulses:
         return now.with_(terms={**now.terms, NAME: kept})
 
     def _strike(
-        self, held: HeldLoads, velocity: Array, time: float, before: State, now: State, h: float
+        self,
+        part: Pressing,
+        velocity: Array,
+        time: float,
+        place: NDArray[np.int64],
+        between: Array,
+        before: State,
+        now: State,
+        h: float,
     ) -> tuple[Array, State]:
-        """Return the change (n, 3) [m/s] of ``velocity`` by the impulses, and ``now`` with the mean forces.
+        """Return the impulses (n, 3) [N s] on all vertices that change ``velocity``, and ``now`` with the mean forces.
 
-        ``time`` [s] times the multipliers are the impulses if the contacts push steadily.
+        ``time`` [s] times the multipliers are the impulses if the contacts push steadily; ``place`` and ``between`` are
+        those of `FreeMass.inverse`.
         """
-        part, x = Pressing.of(held, now.positions, before), now.positions
         count, width = part.vertices.shape
-        if not count:
-            return np.zeros_like(velocity), now
-        place, between = self._mass.inverse(x, part.vertices)
         given, every = (part.vertices.astype(np.int64), part.blocks, np.full(count, width)), np.arange(count)
         came, speeds, w = *np.empty((2, count, 3)), np.empty((3 * count, 3 * count))
         for found, of in ((came, before.terms[NAME]["velocity"]), (speeds, velocity)):
@@ -149,7 +157,7 @@ class ContactImpulses:
         pulls, impulses = np.zeros_like(velocity), impulses.reshape(-1, 3)
         now = self._add_texts(part, impulses, slips, now, left if left > self.SETTLED * scale else 0.0)
         pull(impulses, *given, pulls.reshape(-1))
-        return self._mass.accelerate(pulls, x), _publish(part, impulses / h, before, now)
+        return pulls, _publish(part, impulses / h, before, now)
 
     def _add_texts(self, part: Pressing, impulses: Array, slips: Array, now: State, left: float) -> State:
         """Return ``now`` with sentences about grips that slip, and about laws that are violated by ``left`` [m/s].

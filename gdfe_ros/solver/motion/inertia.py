@@ -73,31 +73,39 @@ class FreeMass:
         moves.reshape(-1)[body.unknowns.fixed] = False
         self._free = [free[along] for along in moves.T]
         self._rigid = np.array(rigid, dtype=np.int32).reshape(-1, 4)
+        self._of_rigid = mass.diagonal()[self._rigid[:, 0]]
         self._place, self._known = np.full(len(body.rest), -1, dtype=np.int64), np.zeros(0, dtype=np.int64)
-        self._between = np.zeros((0, 0))
+        self._between, self._columns = np.zeros((0, 0)), {}
 
     @cached_property
-    def _parts(self) -> list[tuple[list[int], NDArray[np.intp], LuFactor, dict[int, NDArray[np.float64]]]]:
-        """Axes along which the same vertices are free, these vertices, the factor of their mass, and known columns."""
+    def _parts(self) -> list[tuple[list[int], NDArray[np.intp], LuFactor]]:
+        """Axes along which the same vertices are free, these vertices, and the factor of their mass."""
         alike = all(np.array_equal(free, self._free[0]) for free in self._free)  # no rollers, or alike in x, y and z
-        parts = []
-        for axes in [[0, 1, 2]] if alike else [[0], [1], [2]]:
-            free = self._free[axes[0]]
-            parts.append((axes, free, LuFactor(self._mass[free][:, free].tocsc()), {}))
-        return parts
+        each = [[0, 1, 2]] if alike else [[0], [1], [2]]
+        freed = [self._free[axes[0]] for axes in each]
+        return [
+            (axes, free, LuFactor(self._mass[free][:, free].tocsc())) for axes, free in zip(each, freed, strict=True)
+        ]
 
-    def accelerate(
-        self, forces: NDArray[np.float64], positions: NDArray[np.float64] | None = None
-    ) -> NDArray[np.float64]:
-        """Return the acceleration (n, 3) [m/s^2] of these vertices by forces (n, 3) [N]; zero for other vertices.
-
-        At ``positions`` (n, 3) [m], rigid bodies stay rigid.
-        """
+    def accelerate(self, forces: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the acceleration (n, 3) [m/s^2] of these vertices by forces (n, 3) [N]; zero for other vertices."""
         acceleration = np.zeros_like(forces)
-        for axes, free, factor, _ in self._parts:
+        for axes, free, factor in self._parts:
             own = free if len(axes) == 3 else np.ix_(free, axes)
             acceleration[own] = factor.solve(forces[own])
-        if positions is not None and len(self._rigid):
+        return acceleration
+
+    def respond(
+        self, positions: NDArray[np.float64], vertices: NDArray[np.int32], forces: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Do `accelerate` for forces (n, 3) [N] on some ``vertices`` (k,) only, by the columns of `inverse`.
+
+        Rigid bodies stay rigid at ``positions`` (n, 3) [m].
+        """
+        acceleration = np.zeros_like(forces)
+        for axes, free, _ in self._parts:
+            spread(self._columns[axes[0]], self._place[vertices], vertices, free, np.array(axes), forces, acceleration)
+        if len(self._rigid):
             acceleration[self._rigid] = rigid_part(positions[self._rigid], acceleration[self._rigid])
         return acceleration
 
@@ -106,34 +114,54 @@ class FreeMass:
     ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
         """Return the inverse mass (3 m, 3 m) [1/kg] between some vertices, and the place (n,) of each vertex in it.
 
-        The ``vertices``, of any shape, are among them. Rigid bodies are those at ``positions`` (n, 3) [m]; if a vertex
-        of a rigid body is among ``vertices``, all four must be. The caller must not modify the results.
+        The ``vertices`` (k,) are among them. Rigid bodies are those at ``positions`` (n, 3) [m]; if a vertex of a rigid
+        body is among ``vertices``, all four must be. The caller must not modify the results.
         """
-        new = np.unique(vertices[self._place[vertices] < 0])
+        new = vertices[self._place[vertices] < 0]
         if len(new):
             self._include(new)
-        for four in self._rigid[self._place[self._rigid[:, 0]] >= 0]:
-            own = (3 * self._place[four][:, None] + np.arange(3)).ravel()
-            every = rigid_part(np.tile(positions[four], (12, 1, 1)), np.eye(12).reshape(12, 4, 3))
-            self._between[np.ix_(own, own)] = every.reshape(12, 12) / self._mass[four[0], four[0]]
+        for four, mass in zip(self._rigid, self._of_rigid, strict=True):
+            if self._place[four[0]] >= 0:
+                own = (3 * self._place[four][:, None] + np.arange(3)).ravel()
+                every = rigid_part(np.tile(positions[four], (12, 1, 1)), np.eye(12).reshape(12, 4, 3))
+                self._between[np.ix_(own, own)] = every.reshape(12, 12) / mass
         return self._place, self._between
 
     def _include(self, new: NDArray[np.int32]) -> None:
         """Find the inverse mass between the known and some ``new`` vertices."""
-        self._known = np.union1d(self._known, new)
-        count, place = len(self._known), np.empty(len(self._place), dtype=np.int64)
-        found = np.zeros((count, 3, count, 3))
-        for axes, free, factor, columns in self._parts:
-            place[...] = -1
-            place[free] = np.arange(len(free))
-            soft, moves = np.zeros((count, count)), np.flatnonzero(place[self._known] >= 0)
-            for k, vertex in zip(moves.tolist(), self._known[moves].tolist(), strict=True):
-                if vertex not in columns:
-                    columns[vertex] = factor.solve(np.eye(1, len(free), place[vertex])[0])
-                soft[moves, k] = columns[vertex][place[self._known[moves]]]
+        self._known = np.concatenate([self._known, new])
+        count = len(self._known)
+        self._place[self._known], found = np.arange(count), np.zeros((count, 3, count, 3))
+        for axes, free, factor in self._parts:
+            row, none = np.full(len(self._place), len(free)), np.zeros((0, len(free) + 1))
+            row[free] = np.arange(len(free))  # the last column is that of vertices that are not free
+            right = np.zeros((len(new), len(free) + 1))
+            right[np.arange(len(new)), row[new]] = 1.0
+            # Each one alone: its last bits would depend on those found together with it.
+            columns = np.array([np.append(factor.solve(each), 0.0) for each in right[:, :-1]])
+            self._columns[axes[0]] = columns = np.concatenate([self._columns.get(axes[0], none), columns])
+            soft = columns[:, row[self._known]]
             for axis in axes:
                 found[:, axis, :, axis] = 0.5 * (soft + soft.T)
-        self._place[self._known], self._between = np.arange(count), found.reshape(3 * count, 3 * count)
+        self._between = found.reshape(3 * count, 3 * count)
+
+
+@kernel
+def spread(columns, rows, vertices, free, axes, forces, out):
+    """Write the acceleration of ``free`` vertices (f,) by ``forces`` (n, 3) [N] along ``axes`` to ``out`` (n, 3).
+
+    The forces are those on ``vertices`` (k,), whose columns of the inverse mass are some ``rows`` (k,) of ``columns``.
+    """
+    found = np.zeros((len(axes), len(free)))
+    for j in range(len(rows)):
+        column = columns[rows[j]]
+        for a in range(len(axes)):
+            force = forces[vertices[j], axes[a]]
+            for i in range(len(free) if force != 0.0 else 0):
+                found[a, i] += column[i] * force
+    for a in range(len(axes)):
+        for i in range(len(free)):
+            out[free[i], axes[a]] = found[a, i]
 
 
 @kernel

@@ -47,6 +47,7 @@ class Accounts:
     ) -> None:
         self._body, self._mass, self._dynamics, self._handles = body, mass, dynamics, handles
         self._noise = 0.5 * tolerance**2 * body.strain_energy_scale
+        self._known: tuple[Array | None, float] = None, 0.0
         self._above_least = self.ABOVE_LEAST_BDF2 if dynamics.scheme is Scheme.BDF2 else self.ABOVE_LEAST
 
     def opened(self) -> Ledger:
@@ -116,7 +117,10 @@ class Accounts:
         }
 
     def _kinetic(self, velocity: Array) -> float:
-        return 0.5 * float(np.vdot(velocity, self._mass @ velocity))
+        """Return the kinetic energy [J]; that of the last velocity, which a state never changes, is known."""
+        if velocity is not self._known[0]:
+            self._known = velocity, 0.5 * float(np.vdot(velocity, self._mass @ velocity))
+        return self._known[1]
 
 
 def tell_excess(state: State, excess: float, h: float, scheme: Scheme) -> State:

@@ -131,7 +131,6 @@ class Trail:
         actuation = self._stepper.equilibrium_of(dynamics, h).actuation
         for contact in actuation.contacts:
             contact.look(x)
-        actuation.held.field = None
         for term in actuation.terms:
             terms[term.name] = side.terms.get(term.name, term).finish(side.start.terms[term.name], x)
         now = stage.after.with_(positions=x, poses=side.poses, commands=side.commands, terms=terms)

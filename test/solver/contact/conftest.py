@@ -45,7 +45,7 @@ def slider() -> Callable[..., Simulation]:
 def places_at(term: ContactTerm, x: np.ndarray) -> np.ndarray:
     """Return gaps and slips (k, 3) [m] of the near points at positions (n, 3) [m]."""
     term.look(x)
-    return term.stencils.places
+    return term.stencils.places.copy()
 
 
 @pytest.fixture

@@ -76,7 +76,7 @@ def clearance(simulation: Simulation) -> float:
 
 def crossed(pairs: OwnPairs, x: np.ndarray, last: np.ndarray, reach: float) -> np.ndarray:
     """Return the gaps [m] of edges within a distance [m] that cross at positions (n, 3) [m]."""
-    edges = NONE, pairs.within(x, reach)[1]
+    edges = NONE, pairs.kept.within(x, reach)[1]
     return pairs.look(x, last, reach, np.full(pairs.count, -1), candidates=edges).gap
 
 

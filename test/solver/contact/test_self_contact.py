@@ -12,7 +12,7 @@ from gdfe_ros import Command, Pose, Simulation, load_scene
 from gdfe_ros.constraints.obstacle import NAME
 from gdfe_ros.results.step_result import StepResult
 from gdfe_ros.solver.settings import SolverSettings
-from test.solver.contact.stacks import PRESSED, pressures, stack
+from test.solver.contact.stacks import GAP, PRESSED, pressures, stack
 from test.written import advance, scene_of
 
 TUBE = """
@@ -142,3 +142,15 @@ def test_two_soft_bodies_collide(scheme: str, swing: float) -> None:
     assert max(energy for _, energy in totals[40:]) < before[1] * (1.0 + swing)
     assert after[1] < before[1]
     assert after[1] > 0.5 * before[1] or scheme == "bdf2"
+
+
+def test_parts_that_approach_in_the_same_array_are_seen() -> None:
+    """The room between two parts shrinks as they approach, also where the caller moves them within one array."""
+    simulation = stack(2, 2)
+    state, actuation = simulation.state, simulation.stepper.actuation
+    actuation.begin(state.commands, state.terms, state.positions, state.poses, state)
+    own, positions = actuation.contacts[-1], state.positions.copy()
+    own.follow(positions, np.inf)
+    room, upper = own.room(positions), positions[:, 2] > 0.0
+    positions[upper, 2] -= 0.4 * GAP
+    assert own.room(positions) == pytest.approx(room - 0.2 * GAP, rel=1e-6)  # both parts move relative to their mean
