@@ -72,6 +72,7 @@ def box() -> dict[str, float]:
 
 
 VERSIONS = [row for row in itertools.product((2.2, 4.0, 4.1), (0, 1), (0, 1), (0, 1)) if row[:2] != (4.0, 1)]
+VERSIONS.append((1.0, 0, 0, 1))
 """Version of the format, whether it is binary, has parametric nodes, has all elements; gmsh writes 4.0 in ASCII only.
 """
 
@@ -92,20 +93,10 @@ def test_files_of_gmsh(
     mesh = read_mesh(tmp_path / "box.msh")
     assert mesh.n_cells == box["both"]
     assert check_mesh(mesh).volume == pytest.approx(1.6e-5, rel=1e-9)
-    if version == 2.2:  # all elements saved have no groups in this format
+    if version <= 2.2:  # all elements saved have no groups in these formats
         return
     assert {name: len(mesh.cell_sets[name]) for name in ("one", "both")} == {key: box[key] for key in ("one", "both")}
     assert np.abs(mesh.vertices[mesh.vertex_sets["base"], 0]).max() < 1e-9
-
-
-def test_gmsh_version_1(tmp_path: Path, box: dict[str, float]) -> None:
-    """The format of gmsh 1 is read, too; it has numbers of groups instead of names."""
-    gmsh.option.setNumber("Mesh.MshFileVersion", 1.0)
-    gmsh.option.setNumber("Mesh.SaveParametric", 0)
-    gmsh.option.setNumber("Mesh.Binary", 0)
-    gmsh.option.setNumber("Mesh.SaveAll", 1)
-    gmsh.write(str(tmp_path / "box.msh"))
-    assert read_mesh(tmp_path / "box.msh").n_cells == box["both"]
 
 
 def grid(kind: str) -> vtk.vtkDataSet:
@@ -129,6 +120,13 @@ def grid(kind: str) -> vtk.vtkDataSet:
     return cells
 
 
+def _require_grid(path: Path) -> None:
+    mesh = read_mesh(path)
+    assert mesh.n_cells == 20
+    assert check_mesh(mesh).volume == pytest.approx(2e-5, rel=1e-6)
+    assert {key: len(ids) for key, ids in mesh.cell_sets.items()} == {"material_1": 12, "material_2": 8}
+
+
 def write_legacy(path: Path, kind: str, *, binary: bool, version: int, wide: bool = True) -> None:
     """Write a legacy file by VTK."""
     data = grid(kind)
@@ -150,10 +148,7 @@ def write_legacy(path: Path, kind: str, *, binary: bool, version: int, wide: boo
 def test_legacy_files_of_vtk(tmp_path: Path, kind: str, binary: bool, version: int, wide: bool) -> None:
     """Legacy files of each kind of grid have 20 hexahedra, and the whole numbers as sets."""
     write_legacy(tmp_path / "bar.vtk", kind, binary=binary, version=version, wide=wide)
-    mesh = read_mesh(tmp_path / "bar.vtk")
-    assert mesh.n_cells == 20
-    assert check_mesh(mesh).volume == pytest.approx(2e-5, rel=1e-6)
-    assert {key: len(ids) for key, ids in mesh.cell_sets.items()} == {"material_1": 12, "material_2": 8}
+    _require_grid(tmp_path / "bar.vtk")
 
 
 COMPRESSORS = {"none": None, "zlib": vtk.vtkZLibDataCompressor, "lz4": vtk.vtkLZ4DataCompressor,
@@ -172,10 +167,7 @@ def test_xml_files_of_vtk(tmp_path: Path, mode: int, compressor: str, suffix: st
     kind = COMPRESSORS[compressor]
     writer.SetCompressor(kind() if kind else None)
     writer.Write()
-    mesh = read_mesh(tmp_path / f"bar{suffix}")
-    assert mesh.n_cells == 20
-    assert check_mesh(mesh).volume == pytest.approx(2e-5, rel=1e-6)
-    assert {key: len(ids) for key, ids in mesh.cell_sets.items()} == {"material_1": 12, "material_2": 8}
+    _require_grid(tmp_path / f"bar{suffix}")
 
 
 def test_cells_of_two_kinds_are_not_left_out(tmp_path: Path) -> None:

@@ -7,7 +7,6 @@ import shutil
 import struct
 from collections.abc import Iterator
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -104,13 +103,7 @@ class Maker:
 
 
 def write(
-    path: Path,
-    messages: Any,
-    maker: Maker,
-    *,
-    storage: StoragePlugin | None,
-    mode: Any = None,
-    version: int = 9,
+    path: Path, messages: Any, maker: Maker, *, storage: StoragePlugin | None, mode: Any = None, version: int = 9
 ) -> Path:
     """Write a bag by rosbags; without a storage, a ROS 1 bag. Return its path."""
     if storage is None:
@@ -158,11 +151,6 @@ def make(folder: Path, rows: list, kind: str) -> Path:
     return write(path, maker.recording(rows), maker, storage=storage, mode=mode, version=version)
 
 
-def bare(folder: Path, rows: list, kind: str) -> Path:
-    """Return the only file of a bag, without its directory, under a name without a suffix."""
-    return Path(shutil.move(stored(make(folder, rows, kind)), folder / "recorded"))
-
-
 def stored(path: Path) -> Path:
     """Return the only file of a bag."""
     return path if path.is_file() else next(each for each in path.iterdir() if each.suffix != ".yaml")
@@ -194,16 +182,13 @@ def tips(path: Path) -> tuple[np.ndarray, np.ndarray]:
 
 @pytest.mark.parametrize("kind", list(KINDS))
 def test_each_kind_has_the_same_messages(tmp_path: Path, rows: list, kind: str) -> None:
-    """Times and positions are those that were written, from each kind of bag."""
-    times, places = tips(make(tmp_path, rows, kind))
-    np.testing.assert_allclose(times, [1e-9 * time for time, _, _ in rows], rtol=0, atol=1e-6)
-    np.testing.assert_array_equal(places, [place for _, _, place in rows])
-
-
-@pytest.mark.parametrize("kind", list(KINDS))
-def test_bare_files_are_known_by_their_bytes(tmp_path: Path, rows: list, kind: str) -> None:
-    """A file without its directory, and without a suffix, is read."""
-    np.testing.assert_array_equal(tips(bare(tmp_path, rows, kind))[1], [place for _, _, place in rows])
+    """Times and positions are those that were written, also from the bag's only file under a name without a suffix."""
+    path = make(tmp_path, rows, kind)
+    whole = tips(path)
+    shutil.move(stored(path), tmp_path / "recorded")
+    for times, places in (whole, tips(tmp_path / "recorded")):
+        np.testing.assert_allclose(times, [1e-9 * time for time, _, _ in rows], rtol=0, atol=1e-6)
+        np.testing.assert_array_equal(places, [place for _, _, place in rows])
 
 
 @pytest.mark.parametrize("storage", [SQLITE, MCAP])
@@ -365,7 +350,7 @@ def test_a_type_without_definition_is_named(tmp_path: Path, monkeypatch: pytest.
     with pytest.raises(RecordingError, match="has no definition of my_msgs/msg/X; remedy: record it again"):
         bag.decoder()("my_msgs/msg/X", b"")
     assert isinstance(open_bag(make(tmp_path / "other", rows, "MCAP")), BagReader)
-    assert SimpleNamespace(run=bag.run).run is None
+    assert bag.run is None
 
 
 def test_definitions_of_idl_files_are_read() -> None:
