@@ -19,6 +19,7 @@ from gdfe_ros.recording.step import Begin
 from gdfe_ros.scene import load_scene
 from gdfe_ros.simulation import Simulation
 from test.node.conftest import Tree, to_nanoseconds, vector, vertices
+from test.written import advance
 
 _DROP = {"scene": "drop", "scene_overrides": ["mesh.bar.cells=[10, 1, 1]"]}
 
@@ -72,8 +73,7 @@ def test_each_probe_has_an_inertial_unit(client: Any, launch: Callable, tree: Tr
     np.testing.assert_allclose(vector(units[0].linear_acceleration), [0.0, 0.0, 9.81], atol=1e-12)
     np.testing.assert_allclose(vector(units[2].linear_acceleration), 0.0, atol=0.01)
     simulation = Simulation(load_scene("drop", overrides={"mesh.bar.cells": [10, 1, 1]}))
-    for _ in range(10):
-        simulation.step(dt=0.002)
+    advance(simulation, dt=0.002, count=10)
     expected, told = simulation.imus()["tip"], units[10]
     assert vector(told.linear_acceleration) == list(expected.linear_acceleration)
     assert vector(told.angular_velocity) == list(expected.angular_velocity)

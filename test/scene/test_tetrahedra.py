@@ -90,8 +90,7 @@ def test_a_body_falls_as_it_should() -> None:
     dynamics = {"scheme": "newmark", "step": 0.01, "damping": {"viscosity": 50.0}}
     loads = {"weight": {"gravity": [0, 0, -9.81]}}
     simulation = Simulation(scene_of(mesh, handles={}, dynamics=dynamics, loads=loads))
-    for _ in range(10):
-        result = simulation.step(Command(loads={"weight": 1.0}))
+    result = advance(simulation, Command(loads={"weight": 1.0}), count=10)
     drop = (mesh.vertices - result.positions)[:, 2]
     np.testing.assert_allclose(drop, 0.5 * 9.81 * 0.1**2, rtol=1e-4)
 

@@ -13,6 +13,7 @@ from gdfe_ros import Command, Pose, Simulation
 from gdfe_ros.errors import CommandError, GdfeError
 from gdfe_ros.scene import scene_from_text
 from test.solver.sensitivity.test_equilibrium import cable, largest_share, with_actuator
+from test.written import advance
 
 BAR = with_actuator(cable("tension")).replace("[8, 3, 3]", "[6, 2, 2]").replace("1.0e-10", "1.0e-9")
 BAR += "dynamics: {step: 0.005, damping: {viscosity: 100.0, mass: 1.0}}\n"
@@ -88,8 +89,7 @@ def moved(command: Command, overrides: dict[str, Any], followed: str = "", dt: f
     simulation = Simulation(scene_from_text(BAR, overrides=overrides))
     if followed:
         simulation.follow([followed])
-    for _ in range(STEPS):
-        assert simulation.step(command, dt=dt).converged
+    advance(simulation, command, dt=dt, count=STEPS)
     return simulation
 
 
