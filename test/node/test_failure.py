@@ -183,11 +183,7 @@ def _fail_often(robot: _Robot, count: int) -> None:
 
 @pytest.mark.parametrize(
     ("make", "count"),
-    [
-        (make_executor, 30),
-        (MultiThreadedExecutor, 10),
-        pytest.param(make_executor, 1000, marks=pytest.mark.torture),
-    ],
+    [(make_executor, 30), (MultiThreadedExecutor, 10), pytest.param(make_executor, 1000, marks=pytest.mark.torture)],
     ids=["events", "threads", "thousand"],
 )
 def test_many_failed_steps_lose_nothing(tmp_path: Path, make: Callable[..., Any], count: int) -> None:
