@@ -148,14 +148,14 @@ def test_a_target_in_the_frame_of_an_obstacle_is_beside_it(
     np.testing.assert_allclose([message.pose.position.z for message in poses], [0, 0.004, 0.008, 0.012], atol=1e-12)
 
 
-def test_every_point_that_touches_is_told(cube: str, tmp_path: Path) -> None:
+def test_every_point_that_touches_is_told(ros: Any, cube: str, tmp_path: Path) -> None:
     """Contact points and forces of an obliquely pressed ball sum to its wrench, and the sensors divide it."""
     names = []
     with Simulator(cube, bag=tmp_path / "bag") as simulator:
-        simulator._node.create_subscription(String, f"{simulator.name}/contact_names", names.append, _QOS)
+        ros.node("listener").create_subscription(String, f"{simulator.name}/contact_names", names.append, _QOS)
         assert not len(simulator.state.contacts)
         state = simulator.step(Command(handles={"ball": Pose((0.004, 0.0, 1.5 * LIFT), (0.0, 0.1, 0.0))}))
-        simulator._wait(lambda: names, "the names of contacts")
+        ros.wait(lambda: names)
     assert json.loads(names[0].data) == ["ball", "wall"]
     points, middle = state.contacts, np.array([0.054, 0.0, 1.5 * LIFT - 0.1])
     assert len(points) >= 2
