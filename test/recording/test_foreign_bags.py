@@ -151,6 +151,11 @@ def make(folder: Path, rows: list, kind: str) -> Path:
     return write(path, maker.recording(rows), maker, storage=storage, mode=mode, version=version)
 
 
+def bare(folder: Path, rows: list, kind: str) -> Path:
+    """Return the only file of a bag, without its directory, under a name without a suffix."""
+    return Path(shutil.move(stored(make(folder, rows, kind)), folder / "recorded"))
+
+
 def stored(path: Path) -> Path:
     """Return the only file of a bag."""
     return path if path.is_file() else next(each for each in path.iterdir() if each.suffix != ".yaml")
@@ -182,13 +187,16 @@ def tips(path: Path) -> tuple[np.ndarray, np.ndarray]:
 
 @pytest.mark.parametrize("kind", list(KINDS))
 def test_each_kind_has_the_same_messages(tmp_path: Path, rows: list, kind: str) -> None:
-    """Times and positions are those that were written, also from the bag's only file under a name without a suffix."""
-    path = make(tmp_path, rows, kind)
-    whole = tips(path)
-    shutil.move(stored(path), tmp_path / "recorded")
-    for times, places in (whole, tips(tmp_path / "recorded")):
-        np.testing.assert_allclose(times, [1e-9 * time for time, _, _ in rows], rtol=0, atol=1e-6)
-        np.testing.assert_array_equal(places, [place for _, _, place in rows])
+    """Times and positions are those that were written, from each kind of bag."""
+    times, places = tips(make(tmp_path, rows, kind))
+    np.testing.assert_allclose(times, [1e-9 * time for time, _, _ in rows], rtol=0, atol=1e-6)
+    np.testing.assert_array_equal(places, [place for _, _, place in rows])
+
+
+@pytest.mark.parametrize("kind", list(KINDS))
+def test_bare_files_are_known_by_their_bytes(tmp_path: Path, rows: list, kind: str) -> None:
+    """A file without its directory, and without a suffix, is read."""
+    np.testing.assert_array_equal(tips(bare(tmp_path, rows, kind))[1], [place for _, _, place in rows])
 
 
 @pytest.mark.parametrize("storage", [SQLITE, MCAP])
