@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import os
 import subprocess
 import sys
 from pathlib import Path
@@ -11,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from gdfe_ros.cli import BAD_INPUT, CLOSED, main
+from test.written import run_python
 
 ROOT = Path(__file__).parents[1]
 # Sends SIGINT to the process in the middle of its imports: when the named module is looked for.
@@ -45,7 +45,7 @@ def test_an_interrupt_during_the_imports_leaves_no_traceback(
 ) -> None:
     """A signal during the imports gives one line, and the exit status that shells and launch expect."""
     code = _INTERRUPTER.format(script=script, arguments=arguments, module=module, number=number)
-    done = _run(code)
+    done = run_python(code)
     assert (done.returncode, done.stdout, done.stderr) == (status, "", f"{name}: interrupted while starting\n")
 
 
@@ -59,7 +59,7 @@ def test_an_interrupt_during_a_command_leaves_no_traceback() -> None:
         "sys.argv[1:] = ['solve', 'bend5']\n"
         "sys.exit(entry.gdfe())\n"
     )
-    done = _run(code)
+    done = run_python(code)
     assert (done.returncode, done.stdout, done.stderr) == (130, "", "gdfe solve: interrupted\n")
 
 
@@ -104,17 +104,5 @@ def test_the_imports_are_kept_out_of_the_search_for_cycles() -> None:
         "except ModuleNotFoundError:\n"
         "    print(gc.isenabled())\n"
     )
-    done = _run(code)
+    done = run_python(code)
     assert (done.returncode, done.stdout, done.stderr) == (0, "True\n", "")
-
-
-def _run(code: str) -> subprocess.CompletedProcess[str]:
-    """Run code in a fresh process."""
-    return subprocess.run(
-        [sys.executable, "-c", code],
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
-        capture_output=True,
-        text=True,
-        timeout=300,
-        check=False,
-    )

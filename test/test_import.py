@@ -4,9 +4,6 @@
 from __future__ import annotations
 
 import ast
-import os
-import subprocess
-import sys
 from graphlib import TopologicalSorter
 from pathlib import Path
 
@@ -15,6 +12,7 @@ import pytest
 import gdfe_ros
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.installation import share_dir
+from test.written import run_python
 
 ROOT = Path(__file__).parents[1]
 ROOMS = sorted({path.parent for path in (ROOT / "gdfe_ros").rglob("*.py")})
@@ -25,44 +23,30 @@ LARGE = [ROOT / "gdfe_ros" / "solver" / "contact"]
 """Folders that are still larger."""
 
 
-def _loaded(code: str) -> set[str]:
-    """Run code in a fresh process; return the top-level modules that it has loaded."""
-    report = "import sys; print(*{name.partition('.')[0] for name in sys.modules})"
-    done = subprocess.run(
-        [sys.executable, "-c", f"{code}; {report}"],
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    return set(done.stdout.split())
+_ROS = "rclpy sensor_msgs std_msgs geometry_msgs"
 
 
-def test_importing_the_package_loads_nothing_heavy() -> None:
-    """Importing gdfe_ros loads neither numpy nor a compiler nor ROS."""
-    loaded = _loaded("import gdfe_ros")
-    assert "gdfe_ros" in loaded
-    assert not loaded & {"numpy", "scipy", "numba", "pydantic", "rclpy", "mcap"}
-
-
-@pytest.mark.parametrize("name", ["load_scene", "Simulation"])
-def test_public_names_come_without_ros(name: str) -> None:
-    """Importing a public name does not load ROS."""
-    loaded = _loaded(f"from gdfe_ros import {name}")
-    assert "numpy" in loaded
-    assert not loaded & {"rclpy", "sensor_msgs", "std_msgs", "geometry_msgs"}
-
-
-def test_a_scene_without_tables_interpolates_none() -> None:
-    """Solving a scene whose materials are formulas does not load scipy's interpolation, which is slow to import."""
-    code = "from gdfe_ros import Simulation, load_scene; Simulation(load_scene('bend5'))"
-    report = "import sys; sys.exit('scipy.interpolate' in sys.modules)"
-    assert subprocess.run([sys.executable, "-c", f"{code}; {report}"], check=False).returncode == 0
-
-
-def test_reading_a_scene_loads_no_compiler() -> None:
-    """A scene is read without numba, whose import takes longer than the rest."""
-    assert "numba" not in _loaded("from gdfe_ros import load_scene; load_scene('bend5')")
+@pytest.mark.parametrize(
+    ("code", "heavy"),
+    [
+        ("import gdfe_ros", "numpy scipy numba pydantic rclpy mcap"),
+        ("from gdfe_ros import load_scene", _ROS),
+        ("from gdfe_ros import Simulation", _ROS),
+        ("from gdfe_ros.testing import make_env", _ROS),
+        ("import gdfe_ros.testing.render", "viser"),  # pictures of an environment need no page
+        ("import gdfe_ros.scene", "rclpy pandas pyvista matplotlib numba meshio trimesh"),
+        ("from gdfe_ros import load_scene; load_scene('bend5')", "numba"),
+        ("from gdfe_ros import Simulation, load_scene; Simulation(load_scene('bend5'))", "scipy.interpolate"),
+        ("import gdfe_ros.live.page, gdfe_ros.commands.live", "numba gdfe_ros.simulation"),
+        ("import gdfe_ros.live.page, gdfe_ros.commands.live, gdfe_ros.live.session", "rclpy rosbags"),
+    ],
+)
+def test_what_is_not_needed_is_not_loaded(code: str, heavy: str) -> None:
+    """A fresh process that imports a part of the package, or reads a scene, does not load modules that cost time."""
+    done = run_python(f"{code}; import sys; print(*sys.modules)")
+    loaded = set(done.stdout.split())
+    assert "gdfe_ros" in loaded, done.stderr
+    assert not loaded & set(heavy.split())
 
 
 def test_public_names_are_listed_and_others_refused() -> None:

@@ -5,12 +5,12 @@ from __future__ import annotations
 
 import re
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
 from gdfe_ros.installation import _EXTRAS, extra_of
+from test.written import run_python
 
 ROOT = Path(__file__).parents[1]
 # Python without some modules: no finder finds them, as if they were not installed.
@@ -31,8 +31,7 @@ _ROS = ("rclpy", "geometry_msgs", "sensor_msgs", "std_msgs", "rcl_interfaces", "
 
 
 def _run(modules: tuple[str, ...], arguments: list[str], code: str) -> subprocess.CompletedProcess[str]:
-    whole = _WITHOUT.format(modules=modules, arguments=arguments) + code
-    return subprocess.run([sys.executable, "-c", whole], capture_output=True, text=True, cwd=ROOT)
+    return run_python(_WITHOUT.format(modules=modules, arguments=arguments) + code)
 
 
 @pytest.mark.parametrize(

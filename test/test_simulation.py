@@ -186,8 +186,7 @@ def test_a_snapshot_of_another_method_is_refused(simulate: MakeSimulation, other
 def test_time_is_kept_in_double_precision(simulate: MakeSimulation) -> None:
     """Time steps in single precision are summed in double precision."""
     simulation = simulate()
-    for _ in range(3):
-        simulation.step(dt=np.float32(0.1))
+    advance(simulation, dt=np.float32(0.1), count=3)
     assert type(simulation.time) is float
     assert simulation.time == pytest.approx(3 * float(np.float32(0.1)), abs=1e-15)
 

@@ -1,10 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Scenes that are written in the text of a test; keyword arguments override keys, ``__`` stands for a dot."""
+"""Scenes and programs that are written in a test; keyword arguments override keys, ``__`` stands for a dot."""
 
 from __future__ import annotations
 
+import os
 import re
+import subprocess
+import sys
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,6 +17,7 @@ from gdfe_ros import Command, Simulation
 from gdfe_ros.results.step_result import StepResult
 from gdfe_ros.scene import Scene, scene_from_text
 
+ROOT = Path(__file__).parents[1]
 STRIP = """\
 mesh:
   bar:
@@ -56,3 +61,10 @@ def trace(
 ) -> np.ndarray:
     """Make equal steps, each of which must converge; return an array of ``measure`` of each result."""
     return np.array([measure(advance(simulation, *command, **options)) for _ in range(count)])
+
+
+def run_python(code: str, *arguments: Any, **environment: Any) -> subprocess.CompletedProcess[str]:
+    """Run code in a fresh process that imports this package from here; return its status and output."""
+    env = {**os.environ, "PYTHONPATH": str(ROOT), **{name: str(value) for name, value in environment.items()}}
+    command = [sys.executable, "-c", code, *map(str, arguments)]
+    return subprocess.run(command, env=env, capture_output=True, text=True, timeout=300, check=False)

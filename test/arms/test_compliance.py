@@ -126,8 +126,7 @@ def test_damping_brings_an_arm_to_rest(yielding: Callable) -> None:
     """With a damper, the arm stops at its sag, and further steps are not solved."""
     motion = "dynamics: {scheme: bdf2, step: 0.01, damping: {viscosity: 2000}}\n"
     simulation = yielding("{lift: {stiffness: 400, damping: 12}}", motion)
-    for _ in range(400):
-        result = simulation.step()
+    result = advance(simulation, count=400)
     assert result.skipped == {"solve": 1}
     assert simulation.settled
     reading = simulation.joint_states()["lift"]
@@ -145,22 +144,19 @@ def test_a_long_step_is_coupled_in_its_internal_steps(yielding: Callable) -> Non
     once = dict(simulation.joint_positions)
     assert (result.substeps, result.time) == (4, pytest.approx(0.025))
     simulation.restore(start)
-    for _ in range(4):
-        simulation.step(dt=0.005)
+    advance(simulation, dt=0.005, count=4)
     np.testing.assert_allclose(list(once.values()), list(simulation.joint_positions.values()), atol=5e-6)
 
 
 def test_a_saved_swing_continues_with_the_same_bits(yielding: Callable) -> None:
     """A snapshot and an archive contain the motion of the links."""
     simulation = yielding(BOTH, "dynamics: {step: 0.005}\n")
-    for _ in range(5):
-        simulation.step()
+    advance(simulation, count=5)
     saved, snapshot = save_state(simulation), simulation.snapshot()
     ends = []
     for restore in (lambda: None, lambda: simulation.restore(snapshot), lambda: load_state(simulation, saved)):
         restore()
-        for _ in range(5):
-            simulation.step(Command(joints={"bend": 0.2}))
+        advance(simulation, Command(joints={"bend": 0.2}), count=5)
         ends.append((simulation.positions.copy(), list(simulation.joint_positions.values())))
     for positions, joints in ends[1:]:
         np.testing.assert_array_equal(positions, ends[0][0])

@@ -5,8 +5,6 @@ from __future__ import annotations
 
 import re
 import shutil
-import subprocess
-import sys
 from collections.abc import Iterator
 from importlib.metadata import distribution
 from pathlib import Path
@@ -25,6 +23,7 @@ from gdfe_ros.solver.settings import Policy
 from test.arms.conftest import TWO_LINKS
 from test.arms.robots import IIWA, ROBOTS, write_scene
 from test.arms.written import ARMS, write_arm
+from test.written import run_python
 
 pin = pytest.importorskip("pinocchio")
 
@@ -48,11 +47,7 @@ MADE = [
     "finger_edu_description/robots/finger_edu.urdf",
     "double_pendulum_description/urdf/double_pendulum_continuous.urdf",
 ]
-AIRO = [
-    "arms/ur3e/ur3e",
-    "arms/ur5e/ur5e",
-    "grippers/robotiq_2f_85/urdf/robotiq_2f_85",
-]
+AIRO = ["arms/ur3e/ur3e", "arms/ur5e/ur5e", "grippers/robotiq_2f_85/urdf/robotiq_2f_85"]
 """Files of airo-models, which are the makers' own."""
 
 
@@ -221,7 +216,7 @@ def test_a_missing_reader_is_named() -> None:
     mesh = ROBOTS / "ur_description" / "meshes" / "ur5" / "visual" / "wrist3.dae"
     code = "import sys; sys.modules['collada'] = None\nfrom pathlib import Path\n"
     code += f"from gdfe_ros.arms.meshes import read_surface; read_surface('wrist3.dae', Path({str(mesh)!r}))"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    done = run_python(code)
     assert "missing `pip install pycollada`; remedy: pip install 'gdfe_ros[arm]'" in done.stderr
 
 

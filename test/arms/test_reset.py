@@ -12,6 +12,7 @@ from scipy.spatial.distance import pdist
 from gdfe_ros import Command, Simulation, load_scene
 from gdfe_ros.constraints import Pose
 from gdfe_ros.errors import CommandError, OverlapError
+from test.written import advance
 
 _SCHEMES = ["", "dynamics: {step: 0.01}\n"]
 
@@ -25,8 +26,7 @@ def test_the_hand_moves_with_its_arm_and_keeps_its_shape(held_block: Path, dynam
     text = held_block.read_text().replace("flange: tip, ", f"flange: tip, {springs}")
     held_block.write_text(text + dynamics)
     simulation = Simulation(load_scene(held_block))
-    for _ in range(30):
-        simulation.step(Command(joints={"bend": 0.4}, loads={"weight": 3.0}), dt=0.02)
+    advance(simulation, Command(joints={"bend": 0.4}, loads={"weight": 3.0}), dt=0.02, count=30)
     before, time = simulation.positions.copy(), simulation.time
     account = simulation.stepper.unbalanced(simulation.state) if dynamics else 0.0
     simulation.reset_arms()
@@ -71,8 +71,7 @@ def test_a_box_in_the_way_is_named(held_block: Path) -> None:
     body = "bodies: {part: {box: {size: [0.02, 0.02, 0.02]}, mass: 0.05, at: [0.02, 0.3, 0]}}\n"
     held_block.write_text(held_block.read_text() + _SCHEMES[1] + body)
     simulation = Simulation(load_scene(held_block, overrides={"loads.weight.gravity": [0, 0, -1e-3]}))
-    for _ in range(40):
-        simulation.step(Command(joints={"bend": 1.0}), dt=0.02)
+    advance(simulation, Command(joints={"bend": 1.0}), dt=0.02, count=40)
     simulation.step(Command(bodies={"part": Pose((0.0, -0.3, 0.0))}), dt=0.01)
     before = simulation.positions.copy()
     with pytest.raises(OverlapError, match="part"):

@@ -149,8 +149,7 @@ def test_steps_go_on_bit_by_bit_from_a_saved_state(held_block: Path) -> None:
     one.step(Command(joints={"lift": 1.0}), dt=0.02)
     load_state(two, save_state(one))
     for simulation in (one, two):
-        for _ in range(3):
-            simulation.step(dt=0.02)
+        advance(simulation, dt=0.02, count=3)
     assert not one.settled
     np.testing.assert_array_equal(one.positions, two.positions)
     assert one.joint_states() == two.joint_states()

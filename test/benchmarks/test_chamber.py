@@ -34,8 +34,7 @@ def errors(cells: list[int], pressures: tuple[float, ...]) -> Iterator[float]:
 
 
 @pytest.mark.parametrize(
-    ("cells", "bounds"),
-    [([41, 8, 8], (0.02, 0.07)), pytest.param([82, 16, 16], (0.03, 0.02), marks=pytest.mark.slow)],
+    ("cells", "bounds"), [([41, 8, 8], (0.02, 0.07)), pytest.param([82, 16, 16], (0.03, 0.02), marks=pytest.mark.slow)]
 )
 def test_meshes_agree_with_quadratic_elements(cells: list[int], bounds: tuple[float, float]) -> None:
     """With walls one and two cells thick, the tip is within 2 and 3 % at 10 kPa, within 7 and 2 % at 44 kPa."""

@@ -33,21 +33,13 @@ class Stopwatch:
     def solve(self, case: Case, variant: Variant, points: np.ndarray) -> PeerSolution:
         """Return a solution with the next given time."""
         return PeerSolution(
-            displacement=points,
-            reaction=np.zeros(6),
-            time_setup=0.0,
-            time_solve=self.left.pop(0),
-            settings={},
+            displacement=points, reaction=np.zeros(6), time_setup=0.0, time_solve=self.left.pop(0), settings={}
         )
 
 
 @pytest.mark.parametrize(
     ("times", "counted"),
-    [
-        ((0.9, 0.1, 0.2, 0.3, 9.9), [0.1, 0.2, 0.3]),
-        ((2.0, 2.1, 2.2, 9.9), [2.0, 2.1, 2.2]),
-        ((6.0, 9.9), [6.0]),
-    ],
+    [((0.9, 0.1, 0.2, 0.3, 9.9), [0.1, 0.2, 0.3]), ((2.0, 2.1, 2.2, 9.9), [2.0, 2.1, 2.2]), ((6.0, 9.9), [6.0])],
 )
 def test_short_runs_are_warmed_up_and_long_ones_are_not_repeated(times, counted) -> None:
     """The first of short runs is dropped, all medium runs count, and a long run is made once."""

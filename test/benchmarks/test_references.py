@@ -10,7 +10,7 @@ import pytest
 
 from benchmarks import references
 from benchmarks.cases import CASES, CaseName
-from benchmarks.references import Error, load_reference, measure_error
+from benchmarks.references import load_reference, measure_error
 
 
 def test_the_metric_is_the_ratio_of_means_and_of_maxima() -> None:
@@ -20,21 +20,6 @@ def test_the_metric_is_the_ratio_of_means_and_of_maxima() -> None:
     error = measure_error(moved, reference)
     assert error.mean == pytest.approx((0.3 + 0.1) / (5.0 + 1.0))
     assert error.maximum == pytest.approx(0.3 / 5.0)
-
-
-def test_a_perfect_solution_has_no_error() -> None:
-    """The reference itself has no error."""
-    reference = load_reference(CaseName.BEND5).displacement
-    assert measure_error(reference.copy(), reference) == Error(0.0, 0.0)
-
-
-def test_the_error_does_not_depend_on_units_or_frame() -> None:
-    """Scaling and rotating everything leaves the error unchanged."""
-    rng = np.random.default_rng(5)
-    reference, other = rng.normal(size=(2, 40, 3))
-    turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
-    before, after = measure_error(other, reference), measure_error(7 * other @ turn, 7 * reference @ turn)
-    assert (after.mean, after.maximum) == pytest.approx((before.mean, before.maximum), rel=1e-12)
 
 
 @pytest.mark.parametrize(

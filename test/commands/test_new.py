@@ -64,29 +64,6 @@ def test_a_body_without_cavity_is_not_called_ready(tmp_path: Path, capsys: pytes
     assert Simulation(load_scene(tmp_path / "bar.yaml")).probe_positions()["tip"] == pytest.approx([0.03, 0, 0])
 
 
-def test_what_does_not_fit_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """An existing scene file, and a cavity outside of the body, are refused."""
-    (tmp_path / "there.yaml").write_text("name: mine")
-    trimesh.creation.box((0.1, 0.06, 0.04)).export(tmp_path / "hand.stl")
-    trimesh.creation.box((0.01, 0.01, 0.01)).apply_translation((1.0, 0, 0)).export(tmp_path / "far.stl")
-    source = ["--from", str(tmp_path / "hand.stl")]
-    assert main(["new", str(tmp_path / "there.yaml"), *source]) == BAD_INPUT
-    assert "such a file already" in capsys.readouterr().err
-    assert main(["new", str(tmp_path / "new.yaml"), *source, "--cavity", str(tmp_path / "far.stl")]) == BAD_INPUT
-    said = capsys.readouterr().err
-    assert "far.stl: the air is outside of the body's material at (0.995, " in said
-    assert "m; allowed: wholly inside of the body's material; remedy: " in said
-    assert not (tmp_path / "new.yaml").exists()
-
-
-def test_a_cavity_beside_a_step_file_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """`--cavity` beside a STEP file is refused with a remedy, not ignored."""
-    given = ["new", str(tmp_path / "new.yaml"), "--from", str(tmp_path / "part.step")]
-    assert main([*given, "--cavity", str(tmp_path / "air.stl")]) == BAD_INPUT
-    assert "close blind holes by a second solid" in " ".join(capsys.readouterr().err.split())
-    assert not (tmp_path / "new.yaml").exists()
-
-
 def test_a_least_size_is_written_into_the_scene(tmp_path: Path) -> None:
     """With ``--least-size``, the scene has the key, and loads."""
     trimesh.creation.box((0.04, 0.04, 0.003)).export(tmp_path / "plate.stl")
@@ -127,23 +104,41 @@ def _must_not_mesh(*given: object, **options: object) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "told"),
+    ("scene", "source", "more", "told"),
     [
-        ("nothing", "there is no such preset; allowed: ecoflex_00_30, "),
-        ("ecoflex_0030", "there is no such preset; did you mean 'ecoflex_00_30'? allowed: "),
-        ("ninjaflex", "has no Poisson's ratio, and a scene with it needs the key `poisson`; remedy: "),
+        ("there.yaml", "hand.stl", "", "such a file already"),
+        ("no/new.yaml", "hand.stl", "", "there is no folder"),
+        ("new.yaml", ".", "", "this is a folder"),
+        ("new.yaml", "part.step", "--cavity far.stl", "close blind holes by a second solid"),
+        ("new.yaml", "hand.stl", "--cavity partly.stl", "partly.stl: the air is partly outside"),
+        ("new.yaml", "hand.stl", "--cavity far.stl", "far.stl: the air is outside of the body's material at (0.995, "),
+        ("new.yaml", "hand.stl", "--cavity far.stl", "m; allowed: wholly inside of the body's material; remedy: "),
+        ("new.yaml", "hand.stl", "--material nothing", "there is no such preset; allowed: ecoflex_00_30, "),
+        ("new.yaml", "hand.stl", "--material ecoflex_0030", "did you mean 'ecoflex_00_30'? allowed: "),
+        ("new.yaml", "hand.stl", "--material ninjaflex", "has no Poisson's ratio, and a scene with it needs the key "
+                                                         "`poisson`; remedy: "),
     ],
-)
-def test_a_material_that_does_not_load_is_refused_before_meshing(
-    name: str, told: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+)  # fmt: skip
+def test_what_does_not_fit_is_refused_before_meshing(
+    scene: str,
+    source: str,
+    more: str,
+    told: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
-    """An unknown preset, or one without Poisson's ratio, is refused with the allowed names."""
+    """Paths, cavities and materials that do not fit are refused with a place or the allowed values."""
     monkeypatch.setattr(command, "from_surface", _must_not_mesh)
-    trimesh.creation.box((0.1, 0.06, 0.04)).export(tmp_path / "box.stl")
-    given = ["new", str(tmp_path / "new.yaml"), "--from", str(tmp_path / "box.stl"), "--material", name]
-    assert main(given) == BAD_INPUT
-    assert told in capsys.readouterr().err
-    assert not (tmp_path / "new.yaml").exists()
+    monkeypatch.chdir(tmp_path)
+    Path("there.yaml").write_text("name: mine")
+    trimesh.creation.box((0.1, 0.06, 0.04)).export("hand.stl")
+    trimesh.creation.box((0.01, 0.01, 0.01)).apply_translation((1.0, 0, 0)).export("far.stl")
+    trimesh.creation.box((0.09, 0.05, 0.03)).apply_translation((0.05, 0, 0)).export("partly.stl")
+    before = set(tmp_path.iterdir())
+    assert main(["new", scene, "--from", source, *more.split()]) == BAD_INPUT
+    assert told in " ".join(capsys.readouterr().err.split())
+    assert set(tmp_path.iterdir()) == before
 
 
 def test_a_preset_in_the_help_is_allowed(capsys: pytest.CaptureFixture[str]) -> None:
@@ -152,28 +147,3 @@ def test_a_preset_in_the_help_is_allowed(capsys: pytest.CaptureFixture[str]) -> 
         main(["new", "--help"])
     (example,) = re.findall(r"e\.g\. (\w+) \(default", " ".join(capsys.readouterr().out.split()))
     assert example in PRESETS
-
-
-def test_air_that_is_partly_outside_is_refused_before_meshing(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """A cavity whose first vertex is inside, but which leaves the body, is refused with a place."""
-    monkeypatch.setattr(command, "from_surface", _must_not_mesh)
-    trimesh.creation.box((0.02, 0.02, 0.02)).export(tmp_path / "box.stl")
-    trimesh.creation.box((0.018, 0.018, 0.018)).apply_translation((0.015, 0, 0)).export(tmp_path / "air.stl")
-    given = ["new", str(tmp_path / "new.yaml"), "--from", str(tmp_path / "box.stl"), "--cavity"]
-    assert main([*given, str(tmp_path / "air.stl")]) == BAD_INPUT
-    assert "air.stl: the air is partly outside" in capsys.readouterr().err
-    assert not (tmp_path / "new_body.stl").exists()
-
-
-def test_paths_that_do_not_fit_are_refused(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """A folder as the source, and a scene in a missing folder, are refused before meshing."""
-    monkeypatch.setattr(command, "from_surface", _must_not_mesh)
-    trimesh.creation.box((0.02, 0.02, 0.02)).export(tmp_path / "box.stl")
-    assert main(["new", str(tmp_path / "new.yaml"), "--from", str(tmp_path)]) == BAD_INPUT
-    assert "this is a folder" in capsys.readouterr().err
-    assert main(["new", str(tmp_path / "no" / "new.yaml"), "--from", str(tmp_path / "box.stl")]) == BAD_INPUT
-    assert "there is no folder" in capsys.readouterr().err

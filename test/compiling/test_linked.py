@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from gdfe_ros.compiling.compilations import lock_file, unlock_file
+from test.written import run_python
 
 SOURCE = """
 from gdfe_ros.compiled import internal, kernel
@@ -37,8 +38,7 @@ LINES = "\n".join(LINE.format(i % 8, i, 3 * i % 8, i + 1) for i in range(80))
 
 def _run(folder: Path) -> tuple[str, int, int]:
     """Call the kernel in a new process; return its value, hits of the cache, and the size of the caller's file."""
-    environment = {**os.environ, "NUMBA_CACHE_DIR": str(folder / "cache"), "PYTHONPATH": str(folder)}
-    done = subprocess.run([sys.executable, "-c", USE], env=environment, capture_output=True, text=True, check=True)
+    done = run_python(USE, NUMBA_CACHE_DIR=folder / "cache", PYTHONPATH=folder)
     value, hits = done.stdout.split()
     sizes = {each.name.partition("-")[0]: each.stat().st_size for each in (folder / "cache").rglob("*.nbc")}
     return value, int(hits), sizes["kernels.twice"]
@@ -76,14 +76,12 @@ class Row(NamedTuple):
 
 def test_a_cache_of_types_that_are_gone_counts_as_absent(tmp_path: Path) -> None:
     """After an upgrade that moved a type, an unchanged kernel is compiled anew, and then loaded again."""
-    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache"), "PYTHONPATH": str(tmp_path)}
     (tmp_path / "kernels.py").write_text(TYPED)
 
     def run(module: str) -> list[str]:
         hits = "*kernels.total.stats.cache_hits.values()"
         use = f"import kernels, {module}; print(kernels.total({module}.Row(2.0)), {hits})"
-        done = subprocess.run([sys.executable, "-c", use], env=environment, capture_output=True, text=True, check=True)
-        return done.stdout.split()
+        return run_python(use, NUMBA_CACHE_DIR=tmp_path / "cache", PYTHONPATH=tmp_path).stdout.split()
 
     (tmp_path / "old.py").write_text(TYPE)
     assert [run("old"), run("old")] == [["3.0"], ["3.0", "1"]]
@@ -107,9 +105,8 @@ def test_a_function_of_a_user_calls_kernels_in_each_process(tmp_path: Path) -> N
     (tmp_path / "kernels.py").write_text(SOURCE.format(lines=LINES, result="total"))
     (tmp_path / "foreign.py").write_text(FOREIGN)
     use = "import numpy as np, foreign; print(foreign.half(np.arange(8.0)))"
-    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache"), "PYTHONPATH": str(tmp_path)}
     for _ in range(2):
-        done = subprocess.run([sys.executable, "-c", use], env=environment, capture_output=True, text=True, check=True)
+        done = run_python(use, NUMBA_CACHE_DIR=tmp_path / "cache", PYTHONPATH=tmp_path)
         assert "Cannot cache compiled function" in done.stderr
         assert float(done.stdout) > 0.0
 

@@ -82,8 +82,7 @@ def test_half_a_bar_moves_as_the_whole(more: str) -> None:
     found = []
     for kind in HALVES:
         simulation, poses = _bent(kind, more)
-        for _ in range(3):
-            result = advance(simulation, Command(poses), dt=0.002)
+        result = advance(simulation, Command(poses), dt=0.002, count=3)
         right = simulation.mesh.vertices[:, 0] > (0.0299 if kind == "whole" else -1.0)
         rest = simulation.mesh.vertices[right] - [0.03 if kind == "whole" else 0.0, 0, 0]
         order = np.lexsort(rest.round(6).T)

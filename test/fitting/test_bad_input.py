@@ -34,14 +34,6 @@ def _match(tmp_path: Path, text: str) -> tuple[str, Path]:
     return "--match", path
 
 
-def test_columns_that_do_not_exist(
-    write_scene: Callable, write_table: Callable, refused: Callable, tmp_path: Path
-) -> None:
-    """A misspelt column is refused with the likely name and all columns."""
-    match = _match(tmp_path, "compare: {tip: {probe: tip, columns: {z: tip.zz}}}\n")
-    assert "no column 'tip.zz'; did you mean 'tip.z'?" in refused(write_scene(), write_table(), *VARY, *match)
-
-
 def test_columns_of_one_name(write_scene: Callable, refused: Callable, tmp_path: Path) -> None:
     """A table with two columns of one name is refused."""
     table = tmp_path / "twice.csv"
@@ -61,6 +53,7 @@ def test_topics_that_do_not_exist(
 @pytest.mark.parametrize(
     ("text", "message"),
     [
+        ("compare: {tip: {probe: tip, columns: {z: tip.zz}}}", "no column 'tip.zz'; did you mean 'tip.z'?"),
         ("compare: {tip: {probe: top, columns: {z: tip.z}}}", "no probe 'top' in scene 'pulled'; it has tip"),
         ("compare: {tip: {probe: tip, column: tip.z}}", "along what is column 'tip.z' measured?"),
         (
@@ -90,19 +83,14 @@ def test_match_files_that_do_not_fit(
         ("materials.rubber.jung=1..2", "jung (override): unknown key"),
         ("materials.ruber.young=1e5..2e5", "no 'ruber' in materials; did you mean 'rubber'? allowed: rubber"),
         ("materials.rubber.density=900..1200", "no influence on the measured values"),
+        (f"{YOUNG}=3e3..2e4", "ends at its bound 20000, but the data are fitted best by about 2e+05"),
     ],
 )
 def test_parameters_that_cannot_be(
     vary: str, message: str, write_scene: Callable, write_table: Callable, refused: Callable
 ) -> None:
-    """A parameter that is no interval, no number or no key, or that has no effect, is refused."""
+    """A parameter that is no interval, number or key, that has no effect, or in the wrong unit (kPa), is refused."""
     assert message in refused(write_scene(), write_table(), "--vary", vary)
-
-
-def test_a_modulus_with_the_wrong_unit(write_scene: Callable, write_table: Callable, refused: Callable) -> None:
-    """An interval of 3 to 20 kPa for the modulus of rubber is refused with the value that the data suggest."""
-    said = refused(write_scene(), write_table(), "--vary", f"{YOUNG}=3e3..2e4")
-    assert "ends at its bound 20000, but the data are fitted best by about 2e+05" in said
 
 
 def test_positions_with_the_wrong_unit(write_scene: Callable, write_table: Callable, refused: Callable) -> None:

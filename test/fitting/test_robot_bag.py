@@ -137,11 +137,7 @@ def test_a_robot_is_fitted(entry: str, robot_bag: Path, write_scene: Callable, t
     ("compare", "command", "message"),
     [
         ("{probe: tip, topic: /tf, frame_id: top}", "{topic: /cmd, joint: motor}", "never has 'top'; it has base, tip"),
-        (
-            "{probe: tip, topic: /pose}",
-            "{topic: /cmd, joint: moter}",
-            "topic /cmd never has 'moter'; it has motor",
-        ),
+        ("{probe: tip, topic: /pose}", "{topic: /cmd, joint: moter}", "topic /cmd never has 'moter'; it has motor"),
         ("{probe: tip, topic: /pose}", "{topic: /cmd, joint: motor, field: position}", "has no position of motor"),
         ("{cloud: vertices, topic: /points}", "{topic: /cmd, joint: motor}", "remedy: cloud: surface"),
         ("{cloud: surface, topic: /pose}", "{topic: /cmd, joint: motor}", "a PointCloud2 is needed"),

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The files of arm_grasp for ros2_control, MoveIt and RViz fit the scene and the node."""
+"""The controllers of arm_grasp and its files for MoveIt and RViz fit the scene and the node."""
 
 from __future__ import annotations
 
@@ -9,9 +9,8 @@ from xml.etree import ElementTree
 import pytest
 import yaml
 
-from gdfe_ros.arms.urdf import parse_urdf
 from gdfe_ros.node.interface import FOLLOW_TRAJECTORY
-from gdfe_ros.node.interface.topics import JOINT_COMMAND, JOINT_STATES, ROBOT_DESCRIPTION
+from gdfe_ros.node.interface.topics import ROBOT_DESCRIPTION
 from gdfe_ros.scene import Scene, load_scene
 
 CONFIG = Path(__file__).parents[2] / "config"
@@ -21,29 +20,6 @@ CONFIG = Path(__file__).parents[2] / "config"
 def scene() -> Scene:
     """Return the scene that the files describe."""
     return load_scene("arm_grasp")
-
-
-def test_the_urdf_of_ros2_control_is_the_arm_with_the_tendons(scene: Scene) -> None:
-    """The URDF has the joints, interfaces, limits and topics of the scene, and our own reader accepts it."""
-    text = (CONFIG / "ros2_control" / "arm_grasp.urdf").read_text(encoding="utf-8")
-    robot, root = parse_urdf(text), ElementTree.fromstring(text)
-    joints = {joint.name: joint for joint in scene.arms[0].joints}
-    names = [*joints, *(actuator.name for actuator in scene.actuators)]
-    controls = {each.get("name"): each for each in root.findall("ros2_control/joint")}
-    assert list(controls) == [joint.name for joint in robot.commanded] == names
-    for name, control in controls.items():
-        command = control.find("command_interface")
-        bounds = [float(entry.text) for entry in command.findall("param")]
-        if name in joints:
-            assert command.get("name") == "position"
-            assert bounds == [joints[name].limits.lower, joints[name].limits.upper]
-            assert robot.joints[name].limits.velocity == joints[name].limits.velocity
-        else:
-            assert (command.get("name"), bounds) == ("effort", [0.0, 20.0])
-        assert [each.get("name") for each in control.findall("state_interface")] == ["position", "velocity", "effort"]
-    given = {entry.get("name"): entry.text for entry in root.findall("ros2_control/hardware/param")}
-    assert given["joint_commands_topic"] == JOINT_COMMAND.name.replace("~", "/gdfe_sim")
-    assert given["joint_states_topic"] == JOINT_STATES.name.replace("~", "/gdfe_sim")
 
 
 def test_controllers_drive_all_joints(scene: Scene) -> None:

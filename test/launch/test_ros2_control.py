@@ -20,19 +20,14 @@ from rclpy.qos import QoSProfile, qos_profile_sensor_data
 from sensor_msgs.msg import JointState
 
 from gdfe_ros.actuators import Mode
+from gdfe_ros.arms.urdf import parse_urdf
 from gdfe_ros.node.interface import NODE_NAME
-from gdfe_ros.node.interface.topics import ACTUATION, JOINT_STATES
-from gdfe_ros.scene import Scene, load_scene
+from gdfe_ros.node.interface.topics import ACTUATION, JOINT_COMMAND, JOINT_STATES, TopicSpec
+from gdfe_ros.scene import load_scene
 from gdfe_ros.testing import NodeProcess
 from gdfe_ros.testing.client import await_discovery
 
 FOLDER = Path(__file__).parents[2] / "config" / "ros2_control"
-
-
-@pytest.fixture
-def scene() -> Scene:
-    """Return the scene that the URDF describes."""
-    return load_scene("tendon_finger")
 
 
 @pytest.fixture
@@ -51,34 +46,41 @@ def _commands(urdf: ElementTree.Element) -> dict[str, str]:
     return {joint.get("name"): joint.find("command_interface").get("name") for joint in joints}
 
 
-def test_the_urdf_has_the_actuators_and_limits_of_the_scene(scene: Scene, urdf: ElementTree.Element) -> None:
-    """The URDF has the joints, interfaces and limits of the scene's actuators."""
-    joints = {joint.get("name"): joint for joint in urdf.findall("joint")}
-    controls = {joint.get("name"): joint for joint in urdf.findall("ros2_control/joint")}
-    assert list(joints) == list(controls) == [actuator.name for actuator in scene.actuators]
-    for actuator in scene.actuators:
-        assert actuator.mode is Mode.TENSION
-        command = controls[actuator.name].find("command_interface")
+@pytest.mark.parametrize(("name", "commands"), [("tendon_finger", ACTUATION), ("arm_grasp", JOINT_COMMAND)])
+def test_the_urdf_has_what_the_scene_and_the_node_have(name: str, commands: TopicSpec) -> None:
+    """The URDF has the joints, tendons and limits of the scene and the node's topics, and our reader accepts it."""
+    scene, text = load_scene(name), (FOLDER / f"{name}.urdf").read_text(encoding="utf-8")
+    robot, root = parse_urdf(text), ElementTree.fromstring(text)
+    joints = {joint.name: joint for arm in scene.arms for joint in arm.joints}
+    tendons = {actuator.name: actuator for actuator in scene.actuators}
+    expected = {key: ("position", {"min": j.limits.lower, "max": j.limits.upper}) for key, j in joints.items()}
+    expected |= {key: ("effort", {"min": tendon.low, "max": tendon.high}) for key, tendon in tendons.items()}
+    controls = {each.get("name"): each for each in root.findall("ros2_control/joint")}
+    assert list(controls) == [joint.name for joint in robot.commanded] == list(expected)
+    for key, control in controls.items():
+        command = control.find("command_interface")
         bounds = {entry.get("name"): float(entry.text) for entry in command.findall("param")}
-        assert (command.get("name"), bounds) == ("effort", {"min": actuator.low, "max": actuator.high})
-        assert float(joints[actuator.name].find("limit").get("effort")) == actuator.high
-        states = [entry.get("name") for entry in controls[actuator.name].findall("state_interface")]
-        assert states == ["position", "velocity", "effort"]
+        assert (command.get("name"), bounds) == expected[key]
+        assert [each.get("name") for each in control.findall("state_interface")] == ["position", "velocity", "effort"]
+        if key in joints:
+            assert robot.joints[key].limits.velocity == joints[key].limits.velocity
+        else:
+            assert tendons[key].mode is Mode.TENSION
+            assert float(root.find(f"joint[@name='{key}']/limit").get("effort")) == tendons[key].high
+    assert _parameters(root) == {
+        "joint_commands_topic": commands.name.replace("~", f"/{NODE_NAME}"),
+        "joint_states_topic": JOINT_STATES.name.replace("~", f"/{NODE_NAME}"),
+        "trigger_joint_command_threshold": "-1",
+    }
 
 
 def test_the_controllers_drive_what_the_urdf_offers(urdf: ElementTree.Element) -> None:
-    """The controllers use the URDF's joints and interfaces, and the URDF has the node's topics."""
+    """The controllers use the URDF's joints and interfaces."""
     controllers = yaml.safe_load((FOLDER / "controllers.yaml").read_text(encoding="utf-8"))
     kinds = controllers.pop("controller_manager")["ros__parameters"]
     assert set(controllers) <= set(kinds)
     (driven,) = (entry["ros__parameters"] for entry in controllers.values())
     assert _commands(urdf) == dict.fromkeys(driven["joints"], driven["interface_name"])
-    full = {spec.name: spec.name.replace("~", f"/{NODE_NAME}") for spec in (ACTUATION, JOINT_STATES)}
-    assert _parameters(urdf) == {
-        "joint_commands_topic": full[ACTUATION.name],
-        "joint_states_topic": full[JOINT_STATES.name],
-        "trigger_joint_command_threshold": "-1",
-    }
 
 
 def test_a_node_understands_the_hardware_and_is_understood(ros: Any, urdf: ElementTree.Element) -> None:

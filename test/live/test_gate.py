@@ -24,6 +24,7 @@ from websockets.typing import Subprotocol
 
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.live import gate
+from gdfe_ros.live.stage import Stage
 from test.live.viewer import Viewer
 
 _BURSTS, _BURST = 500, 20
@@ -121,7 +122,7 @@ def test_a_fault_in_drawing_ends_nothing(live: Callable[..., Any], monkeypatch: 
     page = live()
     viewer = page.look()
     with monkeypatch.context() as patched:
-        patched.setattr(page.page._stage, "mark", lambda view: 1 / 0)
+        patched.setattr(Stage, "mark", lambda stage, view: 1 / 0)
         viewer.move("lower, tension [N]", 1.0)
         viewer.wait(lambda: viewer.notes and page.page.faults, "a note")
     assert "cannot be drawn" in viewer.notes[0]

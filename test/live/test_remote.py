@@ -368,17 +368,6 @@ def test_the_command_shows_the_next_scene_at_the_same_address(bar: str, tmp_path
         process.wait()
 
 
-def test_a_page_of_a_scene_needs_no_ros() -> None:
-    """Importing the page and its session loads no rclpy, and importing the page alone loads no compiler."""
-    code = (
-        "import sys, gdfe_ros.live.page, gdfe_ros.commands.live\n"
-        "assert not {'numba', 'gdfe_ros.simulation'} & set(sys.modules)\n"
-        "import gdfe_ros.live.session\n"
-        "assert not {'rclpy', 'rosbags'} & set(sys.modules)\n"
-    )
-    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
-
-
 def _await(done: Callable[[], bool]) -> None:
     end = time.monotonic() + 60.0
     while not done():

@@ -18,6 +18,7 @@ from gdfe_ros.analysis.bag_run import BagRun
 from gdfe_ros.cli import main
 from gdfe_ros.errors import RecordingError
 from gdfe_ros.live.page import Page
+from gdfe_ros.live.stage import scale_of
 from gdfe_ros.recording.foreign_bag import ForeignBag
 from gdfe_ros.scene import scene_from_text
 from gdfe_ros.simulation import Simulation
@@ -101,8 +102,8 @@ def test_the_page_shows_both_bodies_and_the_distance(twin: Callable[..., Twin]) 
         with Viewer(page.address()) as viewer:
             viewer.wait(lambda: "/robot/body/0" in viewer.nodes and "/robot/tip" in viewer.nodes, "the robot")
             drawn = vertices_in(viewer.nodes["/robot/body/0"]["glb_data"])
-            scale = page._stage._scale
-            assert np.linalg.norm(drawn / scale - latest.measured, axis=1).min() < 1e-3
+            places = drawn / scale_of(pair.session.scene.mesh)
+            assert np.linalg.norm(places - latest.measured, axis=1).min() < 1e-3
             assert viewer.nodes["/robot/tip"]["text"] == "tip: 5.00 mm"
     finally:
         page.close()

@@ -128,9 +128,9 @@ class Viewer:
                 self.content[uuid] = updates["content"]
             if "value" in updates:
                 self.values[uuid] = updates["value"]
-            if "label" in updates:
-                found = [label for label, made in self.controls.items() if made["uuid"] == uuid]
-                self.controls[updates["label"]] = self.controls.pop(found[0])
+            for label in [label for label, made in self.controls.items() if made["uuid"] == uuid]:
+                self.controls[label]["props"] |= updates
+                self.controls[updates.get("label", label)] = self.controls.pop(label)
         elif kind == "NotificationShowMessage":
             self.notes.append(message["props"]["body"])
         elif "name" in message:

@@ -30,8 +30,7 @@ from gdfe_ros.results.element_fields import corner_forces, strain_energies, volu
 from gdfe_ros.solver.body import Body
 
 MEASURED = CurveData.table(
-    [0.0, 0.05, 0.1, 0.2, 0.4, 0.7, 1.0, 1.5, 2.0],
-    [0.0, 0.9e5, 1.6e5, 2.6e5, 4.0e5, 5.3e5, 6.4e5, 8.6e5, 11.9e5],
+    [0.0, 0.05, 0.1, 0.2, 0.4, 0.7, 1.0, 1.5, 2.0], [0.0, 0.9e5, 1.6e5, 2.6e5, 4.0e5, 5.3e5, 6.4e5, 8.6e5, 11.9e5]
 )
 LAWS: dict[str, Material] = {
     "linear": Linear(young=1e5, poisson=0.3),

@@ -12,13 +12,11 @@ import pytest
 
 from gdfe_ros import Simulation
 from gdfe_ros.materials.published import PUBLISHED, published
-from gdfe_ros.scene import scene_from_text
+from test.written import scene_of
 
 SCENE = """
-name: cube
 mesh: {{bar: {{size: [0.02, 0.02, 0.02], cells: [1, 1, 1]}}}}
 materials: {{skin: {entry}}}
-regions: [{{material: skin}}]
 handles: {{base: {{where: {{face: x-}}, fixed: true}}}}
 """
 
@@ -29,7 +27,7 @@ def test_a_set_says_where_it_comes_from(name: str) -> None:
     one = PUBLISHED[name]
     assert re.fullmatch(r"[a-z][a-z0-9_]*", name)
     assert name.startswith(one.material)
-    scene = scene_from_text(SCENE.format(entry=f"{{published: {name}}}"))
+    scene = scene_of(SCENE.format(entry=f"{{published: {name}}}"))
     assert type(scene.materials["skin"]) is type(one.law)
     told = " ".join(Simulation(scene).remarks())
     assert one.reference in told

@@ -8,14 +8,11 @@ import pytest
 
 from gdfe_ros import Command, Pose, Simulation
 from gdfe_ros.materials import StableNeoHookean
-from gdfe_ros.scene import scene_from_text
-from test.written import advance
+from test.written import advance, scene_of
 
 BAR = """
-name: bar
 mesh: {{bar: {{size: [0.1, 0.02, 0.02], cells: [10, 2, 2]}}}}
 materials: {{rubber: {{law: {law}, young: {young}, poisson: {poisson}, density: 1000}}}}
-regions: [{{material: rubber}}]
 handles: {{low: {{where: {{face: x-}}, fixed: true}}, high: {{where: {{face: x+}}}}}}
 solver: {{tolerance: 1.0e-9}}
 """
@@ -23,7 +20,7 @@ solver: {{tolerance: 1.0e-9}}
 
 def pulled(law: str, poisson: float, shift: float, young: float = 1e5) -> float:
     """Return the pull [N] on a bar of 0.1 m that is longer by ``shift`` [m]."""
-    simulation = Simulation(scene_from_text(BAR.format(law=law, young=young, poisson=poisson)))
+    simulation = Simulation(scene_of(BAR.format(law=law, young=young, poisson=poisson)))
     result = advance(simulation, Command(handles={"high": Pose((shift, 0.0, 0.0))}))
     return float(result.reactions["high"][0])
 
@@ -50,7 +47,7 @@ def test_a_released_bar_swings_like_the_neo_hookean_one() -> None:
         text = text.replace("1.0e-9", "1.0e-5") + (
             "loads: {weight: {gravity: [0, 0, -9.81]}}\ndynamics: {step: 0.005}\nprobes: {tip: [0.1, 0, 0]}\n"
         )
-        simulation = Simulation(scene_from_text(text))
+        simulation = Simulation(scene_of(text))
         path = []
         for _ in range(40):
             assert simulation.step().converged
@@ -61,7 +58,7 @@ def test_a_released_bar_swings_like_the_neo_hookean_one() -> None:
 
 def test_a_block_through_itself_comes_back() -> None:
     """A block whose end was moved through the other end, so that its cells are inside out, comes back to rest."""
-    simulation = Simulation(scene_from_text(BAR.format(law="stable_neo_hookean", young=1e5, poisson=0.45)))
+    simulation = Simulation(scene_of(BAR.format(law="stable_neo_hookean", young=1e5, poisson=0.45)))
     for shift in (-0.16, 0.0):
         result = simulation.step(Command(handles={"high": Pose((shift, 0.0, 0.0))}))
         assert np.isfinite(result.positions).all()

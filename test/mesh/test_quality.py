@@ -72,33 +72,15 @@ def test_every_kind_of_defect_of_one_mesh_is_listed() -> None:
     assert len(defects) == 4
 
 
-def test_a_folded_cell_is_told_from_an_inverted_one() -> None:
-    """A cell with one corner pushed through it is reported as folded: positive volume, negative corner."""
-    vertices = cube().vertices.copy()
-    vertices[0] += 0.8
-    assert "folded at a corner" in check_mesh(cube(vertices)).defects[0]
-
-
-def test_a_mesh_that_is_inside_out_as_a_whole_gets_one_remedy() -> None:
-    """A mesh with every cell inverted gives one remedy: swap the two layers of vertices."""
-    mesh = bar([1, 1, 1], [2, 2, 2])
-    flipped = HexMesh(mesh.vertices, mesh.cells[:, [4, 5, 6, 7, 0, 1, 2, 3]])
-    assert check_mesh(flipped).defects == [
-        "every cell is inside out; remedy: swap the lower and upper four vertices of each cell"
-    ]
-
-
 @pytest.mark.parametrize(
     ("change", "expected"),
     [
-        (lambda v, c: v.__setitem__((3, 1), np.nan), "1 vertices with a coordinate that is not finite: 3"),
         (lambda v, c: c.__setitem__((0, 2), 99), "1 cells that name vertices outside 0 to 11: 0"),
         (lambda v, c: c.__setitem__((1, 2), c[1, 1]), "1 cells that name a vertex twice: 1"),
-        (lambda v, c: c.__setitem__(1, c[0]), "1 cells that repeat another cell: 1"),
     ],
 )
 def test_broken_arrays_are_named(change: object, expected: str) -> None:
-    """NaN, ids out of range, repeated vertices and repeated cells are reported with their ids."""
+    """Ids out of range and repeated vertices are reported with their cells."""
     mesh = bar([2, 1, 1], [2, 1, 1])
     vertices, cells = mesh.vertices.copy(), mesh.cells.copy()
     change(vertices, cells)
@@ -113,18 +95,13 @@ def test_three_cells_on_one_face_are_a_defect() -> None:
     extra[[1, 2, 5, 6]] = [12, 13, 14, 15]
     vertices = np.vstack([mesh.vertices, mesh.vertices[mesh.cells[1][[1, 2, 5, 6]]] + [0.5, 0, 0]])
     defects = check_mesh(HexMesh(vertices, np.vstack([mesh.cells, extra]))).defects
-    assert defects == [
-        "3 cells that share a face with two or more others: 0, 1, 2; remedy: re-mesh there",
-    ]
+    assert defects == ["3 cells that share a face with two or more others: 0, 1, 2; remedy: re-mesh there"]
 
 
 def test_disconnected_parts_are_counted_and_no_defect() -> None:
     """Two separate bars are counted as two parts and are no defect."""
     one, two = bar([1, 1, 1], [1, 1, 1]), bar([1, 1, 1], [2, 1, 1])
-    mesh = HexMesh(
-        np.vstack([one.vertices, two.vertices + 5.0]),
-        np.vstack([one.cells, two.cells + one.n_vertices]),
-    )
+    mesh = HexMesh(np.vstack([one.vertices, two.vertices + 5.0]), np.vstack([one.cells, two.cells + one.n_vertices]))
     report = check_mesh(mesh)
     assert report.defects == []
     assert report.parts == 2

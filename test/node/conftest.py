@@ -8,16 +8,16 @@ import subprocess
 import sys
 import time
 from collections import defaultdict
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from builtin_interfaces.msg import Time
+from builtin_interfaces.msg import Duration, Time
 from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import PoseStamped, WrenchStamped
+from geometry_msgs.msg import PoseStamped, TransformStamped, WrenchStamped
 from lifecycle_msgs.srv import ChangeState, GetState
 from rcl_interfaces.msg import SetParametersResult
 from rcl_interfaces.srv import SetParameters
@@ -28,6 +28,7 @@ from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Int32MultiArray, String
 from std_srvs.srv import SetBool, Trigger
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from gdfe_ros.recording.step import StepRecord
 from gdfe_ros.testing import NodeProcess
@@ -209,6 +210,97 @@ class Client:
         return {value.key: value.value for status in received[-1].status for value in status.values}
 
 
+class Tree:
+    """Publishes frames and receives them, with the messages of tf2.
+
+    Attributes:
+        heard: dict from a frame's name to its last transform.
+        told: dict from stamp [ns] to a dict like ``heard`` of the transforms with this stamp.
+    """
+
+    def __init__(self, client: Client) -> None:
+        from tf2_msgs.msg import TFMessage
+
+        self._kind, self._publishers = TFMessage, []
+        self.heard: dict[str, TransformStamped] = {}
+        self.told: dict[int, dict[str, TransformStamped]] = defaultdict(dict)
+        for topic, qos in (("/tf", 100), ("/tf_static", _QOS)):
+            client.node.create_subscription(TFMessage, topic, self._hear, qos)
+            self._publishers.append(client.node.create_publisher(TFMessage, topic, qos))
+
+    def tell(
+        self,
+        parent: str,
+        child: str,
+        origin: Iterable[float],
+        *,
+        turn: Rotation | None = None,
+        fixed: bool = False,
+        stamp: int = 0,
+        length: float = 1.0,
+    ) -> None:
+        """Publish a frame with a stamp [ns] and a quaternion of a given length."""
+        transform = TransformStamped(child_frame_id=child)
+        transform.header.frame_id = parent
+        transform.header.stamp.sec, transform.header.stamp.nanosec = divmod(stamp, 10**9)
+        put(transform.transform.translation, transform.transform.rotation, origin, turn, length)
+        self._publishers[fixed].publish(self._kind(transforms=[transform]))
+
+    def _hear(self, message: Any) -> None:
+        for each in message.transforms:
+            self.heard[each.child_frame_id] = self.told[to_nanoseconds(each.header.stamp)][each.child_frame_id] = each
+
+
+class Follower:
+    """A client of the action FollowJointTrajectory.
+
+    Attributes:
+        told: feedback of the last goal.
+    """
+
+    def __init__(self, client: Client) -> None:
+        from control_msgs.action import FollowJointTrajectory
+        from control_msgs.msg import JointTolerance
+
+        self._client, self._kind, self._tolerance = client, FollowJointTrajectory, JointTolerance
+        self.told: list[Any] = []
+        self._action = client.action(FollowJointTrajectory, "follow_joint_trajectory")
+
+    def send(self, *values: float | tuple[float, ...], names: str = "flexor", seconds: float = 1, **more: Any) -> Any:
+        """Send a goal with a point every ``seconds``; return its handle.
+
+        Each point has a value for each of ``names``, or one number for one name. Keywords set tolerances, and
+        ``velocities`` the velocity of each joint at each point.
+        """
+        self.told.clear()
+        joints, points = names.split(), []
+        speed = {"velocities": [more.pop("velocities")] * len(joints)} if "velocities" in more else {}
+        for place, value in enumerate(values, start=1):
+            time = Duration(sec=int(seconds * place), nanosec=round(seconds * place % 1 * 1e9))
+            points.append(JointTrajectoryPoint(positions=np.atleast_1d(value).tolist(), time_from_start=time, **speed))
+        tolerances = {
+            key: [self._tolerance(name=name, position=value) for name in joints] for key, value in more.items()
+        }
+        goal = self._kind.Goal(trajectory=JointTrajectory(joint_names=joints, points=points), **tolerances)
+        sent = self._action.send_goal_async(goal, feedback_callback=lambda message: self.told.append(message.feedback))
+        self._client.wait(sent.done)
+        return sent.result()
+
+    def result(self, goal: Any) -> tuple[int, int, str]:
+        """Wait for the end of a goal; return status, error code and reason."""
+        future = goal.get_result_async()
+        self._client.wait(future.done)
+        result = future.result().result
+        return future.result().status, result.error_code, result.error_string
+
+
+@pytest.fixture
+def tree(client: Client, interfaces: Callable[[str], None]) -> Tree:
+    """Give frames on /tf, whose messages are built before the node starts."""
+    interfaces("tf2_msgs")
+    return Tree(client)
+
+
 @pytest.fixture
 def build_interfaces() -> Callable[[Path, Path], str]:
     """Give a function that builds a package of messages in a folder, and returns its entry for ``PYTHONPATH``."""
@@ -308,3 +400,33 @@ def vertices(cloud: PointCloud2) -> np.ndarray:
 def to_nanoseconds(stamp: Time) -> int:
     """Return a stamp as an integer [ns]."""
     return stamp.sec * 10**9 + stamp.nanosec
+
+
+def vector(value: Any) -> list[float]:
+    """Return x, y and z of a message."""
+    return [value.x, value.y, value.z]
+
+
+def rotation(quaternion: Any) -> Rotation:
+    """Return the rotation of a message's quaternion."""
+    return Rotation.from_quat([*vector(quaternion), quaternion.w])
+
+
+def put(
+    position: Any, quaternion: Any, origin: Iterable[float], turn: Rotation | None = None, length: float = 1.0
+) -> None:
+    """Give the parts of a message a position and a rotation (none if ``turn`` is None), as a quaternion of a length."""
+    position.x, position.y, position.z = map(float, origin)
+    numbers = length * (turn or Rotation.identity()).as_quat()
+    quaternion.x, quaternion.y, quaternion.z, quaternion.w = map(float, numbers)
+
+
+def in_root(frames: Mapping[str, TransformStamped], frame: str) -> tuple[np.ndarray, np.ndarray]:
+    """Return origin and axes of a frame in the frame that has no parent, along the parents."""
+    origin, axes = np.zeros(3), np.eye(3)
+    while frame in frames:
+        found = frames[frame].transform
+        own = rotation(found.rotation).as_matrix()
+        origin, axes = vector(found.translation) + own @ origin, own @ axes
+        frame = frames[frame].header.frame_id
+    return origin, axes

@@ -11,18 +11,16 @@ from typing import Any
 import numpy as np
 import pytest
 from action_msgs.msg import GoalStatus
-from builtin_interfaces.msg import Duration
 from geometry_msgs.msg import PoseStamped
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
-from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from gdfe_ros import Command, Simulation, load_scene
 from gdfe_ros.errors import CommandError
 from gdfe_ros.testing import Simulator
 from test.arms.conftest import SCENE, TWO_LINKS
+from test.node.conftest import Follower, Tree, in_root
 
 _LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
@@ -59,37 +57,17 @@ def test_joints_are_commanded_and_reported(held_block: Path, replays: Callable, 
     replays(tmp_path / "bag", node=True)
 
 
-def _place(heard: dict[str, Any], frame: str) -> np.ndarray:
-    """Return the origin of a frame in the node's frame, along its parents."""
-    place = np.zeros(3)
-    while frame in heard:
-        found = heard[frame].transform
-        turn = Rotation.from_quat([found.rotation.x, found.rotation.y, found.rotation.z, found.rotation.w])
-        place = np.array([found.translation.x, found.translation.y, found.translation.z]) + turn.apply(place)
-        frame = heard[frame].header.frame_id
-    return place
-
-
-def test_a_node_tells_of_the_arm(client: Any, start: Callable, interfaces: Callable, held_block: Path) -> None:
+def test_a_node_tells_of_the_arm(client: Any, start: Callable, tree: Tree, held_block: Path) -> None:
     """The node publishes the URDF and the frames of all links, and refuses wrong joint commands with reasons."""
-    interfaces("tf2_msgs")
-    from tf2_msgs.msg import TFMessage
-
-    heard: dict[str, Any] = {}
     told: list[str] = []
-
-    def hear(message: Any) -> None:
-        heard.update({each.child_frame_id: each for each in message.transforms})
-
-    client.node.create_subscription(TFMessage, "/tf", hear, 100)
     topic = "/gdfe_sim/arms/arm/robot_description"
     client.node.create_subscription(String, topic, lambda message: told.append(message.data), _LATCHED)
     start(scene=str(held_block), clock="fast", heartbeat=0.0, dt=0.01)
-    client.wait(lambda: told and "tip" in heard)
+    client.wait(lambda: told and "tip" in tree.heard)
     assert told[0].startswith("<robot")
-    assert _place(heard, "tip")[[0, 2]] == pytest.approx([0.0, 0.0], abs=1e-12)
+    assert in_root(tree.heard, "tip")[0][[0, 2]] == pytest.approx([0.0, 0.0], abs=1e-12)
     client.publish("joint_command", JointState(name=["lift"], position=[0.0]))
-    client.wait(lambda: _place(heard, "tip")[2] == pytest.approx(0.4, abs=0.3))
+    client.wait(lambda: in_root(tree.heard, "tip")[0][2] == pytest.approx(0.4, abs=0.3))
     client.publish("joint_command", JointState(name=["lever"], position=[0.0]))
     client.publish("joint_command", JointState(name=["lift"], position=[3.0]))
     client.publish("joint_command", JointState(name=["lift", "bend"], position=[0.1]))
@@ -127,45 +105,31 @@ def test_what_is_cut_is_told(client: Any, launch: Callable, held_block: Path) ->
 def test_a_foreign_client_moves_the_arm(client: Any, launch: Callable, interfaces: Callable, held_block: Path) -> None:
     """Goals as for joint_trajectory_controller are tracked within tolerance, preempted, cancelled and refused."""
     interfaces("control_msgs")
-    from control_msgs.action import FollowJointTrajectory
-    from control_msgs.msg import JointTolerance
-
     launch(scene=str(held_block), clock="fast", heartbeat=0.0, dt=0.01)
     states: list[JointState] = []
     client.node.create_subscription(JointState, "/gdfe_sim/joint_states", states.append, 100)
-    action = client.action(FollowJointTrajectory, "follow_joint_trajectory")
-    feedback: list[Any] = []
+    follower = Follower(client)
 
     def send(lift: float, bend: float, seconds: float, tolerance: float = 1e-6) -> Any:
-        feedback.clear()
-        point = JointTrajectoryPoint(positions=[lift, bend], velocities=[0.0, 0.0])
-        point.time_from_start = Duration(sec=int(seconds), nanosec=int(seconds % 1 * 1e9))
-        names = ["lift", "bend"]
-        trajectory = JointTrajectory(joint_names=names, points=[point])
-        tolerances = [JointTolerance(name=name, position=tolerance) for name in names]
-        goal = FollowJointTrajectory.Goal(trajectory=trajectory, path_tolerance=tolerances, goal_tolerance=tolerances)
-        sent = action.send_goal_async(goal, feedback_callback=lambda message: feedback.append(message.feedback))
-        client.wait(sent.done)
-        return sent.result()
+        near = {"path_tolerance": tolerance, "goal_tolerance": tolerance}
+        return follower.send((lift, bend), names="lift bend", seconds=seconds, velocities=0.0, **near)
 
     def result(goal: Any) -> tuple[int, int]:
-        future = goal.get_result_async()
-        client.wait(future.done)
-        return future.result().status, future.result().result.error_code
+        return follower.result(goal)[:2]
 
     # Tracked: a cubic within the limits is followed to a microradian.
     assert result(send(1.2, 0.4, 1.0)) == (GoalStatus.STATUS_SUCCEEDED, 0)
-    assert max(abs(each.error.positions[0]) for each in feedback) < 1e-6
+    assert max(abs(each.error.positions[0]) for each in follower.told) < 1e-6
     client.wait(lambda: states and states[-1].position[0] == pytest.approx(1.2, abs=1e-9))
     # Preempted: the first goal is aborted, the second one succeeds from where the arm is.
     first = send(-1.0, 0.0, 1000.0)
-    client.wait(lambda: feedback)
+    client.wait(lambda: follower.told)
     second = send(1.0, 0.0, 2.0)
     assert result(first) == (GoalStatus.STATUS_ABORTED, -1)
     assert result(second) == (GoalStatus.STATUS_SUCCEEDED, 0)
     # Cancelled: the arm stays where it is.
     third = send(-1.5, 0.0, 1000.0)
-    client.wait(lambda: feedback)
+    client.wait(lambda: follower.told)
     client.wait(third.cancel_goal_async().done)
     assert result(third)[0] == GoalStatus.STATUS_CANCELED
     client.wait(lambda: states[-1].velocity[0] == 0.0)

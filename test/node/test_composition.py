@@ -60,31 +60,14 @@ def test_two_robots_run_in_one_process(make: Callable[[Any], Any]) -> None:
         rclpy.shutdown(context=context)
 
 
-def test_a_destroyed_node_leaves_the_graph(ros: Any) -> None:
-    """A destroyed node that is still referenced disappears from the graph of other nodes."""
+@pytest.mark.parametrize("active", [False, True])
+def test_a_destroyed_node_leaves_the_graph(ros: Any, slab: Path, active: bool) -> None:
+    """A node that is destroyed, also while it steps, ends its threads and leaves the graph before it is collected."""
     context = rclpy.Context()
     rclpy.init(context=context)
-    node = SimNode(namespace="leaving", context=context, parameter_overrides=[Parameter("autostart", value=False)])
-    watcher = ros.node("watcher")
-
-    def is_seen() -> bool:
-        return ("gdfe_sim", "/leaving") in watcher.get_node_names_and_namespaces()
-
-    ros.wait(is_seen)
-    node.close()
-    node.destroy_node()
-    ros.wait(lambda: not is_seen())
-    rclpy.shutdown(context=context)
-    assert node.lifecycle_state == "finalized"
-
-
-def test_an_active_node_that_is_destroyed_leaves_the_graph(ros: Any, slab: Path) -> None:
-    """A node that is destroyed while it steps ends its threads, and leaves the graph before it is collected."""
-    context = rclpy.Context()
-    rclpy.init(context=context)
-    executor = make_executor(context)
-    parameters = [Parameter("scene", value=str(slab)), Parameter("clock", value="wall")]
-    node = SimNode(namespace="leaving", context=context, parameter_overrides=parameters)
+    executor, parameters = make_executor(context), {"scene": str(slab), "clock": "wall", "autostart": active}
+    overrides = [Parameter(name, value=value) for name, value in parameters.items()]
+    node = SimNode(namespace="leaving", context=context, parameter_overrides=overrides)
     executor.add_node(node)
     watcher = ros.node("watcher")
 
@@ -92,10 +75,12 @@ def test_an_active_node_that_is_destroyed_leaves_the_graph(ros: Any, slab: Path)
         executor.spin_once(timeout_sec=0.1)
         return ("gdfe_sim", "/leaving") in watcher.get_node_names_and_namespaces()
 
-    ros.wait(lambda: is_seen() and node.lifecycle_state == "active")
+    ros.wait(lambda: is_seen() and node.lifecycle_state == ("active" if active else "unconfigured"))
     gc.disable()
     try:
         executor.remove_node(node)
+        if not active:
+            node.close()
         node.destroy_node()
         ros.wait(lambda: not is_seen())
     finally:
@@ -103,6 +88,7 @@ def test_an_active_node_that_is_destroyed_leaves_the_graph(ros: Any, slab: Path)
     executor.shutdown()
     rclpy.shutdown(context=context)
     assert node.session is None
+    assert active or node.lifecycle_state == "finalized"
 
 
 def test_a_spawned_body_is_read_in_a_thread_of_its_own(

@@ -21,6 +21,7 @@ from gdfe_ros.node.driving.stepper import SteppingThread
 from gdfe_ros.node.middleware.process import make_executor
 from gdfe_ros.node.sim_node import SimNode
 from gdfe_ros.recording.reader import BagReader
+from gdfe_ros.simulation import Simulation
 
 PARAMETERS = {"scene_overrides": ["mesh.bar.cells=[8, 2, 2]"], "clock": "lockstep", "record": True}
 
@@ -69,7 +70,7 @@ def test_a_failure_while_the_node_becomes_active_is_not_forgotten(
     start = SteppingThread.start
 
     def start_and_wait(stepper: SteppingThread, *given: Any, **options: Any) -> None:
-        monkeypatch.setattr(stepper._simulation, "step", _broken)
+        monkeypatch.setattr(Simulation, "step", _broken)
         start(stepper, *given, **options)
         while not stepper.failure:
             time.sleep(0.01)
@@ -183,11 +184,7 @@ def _fail_often(robot: _Robot, count: int) -> None:
 
 @pytest.mark.parametrize(
     ("make", "count"),
-    [
-        (make_executor, 30),
-        (MultiThreadedExecutor, 10),
-        pytest.param(make_executor, 1000, marks=pytest.mark.torture),
-    ],
+    [(make_executor, 30), (MultiThreadedExecutor, 10), pytest.param(make_executor, 1000, marks=pytest.mark.torture)],
     ids=["events", "threads", "thousand"],
 )
 def test_many_failed_steps_lose_nothing(tmp_path: Path, make: Callable[..., Any], count: int) -> None:

@@ -21,6 +21,7 @@ from gdfe_ros.node.messages import to_time
 from gdfe_ros.node.run import leaders_of
 from gdfe_ros.scene.loader import load_scene
 from gdfe_ros.testing import Simulator
+from test.node.conftest import Tree, put, vector
 
 WEIGHT = {"gravity": [0.0, 0.0, -9.81]}
 FOLLOW = "wrist=topic:/carrying_arm/tool_pose"
@@ -54,8 +55,7 @@ def test_the_gripper_hangs_on_the_arm(tmp_path: Any, replays: Callable) -> None:
     ) as simulator:
         own = {"rate": 20.0, "period": 4.0}
         arm = _Watched(
-            context=simulator.context,
-            parameter_overrides=[Parameter(name, value=value) for name, value in own.items()],
+            context=simulator.context, parameter_overrides=[Parameter(name, value=value) for name, value in own.items()]
         )
         states = simulator.spin(arm, steps=10)
         told = [tool_at(tuple(message.position)) for message in arm.told]
@@ -73,27 +73,38 @@ def test_the_gripper_hangs_on_the_arm(tmp_path: Any, replays: Callable) -> None:
     replays(bag)
 
 
-def test_a_followed_pose_that_makes_no_sense_is_refused(client: Any, start: Callable, coarse: dict) -> None:
-    """Followed poses with NaN, infinity, a zero quaternion, or a wrong stamp are counted, and the tip stays."""
-    process = start(**coarse, follow=["tip=topic:/tool"], command_max_age=10.0)
+@pytest.mark.parametrize(
+    ("leader", "said"),
+    [
+        ("topic:/tool", "command on /tool refused: position"),
+        ("frame:tool0", "command on /tf, frame 'tool0', refused: translation"),
+    ],
+)
+def test_a_leader_that_makes_no_sense_is_refused(
+    client: Any, start: Callable, coarse: dict, tree: Tree, leader: str, said: str
+) -> None:
+    """Followed poses and frames with NaN, infinity, a zero quaternion or a wrong stamp are counted; the tip stays."""
+    process = start(**coarse, follow=[f"tip={leader}"], command_max_age=10.0)
     publisher = client.node.create_publisher(PoseStamped, "/tool", 10)
-    client.wait(lambda: publisher.get_subscription_count() and client.received["mesh"])
-    vertices = client.mesh()[:, :3]
-    rest = vertices[vertices[:, 0] > vertices[:, 0].max() - 1e-6].mean(axis=0, dtype=float)
-    tip = client.received["handles/tip/pose"]
+    client.wait(lambda: publisher.get_subscription_count() or leader.startswith("frame"))
+    client.wait(lambda: "tip_rest" in tree.heard)
+    rest, tip = vector(tree.heard["tip_rest"].transform.translation), client.received["handles/tip/pose"]
 
-    def lead(z: float, *, w: float = 1.0, age: float = 0.0) -> None:
-        message, place = PoseStamped(), np.add(rest, [0.0, 0.0, z])
-        message.header.stamp = to_time(time.time_ns() - round(age * 1e9))
-        message.pose.position.x, message.pose.position.y, message.pose.position.z = place.tolist()
-        message.pose.orientation.w = w
+    def lead(z: float, *, length: float = 1.0, age: float = 0.0) -> None:
+        origin, stamp = np.add(rest, [0.0, 0.0, z]), time.time_ns() - round(age * 1e9)
+        if leader.startswith("frame"):
+            tree.tell("base_link", "tool0", origin, stamp=stamp, length=length)
+            return
+        message = PoseStamped()
+        message.header.stamp = to_time(stamp)
+        put(message.pose.position, message.pose.orientation, origin, length=length)
         publisher.publish(message)
 
     lead(0.02)
     client.wait(lambda: tip and tip[-1].pose.position.z == pytest.approx(0.02, abs=1e-6))
     bad = {
-        "not finite": [{"z": math.nan}, {"z": math.inf}, {"z": 0.0, "w": math.nan}],
-        "quaternion not of unit length": [{"z": 0.0, "w": 0.0}],
+        "not finite": [{"z": math.nan}, {"z": math.inf}, {"z": 0.0, "length": math.nan}],
+        "quaternion not of unit length": [{"z": 0.0, "length": 0.0}],
         "stamp ahead": [{"z": 0.0, "age": -1000.0}],
         "stale": [{"z": 0.0, "age": 100.0}],
     }
@@ -101,10 +112,13 @@ def test_a_followed_pose_that_makes_no_sense_is_refused(client: Any, start: Call
         lead(**changes)
     client.wait(lambda: all(client.status().get(f"refused: {name}") == f"{len(each)}" for name, each in bad.items()))
     values = client.status()
-    assert (values["state"], values["steps failed"], values["commands taken"]) == ("active", "0", "1")
+    assert (values["state"], values["steps failed"]) == ("active", "0")
+    assert values["commands taken"] == "1" or leader.startswith("frame")
+    assert f"{said} ({rest[0]}, {rest[1]}, nan)" in process.log
     assert "Traceback" not in process.log
     lead(0.05)
     client.wait(lambda: tip[-1].pose.position.z == pytest.approx(0.05, abs=1e-6))
+    assert all(each.pose.position.z in (0.0, pytest.approx(0.02), pytest.approx(0.05)) for each in tip)
 
 
 def _volumes(mesh: Any) -> np.ndarray:
@@ -121,6 +135,8 @@ def _volumes(mesh: Any) -> np.ndarray:
         ("tipp=topic:/x", "bend5", "no handle 'tipp', but base, tip"),
         ("base=topic:/x", "bend5", "put handles.base.fixed=false into scene_overrides"),
         ("tip=frame:tool0", "bend5", "frames need tf2_msgs, which is not installed"),
+        ("table=topic:/x", "grasp", "obstacle 'table' is fixed in the scene and takes no commands; remedy: put obstac"),
+        ("part=topic:/x", "grasp", "body 'part' moves freely and follows no target; remedy: .*make it an obstacle"),
     ],
 )
 def test_a_wrong_leader_is_refused(entry: str, scene: str, said: str) -> None:

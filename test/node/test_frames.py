@@ -12,74 +12,26 @@ from typing import Any
 
 import numpy as np
 import pytest
-from geometry_msgs.msg import PoseStamped, TransformStamped, TwistStamped, WrenchStamped
+from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from scipy.spatial.transform import Rotation
+
+from test.node.conftest import Tree, put, rotation, vector
 
 QUARTER = Rotation.from_euler("z", 90.0, degrees=True)
 _LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
-class _Tree:
-    """Publishes frames and receives them, with the messages of tf2."""
-
-    def __init__(self, client: Any) -> None:
-        from tf2_msgs.msg import TFMessage
-
-        self._kind, self._client, self.heard = TFMessage, client, {}
-        node = client.node
-        for topic, qos in (("/tf", 100), ("/tf_static", _LATCHED)):
-            node.create_subscription(TFMessage, topic, lambda message: self._hear(message.transforms), qos)
-        self._publishers = [node.create_publisher(TFMessage, "/tf", 100)]
-        self._publishers.append(node.create_publisher(TFMessage, "/tf_static", _LATCHED))
-
-    def tell(
-        self,
-        parent: str,
-        child: str,
-        *,
-        origin: Iterable[float],
-        turn: Rotation,
-        fixed: bool = False,
-        stamp: int = 0,
-        length: float = 1.0,
-    ) -> None:
-        """Publish a frame with a stamp [ns] and a quaternion of a given length."""
-        transform = TransformStamped(child_frame_id=child)
-        transform.header.frame_id = parent
-        transform.header.stamp.sec, transform.header.stamp.nanosec = divmod(stamp, 10**9)
-        quaternion = transform.transform.rotation
-        _put(transform.transform.translation, quaternion, origin, turn)
-        quaternion.x, quaternion.y, quaternion.z, quaternion.w = (
-            length * part for part in (quaternion.x, quaternion.y, quaternion.z, quaternion.w)
-        )
-        self._publishers[fixed].publish(self._kind(transforms=[transform]))
-
-    def _hear(self, transforms: Iterable[TransformStamped]) -> None:
-        for each in transforms:
-            self.heard[each.child_frame_id] = each
-
-
-def _put(place: Any, quaternion: Any, origin: Iterable[float], turn: Rotation) -> None:
-    place.x, place.y, place.z = map(float, origin)
-    quaternion.x, quaternion.y, quaternion.z, quaternion.w = map(float, turn.as_quat())
-
-
-def _pose(frame: str, origin: Iterable[float], turn: Rotation) -> PoseStamped:
+def _pose(frame: str, origin: Iterable[float], turn: Rotation | None = None) -> PoseStamped:
     message = PoseStamped()
     message.header.frame_id = frame
-    _put(message.pose.position, message.pose.orientation, origin, turn)
+    put(message.pose.position, message.pose.orientation, origin, turn)
     return message
 
 
-def _vector(value: Any) -> list[float]:
-    return [value.x, value.y, value.z]
-
-
-def test_plates_are_told_on_tf(client: Any, start: Callable, coarse: dict, interfaces: Callable) -> None:
+def test_plates_are_told_on_tf(client: Any, start: Callable, coarse: dict, tree: Tree) -> None:
     """The frames of all headers are on /tf and /tf_static, at the tip's pose; wrenches agree in both frames."""
-    interfaces("tf2_msgs")
-    tree, felt = _Tree(client), []
+    felt: list[WrenchStamped] = []
     client.node.create_subscription(WrenchStamped, client.full("handles/tip/force_torque"), felt.append, _LATCHED)
     start(**coarse, clock="lockstep", frame_id="left/base_link", publish_clock=True)
     client.target(0.1, turn=(0.0, 0.3, 0.0))
@@ -93,32 +45,35 @@ def test_plates_are_told_on_tf(client: Any, start: Callable, coarse: dict, inter
     assert {each.header.frame_id for each in tree.heard.values()} == {"left/base_link"}
     handle = tree.heard["left/tip"].transform
     centre = client.meshes()[-1][client.meshes()[0][:, 0] > client.meshes()[0][:, 0].max() - 1e-6, :3].mean(axis=0)
-    np.testing.assert_allclose(_vector(handle.translation), centre, atol=1e-6)
-    rest = _vector(tree.heard["left/tip_rest"].transform.translation)
-    np.testing.assert_allclose(_vector(handle.translation), np.add(rest, _vector(pose.pose.position)), atol=1e-12)
-    turn = handle.rotation
-    np.testing.assert_allclose([turn.x, turn.y, turn.z, turn.w], Rotation.from_rotvec([0, 0.3, 0]).as_quat(), atol=1e-9)
-    back = Rotation.from_quat([turn.x, turn.y, turn.z, turn.w]).inv()
+    np.testing.assert_allclose(vector(handle.translation), centre, atol=1e-6)
+    rest = vector(tree.heard["left/tip_rest"].transform.translation)
+    np.testing.assert_allclose(vector(handle.translation), np.add(rest, vector(pose.pose.position)), atol=1e-12)
+    np.testing.assert_allclose(rotation(handle.rotation).as_rotvec(), [0.0, 0.3, 0.0], atol=1e-9)
+    back = rotation(handle.rotation).inv()
     for part in ("force", "torque"):
-        given, read = (_vector(getattr(message.wrench, part)) for message in (wrench, felt[-1]))
+        given, read = (vector(getattr(message.wrench, part)) for message in (wrench, felt[-1]))
         np.testing.assert_allclose(read, -back.apply(given), atol=1e-9)
     assert felt[-1].wrench.force != wrench.wrench.force
 
 
-def test_commands_in_other_frames_are_transformed(
-    client: Any, start: Callable, coarse: dict, interfaces: Callable
-) -> None:
-    """With odom connected to the node's frame, commands in odom are transformed; an unknown frame is refused."""
-    interfaces("tf2_msgs")
-    tree = _Tree(client)
+def test_commands_in_other_frames_are_transformed(client: Any, start: Callable, coarse: dict, tree: Tree) -> None:
+    """With odom connected to the node's frame, commands in odom are transformed.
+
+    A target in an unknown frame, or in one with a NaN transform, is refused, and nothing moves.
+    """
     process = start(**coarse, clock="lockstep")
     client.wait(lambda: "tip_rest" in tree.heard)
-    rest = np.array(_vector(tree.heard["tip_rest"].transform.translation))
+    rest = np.array(vector(tree.heard["tip_rest"].transform.translation))
     client.publish("handles/tip/target", _pose("map", [0, 0, 0], QUARTER))
     client.wait(lambda: client.diagnostics().get("refused: other frame") == "1")
     assert "header.frame_id is 'map'; allowed: empty, 'base_link', 'tip_rest', or a frame connected" in process.log
+    tree.tell("base_link", "odom", [np.nan, 0.0, 0.0])
+    client.publish("handles/tip/target", _pose("odom", [0, 0, 0]))
+    client.wait(lambda: client.diagnostics().get("refused: other frame") == "2")
+    assert client.diagnostics()["refused: not finite"] == "1"
+    assert len(client.records()) == 1
     # The node's frame lies at (1, 2, 3) in odom, turned by a quarter about z.
-    tree.tell("odom", "base_link", origin=[1.0, 2.0, 3.0], turn=QUARTER, fixed=True)
+    tree.tell("odom", "base_link", [1.0, 2.0, 3.0], turn=QUARTER, fixed=True)
     wanted = np.add(rest, [0.0, 0.01, 0.05])
     place = np.add([1.0, 2.0, 3.0], QUARTER.apply(wanted))
     turn = Rotation.from_rotvec([0.0, 0.2, 0.0])
@@ -143,17 +98,15 @@ def test_commands_in_other_frames_are_transformed(
     np.testing.assert_allclose(moved, [0.0, -0.01, 0.0], atol=1e-9)
 
 
-def test_a_plate_follows_a_frame(client: Any, start: Callable, coarse: dict, interfaces: Callable) -> None:
+def test_a_plate_follows_a_frame(client: Any, start: Callable, coarse: dict, tree: Tree) -> None:
     """A tip that follows a frame moves with it, refuses other commands, and returns to it after a reset."""
-    interfaces("tf2_msgs")
-    tree = _Tree(client)
     process = start(**coarse, follow=["tip=frame:tool0"])
     client.wait(lambda: "tip_rest" in tree.heard)
     assert client.status()["tip follows"] == "frame tool0, not heard yet"
-    rest = np.array(_vector(tree.heard["tip_rest"].transform.translation))
+    rest = np.array(vector(tree.heard["tip_rest"].transform.translation))
     turn = Rotation.from_rotvec([0.0, 0.1, 0.0])
     for z in (0.02, 0.05):
-        tree.tell("base_link", "tool0", origin=np.add(rest, [0.0, 0.0, z]), turn=turn)
+        tree.tell("base_link", "tool0", np.add(rest, [0.0, 0.0, z]), turn=turn)
         client.wait(lambda z=z: client.received["handles/tip/pose"][-1].pose.position.z == pytest.approx(z))
     assert client.received["handles/tip/pose"][-1].pose.orientation.y == pytest.approx(np.sin(0.05))
     client.publish("handles/tip/target", _pose("", [0, 0, 0.1], turn))
@@ -166,63 +119,15 @@ def test_a_plate_follows_a_frame(client: Any, start: Callable, coarse: dict, int
     assert client.status()["tip follows"] == "frame tool0"
 
 
-def test_frames_that_make_no_sense_are_refused(
-    client: Any, start: Callable, coarse: dict, interfaces: Callable
-) -> None:
-    """Followed frames with NaN, a zero quaternion, or a wrong stamp are counted, and the tip stays."""
-    interfaces("tf2_msgs")
-    tree = _Tree(client)
-    process = start(**coarse, follow=["tip=frame:tool0"], command_max_age=10.0)
-    client.wait(lambda: "tip_rest" in tree.heard)
-    rest, turn = np.array(_vector(tree.heard["tip_rest"].transform.translation)), Rotation.identity()
-    place, second = np.add(rest, [0.0, 0.0, 0.02]), 10**9
-    tree.tell("base_link", "tool0", origin=place, turn=turn, stamp=time.time_ns())
-    tip = client.received["handles/tip/pose"]
-    client.wait(lambda: tip and tip[-1].pose.position.z == pytest.approx(0.02))
-    bad = {
-        "not finite": {"origin": [np.nan, 0.0, 0.0]},
-        "quaternion not of unit length": {"length": 0.0},
-        "stamp ahead": {"stamp": time.time_ns() + 1000 * second},
-        "stale": {"stamp": time.time_ns() - 100 * second},
-    }
-    for changes in bad.values():
-        tree.tell("base_link", "tool0", **{"origin": [0.0, 0.0, 0.0], "turn": turn, **changes})
-    told = client.diagnostics()
-    client.wait(lambda: all(client.diagnostics().get(f"refused: {reason}") == "1" for reason in bad))
-    assert "command on /tf, frame 'tool0', refused: translation (nan, 0.0, 0.0)" in process.log
-    assert "Traceback" not in process.log
-    assert told["state"] == "active"
-    tree.tell("base_link", "tool0", origin=np.add(rest, [0.0, 0.0, 0.05]), turn=turn, stamp=time.time_ns())
-    client.wait(lambda: tip and tip[-1].pose.position.z == pytest.approx(0.05))
-    assert all(each.pose.position.z in (0.0, pytest.approx(0.02), pytest.approx(0.05)) for each in tip)
-
-
-def test_the_latest_frame_by_stamp_counts(client: Any, start: Callable, coarse: dict, interfaces: Callable) -> None:
+def test_the_latest_frame_by_stamp_counts(client: Any, start: Callable, coarse: dict, tree: Tree) -> None:
     """Of transforms that arrive out of order, the one with the latest stamp is used."""
-    interfaces("tf2_msgs")
-    tree = _Tree(client)
     start(**coarse, follow=["tip=frame:tool0"])
     client.wait(lambda: "tip_rest" in tree.heard)
-    rest, now = np.array(_vector(tree.heard["tip_rest"].transform.translation)), time.time_ns()
+    rest, now = np.array(vector(tree.heard["tip_rest"].transform.translation)), time.time_ns()
     tip = client.received["handles/tip/pose"]
     for z, age in ((0.02, 2), (0.05, 0), (0.03, 1)):
         origin = np.add(rest, [0.0, 0.0, z])
-        tree.tell("base_link", "tool0", origin=origin, turn=Rotation.identity(), stamp=now - age * 10**8)
+        tree.tell("base_link", "tool0", origin, stamp=now - age * 10**8)
         client.spin(0.3)
     client.wait(lambda: tip and tip[-1].pose.position.z == pytest.approx(0.05))
     assert not any(each.pose.position.z == pytest.approx(0.03) for each in tip)
-
-
-def test_a_target_in_a_frame_that_makes_no_sense_is_refused(
-    client: Any, start: Callable, coarse: dict, interfaces: Callable
-) -> None:
-    """A target in a frame with a NaN transform is refused as one in an unknown frame, and nothing moves."""
-    interfaces("tf2_msgs")
-    tree = _Tree(client)
-    start(**coarse, clock="lockstep")
-    client.wait(lambda: "tip_rest" in tree.heard)
-    tree.tell("base_link", "odom", origin=[np.nan, 0.0, 0.0], turn=Rotation.identity())
-    client.publish("handles/tip/target", _pose("odom", [0, 0, 0], Rotation.identity()))
-    client.wait(lambda: client.diagnostics().get("refused: other frame") == "1")
-    assert client.diagnostics()["refused: not finite"] == "1"
-    assert len(client.records()) == 1

@@ -98,31 +98,19 @@ def test_late_joiners_get_the_present_state(newcomer: _Newcomer, start: Callable
     assert newcomer.status["steps"] == "2"
 
 
-def _begin_a_long_step(newcomer: _Newcomer, start: Callable, doing: str) -> None:
-    """Make a step of a fine bar, and begin one that takes long; wait until the node says that it works on ``doing``."""
+def test_late_joiners_get_the_last_state_during_a_long_step(newcomer: _Newcomer, start: Callable) -> None:
+    """After steps that nobody saw, a subscriber of any topic first gets, during a long step, the state before it."""
     fine = ["mesh.bar.cells=[60, 14, 14]", "solver.tolerance=1e-12", "solver.max_iterations=100000"]
     start(scene="bend5", scene_overrides=fine, clock="lockstep")
     newcomer.wait_for_steps(1)
     _lift(newcomer, 0.1)
     newcomer.wait_for_steps(2)
     _lift(newcomer, 0.2, turned=True)
-    newcomer.wait(lambda: re.search(doing, newcomer.status.get("working on", "")))
-
-
-def test_late_joiners_get_the_last_state_during_a_long_step(newcomer: _Newcomer, start: Callable) -> None:
-    """While a step takes long, a late subscriber of any topic gets the state after the step before it."""
-    _begin_a_long_step(newcomer, start, "rounds of iterations")
+    newcomer.wait(lambda: re.search("[1-9] rounds of iterations", newcomer.status.get("working on", "")))
     got = {topic: newcomer.listen(topic, kind) for topic, kind in _TOPICS.items()}
     newcomer.wait(lambda: all(_lifted(messages) for messages in got.values()))
+    assert all(_lifted(got[topic][:1]) for topic in ("mesh", "strain", "markers")), "the last state is stored"
     assert newcomer.status["steps"] == "2"
-
-
-def test_the_stored_state_is_the_last_one_during_a_long_step(newcomer: _Newcomer, start: Callable) -> None:
-    """After steps that nobody saw, a subscriber first receives, during a long step, the state before this step."""
-    _begin_a_long_step(newcomer, start, "[1-9] rounds of iterations")
-    got = {topic: newcomer.listen(topic, _TOPICS[topic]) for topic in ("mesh", "strain", "markers")}  # store the last
-    newcomer.wait(lambda: all(got.values()))
-    assert all(_lifted(messages[:1]) for messages in got.values())
 
 
 def _lifted(messages: list[Any]) -> bool:

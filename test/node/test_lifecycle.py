@@ -77,13 +77,6 @@ def test_parameters_are_changed_when_they_may(client: Any, start: Callable, coar
     assert not any(result.successful for result in (scene, clock, low, nan, autostart))
 
 
-def test_a_parameter_out_of_range_at_start_ends_the_process(start: Callable) -> None:
-    """A rate of zero at start ends the process with status 2 and a message without a traceback."""
-    process = start(rate=0)
-    assert process.wait() == 2
-    assert process.log == "sim_node: parameter rate is 0; allowed: 0.01 to 10000 Hz\n"
-
-
 def test_the_state_outlives_deactivate_but_not_cleanup(client: Any, start: Callable, coarse: dict) -> None:
     """A lifted tip stays lifted after deactivate and activate, and is undeformed after cleanup and configure."""
     start(**coarse)

@@ -11,37 +11,33 @@ import numpy as np
 import pytest
 from geometry_msgs.msg import PoseStamped, TwistStamped
 from sensor_msgs.msg import Imu, PointCloud2
+from std_srvs.srv import SetBool
 
+from gdfe_ros.analysis.bag_run import BagRun
 from gdfe_ros.constraints import Pose
 from gdfe_ros.recording.step import Begin
 from gdfe_ros.scene import load_scene
 from gdfe_ros.simulation import Simulation
-from test.node.conftest import to_nanoseconds, vertices
+from test.node.conftest import Tree, to_nanoseconds, vector, vertices
+from test.written import advance
 
 _DROP = {"scene": "drop", "scene_overrides": ["mesh.bar.cells=[10, 1, 1]"]}
 
 
-def test_every_vertex_tells_its_velocity(client: Any, launch: Callable) -> None:
-    """A released bar starts without velocity; later each vertex velocity equals differences of its positions."""
+def test_velocities_and_energies_are_told(client: Any, launch: Callable) -> None:
+    """Velocities of a released bar equal differences of positions; without damping, its energies balance."""
     client.listen("velocity", PointCloud2)
     launch(**_DROP, clock="lockstep", dt=0.001)
     first = client.last("velocity")
     assert [field.name for field in first.fields] == ["x", "y", "z", "vx", "vy", "vz"]
     assert first.header.frame_id == "base_link"
     assert not vertices(first)[:, 3:].any()
-    client.advance(20)
-    client.wait(lambda: len(client.received["velocity"]) == 21 and len(client.received["mesh"]) == 21)
-    before, now, after = (vertices(message) for message in client.received["velocity"][-3:])
-    np.testing.assert_allclose(now[:, :3], client.meshes()[-2][:, :3])
+    client.advance(40)
+    client.wait(lambda: len(client.received["velocity"]) == 41 == len(client.received["mesh"]) == len(client.records()))
+    before, now, after = (vertices(message) for message in client.received["velocity"][18:21])
+    np.testing.assert_allclose(now[:, :3], client.meshes()[19][:, :3])
     np.testing.assert_allclose(now[:, 3:], (after[:, :3] - before[:, :3]) / 0.002, atol=1e-3)
     assert now[:, 5].min() < -0.1
-
-
-def test_energies_are_told_by_records_and_diagnostics(client: Any, launch: Callable) -> None:
-    """Without damping, the loss of potential energy is kinetic and elastic energy, in records and diagnostics."""
-    launch(**_DROP, clock="lockstep", dt=0.002)
-    client.advance(20)
-    client.wait(lambda: len(client.records()) == 21)
     energies = client.record().energies
     assert list(energies) == ["kinetic", "elastic", "potential", "work", "dissipated"]
     assert energies["kinetic"] > 0.001
@@ -63,49 +59,29 @@ def test_diagnostics_warn_of_a_stuck_body(client: Any, launch: Callable) -> None
     assert told["message"].startswith("not converged: simulated 0 of 0.01 s: an internal step of")
 
 
-def test_each_probe_has_an_inertial_unit(client: Any, launch: Callable) -> None:
-    """The IMU of the tip reads gravity before the release, nothing after it, and later the simulation's values."""
+def test_each_probe_has_an_inertial_unit(client: Any, launch: Callable, tree: Tree) -> None:
+    """The IMU of the tip reads gravity before the release, nothing after it, and later the simulation's values.
+
+    Its frame on /tf is at the probe and is rotated as the IMU reports.
+    """
     client.listen("probe/tip/imu", Imu)
+    client.listen("probe/tip", PoseStamped)
     launch(**_DROP, clock="lockstep", dt=0.002)
     client.advance(10)
     units = client.wait(lambda: client.received["probe/tip/imu"][10:] and client.received["probe/tip/imu"])
     assert units[0].header.frame_id == "tip_imu"
-    np.testing.assert_allclose(_vector(units[0].linear_acceleration), [0.0, 0.0, 9.81], atol=1e-12)
-    np.testing.assert_allclose(_vector(units[2].linear_acceleration), 0.0, atol=0.01)
+    np.testing.assert_allclose(vector(units[0].linear_acceleration), [0.0, 0.0, 9.81], atol=1e-12)
+    np.testing.assert_allclose(vector(units[2].linear_acceleration), 0.0, atol=0.01)
     simulation = Simulation(load_scene("drop", overrides={"mesh.bar.cells": [10, 1, 1]}))
-    for _ in range(10):
-        simulation.step(dt=0.002)
+    advance(simulation, dt=0.002, count=10)
     expected, told = simulation.imus()["tip"], units[10]
-    assert _vector(told.linear_acceleration) == list(expected.linear_acceleration)
-    assert _vector(told.angular_velocity) == list(expected.angular_velocity)
-    assert [*_vector(told.orientation), told.orientation.w] == list(expected.orientation.as_quat())
-
-
-def test_the_frame_of_a_unit_is_on_tf(client: Any, launch: Callable, interfaces: Callable) -> None:
-    """The IMU frame of the tip is at the probe and is rotated as the IMU reports."""
-    interfaces("tf2_msgs")
-    from tf2_msgs.msg import TFMessage
-
-    client.listen("probe/tip/imu", Imu)
-    client.listen("probe/tip", PoseStamped)
-    told: dict[int, dict[str, Any]] = {}
-
-    def hear(message: TFMessage) -> None:
-        for each in message.transforms:
-            told.setdefault(to_nanoseconds(each.header.stamp), {})[each.child_frame_id] = each.transform
-
-    client.node.create_subscription(TFMessage, "/tf", hear, 100)
-    launch(**_DROP, clock="lockstep", dt=0.002)
-    client.advance(10)
-    client.wait(lambda: len(client.received["probe/tip/imu"]) == 11 and len(client.received["probe/tip"]) == 11)
-    reading, probe = client.last("probe/tip/imu"), client.last("probe/tip")
-    frame = client.wait(lambda: told.get(to_nanoseconds(reading.header.stamp), {}).get("tip_imu"))
-    assert frame.rotation == reading.orientation
-    assert _vector(frame.translation) == _vector(probe.pose.position)
-
-
-def _vector(value: Any) -> list[float]:
-    return [value.x, value.y, value.z]
+    assert vector(told.linear_acceleration) == list(expected.linear_acceleration)
+    assert vector(told.angular_velocity) == list(expected.angular_velocity)
+    assert [*vector(told.orientation), told.orientation.w] == list(expected.orientation.as_quat())
+    probe = client.arrived("probe/tip", told.header.stamp)
+    frame = client.wait(lambda: tree.told[to_nanoseconds(told.header.stamp)].get("tip_imu")).transform
+    assert frame.rotation == told.orientation
+    assert vector(frame.translation) == vector(probe.pose.position)
 
 
 def test_a_body_in_motion_is_stepped_until_it_rests(client: Any, start: Callable) -> None:
@@ -146,17 +122,21 @@ def test_a_bag_begun_in_flight_replays(client: Any, start: Callable, replays: Ca
     process = start(**_DROP, deadline=0.004, bag_path=str(tmp_path / "bag"))
     client.wait(lambda: client.record().energies["kinetic"] > 1e-3)
     client.switch("record", True)
+    assert "already" in client.call(SetBool, "record", SetBool.Request(data=True)).message
+    assert client.set(**{"materials.rubber.young": 3e4})[0].reason.startswith("a bag is being written")
     count = client.record().step
     client.wait(lambda: client.record().step > count + 50)
     process.stop()
     assert {"velocity", "probe/tip/imu", "probe/tip", "mesh", "strain", "step_record"} <= {
         topic for topic, _ in replays(tmp_path / "bag")
     }
+    begins = [record.begin for record in BagRun(tmp_path / "bag").records]
+    assert begins == [Begin.LOADED] + (len(begins) - 1) * [Begin.LAST]
 
 
 def test_a_saved_motion_goes_on_as_it_was(client: Any, launch: Callable, tmp_path: Path) -> None:
     """A motion saved and loaded repeats the same bits; after a reset the body starts undeformed and falls again."""
-    launch(**_DROP, clock="lockstep", state_path=str(tmp_path / "state"))
+    launch(**_DROP, clock="lockstep", state_path=str(tmp_path / "folder" / "state"))
     client.advance(5)
     client.trigger("save_state")
     client.advance(5)
@@ -168,9 +148,10 @@ def test_a_saved_motion_goes_on_as_it_was(client: Any, launch: Callable, tmp_pat
     records, meshes = client.records(), client.meshes()
     assert [records[place].begin for place in (11, 17)] == [Begin.LOADED, Begin.REST]
     for again, first in (*zip(range(11, 17), range(5, 11), strict=True), *zip(range(17, 23), range(6), strict=True)):
+        assert records[again].time == records[first].time
         assert records[again].energies == records[first].energies
         assert np.array_equal(meshes[again], meshes[first])
-    assert records[17].energies["kinetic"] == 0.0
+    assert (records[17].time, records[17].energies["kinetic"]) == (0.0, 0.0)
 
 
 def test_a_command_after_a_rest_acts_in_one_step(client: Any, launch: Callable) -> None:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 import trimesh
-from geometry_msgs.msg import PoseStamped, TransformStamped, TwistStamped, WrenchStamped
+from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from scipy.spatial.transform import Rotation
 from std_msgs.msg import Header, String
@@ -19,13 +19,12 @@ from std_msgs.msg import Header, String
 from gdfe_ros.analysis.bag_run import BagRun
 from gdfe_ros.cli import main
 from gdfe_ros.constraints import Pose
-from gdfe_ros.errors import CommandError, GdfeError
+from gdfe_ros.errors import CommandError
 from gdfe_ros.node.messages import pose_stamped
-from gdfe_ros.node.run import leaders_of
 from gdfe_ros.results.contacts import contact_names
-from gdfe_ros.scene.loader import load_scene
 from gdfe_ros.simulation import Command
 from gdfe_ros.testing import Simulator
+from test.node.conftest import Tree, vector
 
 _QOS = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 CUBE = """
@@ -113,44 +112,21 @@ def test_wrong_commands_to_obstacles_are_refused(client: Any, start: Callable, c
     assert len(client.records()) == 1
 
 
-def test_wrong_leaders_of_obstacles_are_refused(cube: str) -> None:
-    """A fixed obstacle and a rigid body cannot follow, and the error has a remedy."""
-    with pytest.raises(
-        GdfeError, match="obstacle 'wall' is fixed in the scene and takes no commands; remedy: put obstacles"
-    ):
-        leaders_of(["wall=topic:/x"], load_scene(cube), listening=False)
-
-
-def test_an_obstacle_has_frames_and_follows_one(client: Any, start: Callable, interfaces: Callable, cube: str) -> None:
+def test_an_obstacle_has_frames_and_follows_one(client: Any, start: Callable, tree: Tree, cube: str) -> None:
     """An obstacle has frames on TF and follows a frame, also after a reset."""
-    interfaces("tf2_msgs")
-    from tf2_msgs.msg import TFMessage
-
-    heard, poses = {}, client.listen("obstacles/ball/pose", PoseStamped)
-
-    def listen(message: Any) -> None:
-        heard.update({each.child_frame_id: each.transform for each in message.transforms})
-
-    client.node.create_subscription(TFMessage, "/tf", listen, 100)
-    client.node.create_subscription(TFMessage, "/tf_static", listen, _QOS)
-    teller = client.node.create_publisher(TFMessage, "/tf", 100)
+    heard, poses = tree.heard, client.listen("obstacles/ball/pose", PoseStamped)
     process = start(scene=cube, follow=["ball=frame:tool0"])
     client.wait(lambda: "ball_rest" in heard and "ball" in heard)
     assert {"ball", "ball_rest", "ball_centre", "wall", "wall_rest", "wall_centre", "top", "pad_sensor"} <= set(heard)
     np.testing.assert_allclose(_origin(heard["pad_sensor"]), [0.025, 0.0, -0.05], atol=1e-9)
     assert _origin(heard["ball_rest"]) == [0.05, 0.0, -0.1]
-    transform = TransformStamped(child_frame_id="tool0")
-    transform.header.frame_id = "base_link"
-    place = transform.transform.translation
-    place.x, place.y, place.z = 0.05, 0.0, -0.1 + LIFT
-    quaternion = transform.transform.rotation
-    quaternion.x, quaternion.y, quaternion.z, quaternion.w = Rotation.from_rotvec([0.0, 0.2, 0.0]).as_quat()
-    client.wait(lambda: teller.get_subscription_count() >= 2)
-    teller.publish(TFMessage(transforms=[transform]))
+    client.wait(lambda: client.node.count_subscribers("/tf") >= 2)
+    tree.tell("base_link", "tool0", [0.05, 0.0, -0.1 + LIFT], turn=Rotation.from_rotvec([0.0, 0.2, 0.0]))
     client.wait(lambda: poses and poses[-1].pose.position.z == pytest.approx(LIFT))
     client.wait(lambda: _origin(heard["ball"])[2] == pytest.approx(LIFT - 0.1))
-    assert heard["ball"].rotation.y == pytest.approx(np.sin(0.1))
-    assert (heard["ball_centre"].rotation.y, heard["wall"].rotation.w) == (0.0, 1.0)
+    assert heard["ball"].transform.rotation.y == pytest.approx(np.sin(0.1))
+    assert heard["ball_centre"].transform.rotation.y == 0.0
+    assert heard["wall"].transform.rotation.w == 1.0
     client.publish("obstacles/ball/target", _pose())
     client.wait(lambda: client.diagnostics().get("refused: handle follows") == "1")
     assert "obstacle 'ball' follows frame tool0 and takes no commands" in process.log
@@ -172,14 +148,14 @@ def test_a_target_in_the_frame_of_an_obstacle_is_beside_it(
     np.testing.assert_allclose([message.pose.position.z for message in poses], [0, 0.004, 0.008, 0.012], atol=1e-12)
 
 
-def test_every_point_that_touches_is_told(cube: str, tmp_path: Path) -> None:
+def test_every_point_that_touches_is_told(ros: Any, cube: str, tmp_path: Path) -> None:
     """Contact points and forces of an obliquely pressed ball sum to its wrench, and the sensors divide it."""
     names = []
     with Simulator(cube, bag=tmp_path / "bag") as simulator:
-        simulator._node.create_subscription(String, f"{simulator.name}/contact_names", names.append, _QOS)
+        ros.node("listener").create_subscription(String, f"{simulator.name}/contact_names", names.append, _QOS)
         assert not len(simulator.state.contacts)
         state = simulator.step(Command(handles={"ball": Pose((0.004, 0.0, 1.5 * LIFT), (0.0, 0.1, 0.0))}))
-        simulator._wait(lambda: names, "the names of contacts")
+        ros.wait(lambda: names)
     assert json.loads(names[0].data) == ["ball", "wall"]
     points, middle = state.contacts, np.array([0.054, 0.0, 1.5 * LIFT - 0.1])
     assert len(points) >= 2
@@ -281,10 +257,6 @@ def test_a_scene_has_obstacles_and_bodies_but_no_handles(tmp_path: Path, slab: P
     assert set(states[-1].contacts["contact"]) == {0, 1}
     assert -0.002 < states[-1].poses["part"].translation[2] < 0.0
     replays(bag, node=True)
-    with pytest.raises(
-        GdfeError, match=r"body 'part' moves freely and follows no target; remedy: .*make it an obstacle"
-    ):
-        leaders_of(["part=topic:/x"], load_scene(slab), listening=False)
 
 
 def test_a_rigid_body_is_put_by_topic(slab: Path, client: Any, start: Callable) -> None:
@@ -339,4 +311,4 @@ def _vectors(points: np.ndarray, names: Iterable[str]) -> np.ndarray:
 
 
 def _origin(transform: Any) -> list[float]:
-    return [transform.translation.x, transform.translation.y, transform.translation.z]
+    return vector(transform.transform.translation)

@@ -20,22 +20,20 @@ from gdfe_ros.node.command_messages import ActuatorOrders, pose_order, twist_ord
 from gdfe_ros.node.driving.orders import TwistOrder
 from gdfe_ros.node.frames import Frames
 from gdfe_ros.node.refusals import Freshness, Reason, Refusal
-from gdfe_ros.scene import scene_from_text
+from test.written import scene_of
 
 TIP = Handle("tip", np.arange(4, dtype=np.int32))
 FRAMES = Frames("base_link")
 BASE = Handle("base", np.arange(4, dtype=np.int32), fixed=True)
 CABLES = """
-name: cables
 mesh: {bar: {size: [0.1, 0.01, 0.01], cells: [4, 1, 1]}}
 materials: {body: {law: linear, young: 1.0e5, poisson: 0.3}}
-regions: [{material: body}]
 handles: {base: {where: {face: x-}, fixed: true}}
 actuators:
   left: {cable: {points: [[0, 0, 0], [0.1, 0, 0]], command: tension, range: [0.0, 10.0]}}
   right: {cable: {points: [[0, 0, 0], [0.1, 0, 0]], command: length, range: [0.05, 0.2]}}
 """
-ORDERS = ActuatorOrders(scene_from_text(CABLES))
+ORDERS = ActuatorOrders(scene_of(CABLES))
 
 
 def _pose(**changes: float) -> PoseStamped:

@@ -15,6 +15,7 @@ from std_srvs.srv import Trigger
 from gdfe_ros.constraints import Pose
 from gdfe_ros.scene import load_scene
 from gdfe_ros.simulation import Command, Simulation
+from test.written import advance
 
 
 def test_commands_go_back_to_rest_with_the_next_step(
@@ -64,8 +65,7 @@ def test_bodies_go_back_and_the_rest_goes_on(client: Any, launch: Callable, slab
 def test_a_simulation_goes_back_to_its_shape_alone(slab: Path) -> None:
     """After a reset of the shape, a pressed slab is undeformed with its initial load, and the box and time stay."""
     simulation = Simulation(load_scene(slab))
-    for _ in range(10):
-        simulation.step(Command(loads={"weight": 5.0}), dt=0.01)
+    advance(simulation, Command(loads={"weight": 5.0}), dt=0.01, count=10)
     place = simulation.handle_pose("part")
     assert np.abs(simulation.positions - simulation.mesh.vertices).max() > 1e-5
     simulation.step(Command(bodies={"part": Pose((0.0, 0.0, 0.02))}), dt=0.005)

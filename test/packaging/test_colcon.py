@@ -44,14 +44,7 @@ def workspace(
 ) -> Path:
     """Return a built workspace."""
     place = tmp_path_factory.mktemp("workspace")
-    bases = [
-        "--base-paths",
-        source_copy,
-        "--build-base",
-        place / "build",
-        "--install-base",
-        place / "install",
-    ]
+    bases = ["--base-paths", source_copy, "--build-base", place / "build", "--install-base", place / "install"]
     output = run(colcon, "--log-base", place / "log", "build", *bases, *request.param)
     assert "1 package finished" in output
     return place

@@ -43,13 +43,7 @@ def series(make_body: MakeBody, end: End) -> Callable[..., tuple[Body, NDArray[n
     return make
 
 
-def solution(
-    body: Body,
-    base: NDArray[np.float64],
-    *,
-    start: NDArray[np.float64] | None = None,
-    **options,
-) -> Solution:
+def solution(body: Body, base: NDArray[np.float64], *, start: NDArray[np.float64] | None = None, **options) -> Solution:
     """Solve from the undeformed state or ``start`` [m], with the handles' vertices at ``base`` [m]."""
     equilibrium = RelativeEquilibrium(body)
     state = equilibrium.at_rest().with_(positions=body.rest if start is None else start, base=base)

@@ -6,24 +6,22 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from array import array
 from collections.abc import Callable
-from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
-from rosbags.typesys import Stores, get_typestore
+from builtin_interfaces.msg import Time
+from rclpy.serialization import serialize_message
+from sensor_msgs.msg import PointCloud2, PointField
+from std_msgs.msg import Header
 
 from gdfe_ros.recording.bag_info import TopicInfo
 
 ROOT = Path(__file__).parents[2]
 MESH = TopicInfo(name="/gdfe_sim/mesh", type="sensor_msgs/msg/PointCloud2")
 COMMAND = TopicInfo(name="/gdfe_sim/handles/tip/target", type="geometry_msgs/msg/PoseStamped")
-
-
-@cache
-def _store() -> object:
-    return get_typestore(Stores.ROS2_JAZZY)
 
 
 @pytest.fixture
@@ -43,28 +41,12 @@ def make_cloud() -> Callable[..., bytes]:
     """Give a function of (n, 6) float32 values and a stamp [ns] that returns a PointCloud2 in CDR."""
 
     def make(values: np.ndarray, stamp: int = 0) -> bytes:
-        store = _store()
-        kinds = store.types
-        header = kinds["std_msgs/msg/Header"](
-            stamp=kinds["builtin_interfaces/msg/Time"](sec=stamp // 10**9, nanosec=stamp % 10**9),
-            frame_id="world",
-        )
-        fields = [
-            kinds["sensor_msgs/msg/PointField"](name=name, offset=4 * place, datatype=7, count=1)
-            for place, name in enumerate(("x", "y", "z", "ux", "uy", "uz"))
-        ]
-        cloud = kinds[MESH.type](
-            header=header,
-            height=1,
-            width=len(values),
-            fields=fields,
-            is_bigendian=False,
-            point_step=24,
-            row_step=24 * len(values),
-            data=np.frombuffer(values.astype("<f4").tobytes(), np.uint8),
-            is_dense=True,
-        )
-        return bytes(store.serialize_cdr(cloud, MESH.type))
+        names = ("x", "y", "z", "ux", "uy", "uz")
+        cloud = PointCloud2(height=1, width=len(values), point_step=24, row_step=24 * len(values), is_dense=True)
+        cloud.header = Header(stamp=Time(sec=stamp // 10**9, nanosec=stamp % 10**9), frame_id="world")
+        cloud.fields = [PointField(name=name, offset=4 * k, datatype=7, count=1) for k, name in enumerate(names)]
+        cloud.data = array("B", values.astype("<f4").tobytes())
+        return serialize_message(cloud)
 
     return make
 

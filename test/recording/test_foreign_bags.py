@@ -7,7 +7,6 @@ import shutil
 import struct
 from collections.abc import Iterator
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -104,13 +103,7 @@ class Maker:
 
 
 def write(
-    path: Path,
-    messages: Any,
-    maker: Maker,
-    *,
-    storage: StoragePlugin | None,
-    mode: Any = None,
-    version: int = 9,
+    path: Path, messages: Any, maker: Maker, *, storage: StoragePlugin | None, mode: Any = None, version: int = 9
 ) -> Path:
     """Write a bag by rosbags; without a storage, a ROS 1 bag. Return its path."""
     if storage is None:
@@ -365,7 +358,7 @@ def test_a_type_without_definition_is_named(tmp_path: Path, monkeypatch: pytest.
     with pytest.raises(RecordingError, match="has no definition of my_msgs/msg/X; remedy: record it again"):
         bag.decoder()("my_msgs/msg/X", b"")
     assert isinstance(open_bag(make(tmp_path / "other", rows, "MCAP")), BagReader)
-    assert SimpleNamespace(run=bag.run).run is None
+    assert bag.run is None
 
 
 def test_definitions_of_idl_files_are_read() -> None:

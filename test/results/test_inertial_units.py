@@ -15,7 +15,7 @@ from gdfe_ros.errors import CommandError
 from gdfe_ros.mesh.cells.operators import shape_operators
 from gdfe_ros.results.inertial_units import imu_reading
 from test.solver.motion.conftest import BAR
-from test.written import simulate
+from test.written import advance, simulate
 
 moving = partial(simulate, BAR)
 WEIGHT = {"weight": {"gravity": [0.0, 0.0, -9.81]}}
@@ -26,8 +26,7 @@ PROBES = {"tip": [0.1, 0.0, 0.0], "side": [0.07, 0.01, 0.01]}
 def test_a_falling_body_reads_nothing() -> None:
     """Units of a freely flying body read no acceleration and no angular velocity, at any velocity."""
     falling = moving(handles={}, loads=WEIGHT, probes=PROBES, dynamics__velocity=[1.0, -2.0, 3.0])
-    for _ in range(5):
-        falling.step()
+    advance(falling, count=5)
     for reading in falling.imus().values():
         np.testing.assert_allclose(reading.linear_acceleration, 0.0, atol=1e-8)
         np.testing.assert_allclose(reading.angular_velocity, 0.0, atol=1e-9)
@@ -52,8 +51,7 @@ def test_a_spinning_body_reads_its_turn_and_what_keeps_it_on_its_circle() -> Non
     """Units of a spinning stiff body read the angular velocity about its axis, and omega^2 r toward the centre."""
     motion = {"dynamics__spin": [0.0, 0.0, 20.0], "dynamics__step": 0.0005, "dynamics__scheme": "bdf2"}
     spinning = moving(handles={}, probes=PROBES, materials__rubber__young=1.0e8, **motion)
-    for _ in range(200):
-        spinning.step()
+    advance(spinning, count=200)
     centre = spinning.mesh.vertices.mean(axis=0)
     for name, reading in spinning.imus().items():
         turned = reading.orientation.as_rotvec()

@@ -64,10 +64,7 @@ def test_mass_and_density_agree(folder: Path) -> None:
 
 @pytest.mark.parametrize(
     ("form", "surface"),
-    [
-        (Sphere(0.02), trimesh.creation.icosphere(subdivisions=5, radius=0.02)),
-        (Capsule(0.01, 0.03), stretched(0.03)),
-    ],
+    [(Sphere(0.02), trimesh.creation.icosphere(subdivisions=5, radius=0.02)), (Capsule(0.01, 0.03), stretched(0.03))],
     ids=["sphere", "capsule"],
 )
 def test_closed_forms_agree_with_fine_surfaces(form: Form, surface: trimesh.Trimesh) -> None:

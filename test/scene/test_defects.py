@@ -74,32 +74,16 @@ def test_ten_defects_are_named_in_one_message() -> None:
 @pytest.mark.parametrize(
     ("old", "new", "expected"),
     [
-        (
-            "face: x-",
-            "face: xmin",
-            r"handles.base.where.face = 'xmin' \(line 11\): not known.*allowed: x-, x\+",
-        ),
-        (
-            "{face: x-}, fixed",
-            "{face: x-, box: {x: [0, 1]}}, fixed",
-            "give exactly one of face, .*given: face, box",
-        ),
+        ("face: x-", "face: xmin", r"handles.base.where.face = 'xmin' \(line 11\): not known.*allowed: x-, x\+"),
+        ("{face: x-}, fixed", "{face: x-, box: {x: [0, 1]}}, fixed", "give exactly one of face, .*given: face, box"),
         ("{face: x-}, fixed: true", "{face: x-}, fixed: true, free: [y]", "exclude each other"),
         ("policy: energy", "policy: relative, torsion: section", "relative has no hourglass energy; leave it out"),
         ("box: {x: [0.1, 0.2]}", "box: {}", "give at least one axis"),
         ("box: {x: [0.1, 0.2]}", "box: {x: [0.2, 0.1]}", "in ascending order"),
-        (
-            "box: {x: [0.1, 0.2]}",
-            "box: {x: [0.3, 0.4]}",
-            r"no cell is there; the mesh spans x 0 to 0.2, .*centroids",
-        ),
+        ("box: {x: [0.1, 0.2]}", "box: {x: [0.3, 0.4]}", r"no cell is there; the mesh spans x 0 to 0.2, .*centroids"),
         ("face: x-", "vertices: [0, 45]", "vertex ids \\[45\\] do not exist; allowed: 0 to 44"),
         ("face: x-", "set: grip", "set 'grip' does not exist; the mesh has no sets"),
-        (
-            "{material: soft}",
-            "{material: soft, where: {face: x-}}",
-            "4 cells have no material: 1, 5, 9, 13; remedy",
-        ),
+        ("{material: soft}", "{material: soft, where: {face: x-}}", "4 cells have no material: 1, 5, 9, 13; remedy"),
         (
             "face: x+",
             "box: {x: [0, 0.2]}",
@@ -114,11 +98,7 @@ def test_ten_defects_are_named_in_one_message() -> None:
         ("mu: [1.0e6]", "mu: [1.0e6, 2.0e6]", "equal length"),
         ("mu: [1.0e6]", "mu: [-1.0e6]", "sum of mu"),
         ("young: 1e5", "young: .nan", "finite"),
-        (
-            "young: 1e5, ",
-            "",
-            r"materials.soft.young \(line 5\): is missing; needed is a number: 0 < Young's modulus",
-        ),
+        ("young: 1e5, ", "", r"materials.soft.young \(line 5\): is missing; needed is a number: 0 < Young's modulus"),
         ("law: linear, ", "", "materials.soft.law .*is missing; allowed: linear, neo_hookean, curve, ogden"),
         ("law: linear, young: 1e5", "preset: ninja", "not known; did you mean 'ninjaflex'"),
         ("law: linear, young: 1e5", "law: curve", "give exactly one of: coefficients, csv, or strain"),

@@ -3,8 +3,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from pathlib import Path
 from time import process_time
 from typing import Any
@@ -27,12 +25,7 @@ def assert_same(one: Scene, two: Scene) -> None:
     assert list(one.materials) == list(two.materials)
     assert (one.name, one.program, one.solver) == (two.name, two.program, two.solver)
     for a, b in zip(one.handles, two.handles, strict=True):
-        assert (a.name, a.fixed, a.free, a.vertices.tolist()) == (
-            b.name,
-            b.fixed,
-            b.free,
-            b.vertices.tolist(),
-        )
+        assert (a.name, a.fixed, a.free, a.vertices.tolist()) == (b.name, b.fixed, b.free, b.vertices.tolist())
 
 
 @pytest.mark.parametrize("name", scene_names())
@@ -185,12 +178,3 @@ def test_loading_is_quick() -> None:
         load_scene("bend5")
         times.append(process_time() - start)
     assert min(times) < 0.05
-
-
-def test_importing_scenes_is_light() -> None:
-    """In a fresh process, gdfe_ros.scene imports no ROS, plotting or data-frame library."""
-    heavy = "rclpy pandas pyvista matplotlib numba meshio trimesh"
-    code = f"import sys, gdfe_ros.scene; print([m for m in '{heavy}'.split() if m in sys.modules])"
-    root = Path(__file__).resolve().parents[2]
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=root, check=True)
-    assert done.stdout.strip() == "[]"

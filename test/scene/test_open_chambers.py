@@ -11,15 +11,12 @@ from gdfe_ros.errors import SceneError
 from gdfe_ros.mesh import bar
 from gdfe_ros.mesh.files.stored_mesh import pack_mesh
 from gdfe_ros.mesh.tetmesh import divided
-from gdfe_ros.scene import scene_from_text
-from test.written import advance
+from test.written import advance, scene_of
 
 BOX = """
-name: box
 mesh: {bar: {size: [0.05, 0.05, 0.03], cells: [5, 5, 3], cut: [{box: {x: [0.01, 0.04], y: [-0.015, 0.015],
   z: [-0.005, 0.005]}}]}}
 materials: {m: {law: neo_hookean, young: 1.0e5, poisson: 0.45, density: 1000}}
-regions: [{material: m}]
 handles:
   rim:
     where:
@@ -38,7 +35,7 @@ KINDS = {
 
 
 def _simulation(chamber: str, kind: str = "hexahedra") -> Simulation:
-    return Simulation(scene_from_text(KINDS[kind](BOX.replace("CHAMBER", chamber))))
+    return Simulation(scene_of(KINDS[kind](BOX.replace("CHAMBER", chamber))))
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -78,7 +75,7 @@ def test_tetrahedra_bulge_as_hexahedra() -> None:
     heights = []
     plate = bar([0.08, 0.08, 0.004], [8, 8, 1])
     for mesh in (plate, divided(plate)):
-        simulation = Simulation(scene_from_text(f"{text}mesh: {{embedded: {pack_mesh(mesh)}}}\n"))
+        simulation = Simulation(scene_of(f"{text}mesh: {{embedded: {pack_mesh(mesh)}}}\n"))
         assert simulation.commands["air"] == 0.0
         result = advance(simulation, Command(actuators={"air": 1e3}))
         np.testing.assert_allclose(result.reactions["rim"][:3], 0.0, atol=1e-2)  # the plate and the rim are one
@@ -90,7 +87,7 @@ def test_tetrahedra_bulge_as_hexahedra() -> None:
 def test_an_edge_beside_the_handles_leaks() -> None:
     """An open edge that no handle holds, or that leads from one handle to another, is named with its place."""
     with pytest.raises(SceneError, match=r"leak at 3 edges.*hold each open end by one handle"):
-        scene_from_text(BOX.replace("CHAMBER", LID).replace("{box: {x: [-1, 0.01]}}, ", ""))
+        scene_of(BOX.replace("CHAMBER", LID).replace("{box: {x: [-1, 0.01]}}, ", ""))
     text = BOX.replace("CHAMBER", LID).replace("{box: {x: [-1, 0.01]}}, ", "")
     with pytest.raises(SceneError, match=r"leak at \d+ edges.*hold each open end by one handle"):
-        scene_from_text(text.replace("probes:", "  left: {where: {box: {x: [-1, 0.01], z: [0.004, 1]}}}\nprobes:"))
+        scene_of(text.replace("probes:", "  left: {where: {box: {x: [-1, 0.01], z: [0.004, 1]}}}\nprobes:"))

@@ -19,8 +19,7 @@ def _frame(time: float, pose: Pose) -> Keyframe:
 UP = Pose((0.0, 0.0, 0.2), (4.0, 0.0, 0.0))
 BACK = Pose((0.1, 0.0, 0.0))
 PROGRAM = Program(
-    duration=5.0,
-    handles={"tip": (_frame(0.0, Pose()), _frame(2.0, UP), _frame(3.0, BACK)), "late": (_frame(4.0, UP),)},
+    duration=5.0, handles={"tip": (_frame(0.0, Pose()), _frame(2.0, UP), _frame(3.0, BACK)), "late": (_frame(4.0, UP),)}
 )
 
 

@@ -12,21 +12,17 @@ from gdfe_ros import Command, Pose, Simulation, load_scene
 from gdfe_ros.mesh import bar
 from gdfe_ros.mesh.files.stored_mesh import pack_mesh
 from gdfe_ros.mesh.tetmesh import divided
-from gdfe_ros.scene import scene_from_text
+from test.written import scene_of
 
 BLOCK = """
-name: slope
 mesh: {bar: {size: [0.04, 0.04, 0.02], cells: [3, 3, 2]}}
 materials: {m: {law: neo_hookean, young: 1.0e5, poisson: 0.3, density: 1000}}
-regions: [{material: m}]
 handles: {}
 obstacles: {floor: {plane: [0, 0, 1], at: [0, 0, -0.01], friction: 0.38}}
 """
 SPHERE = """
-name: ball
 mesh: {sphere: {inner: INNER, outer: 0.02, cells: CELLS}}
 materials: {m: {law: linear, young: 1.0e5, poisson: 0.3, density: 1000}}
-regions: [{material: m}]
 handles: {pin: {where: {vertices: [0, 1, 2]}, fixed: true}}
 actuators: {fill: {chamber: {near: [0, 0, 0], command: pressure}}}
 """
@@ -37,7 +33,7 @@ def _slope(scheme: str, friction: float = 0.38) -> Simulation:
     turn = math.radians(20.0)
     pull = [9.81 * math.sin(turn), 0.0, -9.81 * math.cos(turn)]
     text = BLOCK.replace("0.38", str(friction))
-    return Simulation(scene_from_text(f"{text}loads: {{weight: {{gravity: {pull}}}}}\ndynamics: {{{scheme}}}\n"))
+    return Simulation(scene_of(f"{text}loads: {{weight: {{gravity: {pull}}}}}\ndynamics: {{{scheme}}}\n"))
 
 
 def _slid(simulation: Simulation) -> float:
@@ -68,11 +64,9 @@ def test_schemes_that_slide_where_friction_holds_are_remarked(scheme: str, told:
 def _pressed(cells: int) -> Simulation:
     size, across = 0.06, 6 * cells
     return Simulation(
-        scene_from_text(f"""
-name: press
+        scene_of(f"""
 mesh: {{bar: {{size: [{size}, {size}, {0.5 * size}], cells: [{across}, {across}, {across // 2}]}}}}
 materials: {{m: {{law: neo_hookean, young: 1.0e5, poisson: 0.3}}}}
-regions: [{{material: m}}]
 handles: {{base: {{where: {{face: z-}}, fixed: true}}}}
 obstacles: {{ball: {{sphere: {{radius: 0.01}}, at: [{0.5 * size}, 0, {0.25 * size + 0.010001}]}}}}
 """)
@@ -98,7 +92,7 @@ def test_a_ball_of_few_cells_is_remarked(cells: int, told: bool) -> None:
 )
 def test_a_thick_ball_of_few_cells_is_remarked(inner: float, cells: list[int], told: bool) -> None:
     """For inflated hollow balls, the cavity's growth is Lame's within 4 % where there is no remark."""
-    simulation = Simulation(scene_from_text(SPHERE.replace("INNER", str(inner)).replace("CELLS", str(cells))))
+    simulation = Simulation(scene_of(SPHERE.replace("INNER", str(inner)).replace("CELLS", str(cells))))
     notes = [text for text in simulation.remarks() if "actuators 'fill': the cells around it are" in text]
     assert bool(notes) is told
     before, pressure = simulation.actuator_states()["fill"].extent, 200.0
@@ -113,11 +107,9 @@ def test_a_thin_strip_of_flat_tetrahedra_is_remarked(cells: int, told: bool) -> 
     """For a clamped strip of one layer under pressure, the deflection is right within 6 % where there is no remark."""
     mesh = divided(bar([0.02, 0.005, 0.001], [cells, max(1, round(cells / 4)), 1]))
     simulation = Simulation(
-        scene_from_text(f"""
-name: strip
+        scene_of(f"""
 mesh: {{embedded: {pack_mesh(mesh)}}}
 materials: {{m: {{law: neo_hookean, young: 1.0e6, poisson: 0.45}}}}
-regions: [{{material: m}}]
 handles: {{a: {{where: {{face: x-}}, fixed: true}}, b: {{where: {{face: x+}}, fixed: true}}}}
 loads: {{push: {{surface: {{where: {{face: z-}}, traction: [0, 0, 20.0]}}}}}}
 solver: {{tolerance: 1.0e-6}}

@@ -34,7 +34,6 @@ loads: {{weight: {{gravity: [0, {9.81 * np.sin(SLOPE)}, {-9.81 * np.cos(SLOPE)}]
 dynamics: {{scheme: bdf2, step: 0.01}}
 """
 HELD = "{top: {where: {box: {z: [0.0065, 1]}}}}"
-CONTACT = "skin: {file: rod.stl, contact: true}"
 
 
 @pytest.fixture

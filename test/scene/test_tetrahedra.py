@@ -9,7 +9,6 @@ from typing import Any
 import meshio
 import numpy as np
 import pytest
-import yaml
 
 from gdfe_ros.command import Command
 from gdfe_ros.constraints import Pose
@@ -23,23 +22,25 @@ from gdfe_ros.scene.loader import scene_from_text
 from gdfe_ros.scene.solvable import remarks
 from gdfe_ros.simulation import Simulation
 from gdfe_ros.solver.settings import Policy
+from test import written
 from test.written import advance
 
 YOUNG = 1e5
 SLAB = bar([0.1, 0.1, 0.04], [3, 3, 1])
 
 
+RUBBER = f"materials: {{rubber: {{law: neo_hookean, young: {YOUNG}, poisson: 0.0, density: 1000}}}}\n"
+TWO = f"""{RUBBER}
+handles: {{base: {{where: {{mesh: low, face: z-}}, fixed: true}}, top: {{where: {{mesh: high, face: z+}}}}}}
+self_contact: {{}}
+solver: {{tolerance: 1.0e-5}}
+"""
+
+
 def scene_of(mesh: HexMesh | TetMesh, **entries: Any) -> Any:
     """Return a scene of one rubber body with further entries."""
-    text = {
-        "name": "tets",
-        "mesh": {"embedded": pack_mesh(mesh)},
-        "materials": {"rubber": {"law": "neo_hookean", "young": YOUNG, "poisson": 0.0, "density": 1000}},
-        "regions": [{"material": "rubber"}],
-        "handles": {"base": {"where": {"face": "z-"}, "fixed": True}},
-        **entries,
-    }
-    return scene_from_text(yaml.safe_dump(text))
+    base = {"base": {"where": {"face": "z-"}, "fixed": True}}
+    return written.scene_of(RUBBER, {"mesh": {"embedded": pack_mesh(mesh)}, "handles": base, **entries})
 
 
 def test_a_plate_presses_evenly() -> None:
@@ -90,8 +91,7 @@ def test_a_body_falls_as_it_should() -> None:
     dynamics = {"scheme": "newmark", "step": 0.01, "damping": {"viscosity": 50.0}}
     loads = {"weight": {"gravity": [0, 0, -9.81]}}
     simulation = Simulation(scene_of(mesh, handles={}, dynamics=dynamics, loads=loads))
-    for _ in range(10):
-        result = simulation.step(Command(loads={"weight": 1.0}))
+    result = advance(simulation, Command(loads={"weight": 1.0}), count=10)
     drop = (mesh.vertices - result.positions)[:, 2]
     np.testing.assert_allclose(drop, 0.5 * 9.81 * 0.1**2, rtol=1e-4)
 
@@ -121,19 +121,7 @@ def test_what_tetrahedra_lack_is_refused() -> None:
 
 def _two(low: dict[str, Any], high: dict[str, Any], **entries: Any) -> Scene:
     """Return a scene of two bodies, one above the other, that touch."""
-    text = {
-        "name": "two",
-        "meshes": {"low": low, "high": high},
-        "materials": {"rubber": {"law": "neo_hookean", "young": YOUNG, "poisson": 0.0, "density": 1000}},
-        "regions": [{"material": "rubber"}],
-        "handles": {
-            "base": {"where": {"mesh": "low", "face": "z-"}, "fixed": True},
-            "top": {"where": {"mesh": "high", "face": "z+"}},
-        },
-        "self_contact": {},
-        "solver": {"tolerance": 1e-5},
-    }
-    return scene_from_text(yaml.safe_dump({**text, **entries}))
+    return written.scene_of(TWO, {"meshes": {"low": low, "high": high}, **entries})
 
 
 GAP = 1e-4

@@ -10,16 +10,13 @@ from scipy.spatial.transform import Rotation
 from gdfe_ros import Command, Pose, Simulation, load_scene
 from gdfe_ros.checkpoint import load_state, save_state
 from gdfe_ros.errors import CommandError, OverlapError, SceneError
-from gdfe_ros.scene.loader import scene_from_text
 from gdfe_ros.simulation_parts.soft_places import fit_rigidly
 from gdfe_ros.solver.motion.inertia import mass_matrix
-from test.written import advance
+from test.written import advance, scene_of
 
 CUSHION = """
-name: cushion
 mesh: {bar: {size: [0.1, 0.1, 0.04], cells: [5, 5, 2]}}
 materials: {soft: {law: neo_hookean, young: 1.0e5, poisson: 0.4, density: 1000}}
-regions: [{material: soft}]
 handles: {base: {where: {face: z-}, fixed: true}}
 loads: {weight: {gravity: [0, 0, -9.81]}}
 bodies: {part: {box: {size: [0.04, 0.03, 0.02]}, density: 1500, at: [0.05, 0.0, 0.031], friction: 0.5}}
@@ -31,7 +28,7 @@ FAR = Pose((0.5, 0.1, 2.0), (0.1, 0.2, 0.3))
 
 def cushion(scheme: str = "bdf2", steps: int = 40) -> Simulation:
     """Return a box after some steps on a soft cushion."""
-    simulation = Simulation(scene_from_text(CUSHION, overrides={"dynamics.scheme": scheme}))
+    simulation = Simulation(scene_of(CUSHION, overrides={"dynamics.scheme": scheme}))
     advance(simulation, count=steps)
     return simulation
 
@@ -101,8 +98,8 @@ def test_wrong_places_are_refused() -> None:
     simulation = cushion(steps=3)
     before = simulation.handle_pose("part")
     for bodies, match in (
-        ({"prt": Pose()}, "no free body 'prt' in scene 'cushion'; bodies: part"),
-        ({"base": Pose()}, "no free body 'base' in scene 'cushion'; bodies: part"),
+        ({"prt": Pose()}, "no free body 'prt' in scene 'body'; bodies: part"),
+        ({"base": Pose()}, "no free body 'base' in scene 'body'; bodies: part"),
         ({"part": (0, 0, 1)}, r"body 'part': the pose is \(0, 0, 1\); allowed: a Pose"),
         ({"part": Pose((0.0, 0.0, 1e4))}, "body 'part' is put .* body lengths and 0 turns away; at most 1000"),
     ):
@@ -118,7 +115,7 @@ def test_what_would_be_put_into_something_is_refused() -> None:
     wall, ball = {"box": {"size": [0.01, 0.2, 0.2]}, "at": [0.2, 0.0, 0.0]}, {"sphere": {"radius": 0.002}}
     other = {"box": {"size": [0.02, 0.02, 0.02]}, "density": 1000, "at": [0.05, 0.0, 0.1]}
     more = {"obstacles": {"wall": wall, "ball": {**ball, "at": [-0.1, 0.0, 0.0]}}, "bodies.other": other}
-    simulation = Simulation(scene_from_text(CUSHION, overrides=more))
+    simulation = Simulation(scene_of(CUSHION, overrides=more))
     advance(simulation, count=3)
     before, time, tolerance = simulation.handle_pose("part"), simulation.time, " m inside of "
     for pose, match in (
@@ -142,7 +139,7 @@ def test_what_would_be_put_into_something_is_refused() -> None:
 def test_a_box_smaller_than_a_cell_is_not_put_between_vertices() -> None:
     """A box smaller than a cell is refused inside the cushion, though it contains no vertex, and accepted beside it."""
     small = {"bodies.part.box.size": [0.008, 0.006, 0.006], "bodies.part.at": [0.05, 0.0, 0.05]}
-    simulation = Simulation(scene_from_text(CUSHION, overrides=small))
+    simulation = Simulation(scene_of(CUSHION, overrides=small))
     with pytest.raises(OverlapError, match="inside of the soft body, between vertices of its surface; remedy"):
         simulation.step(Command(bodies={"part": Pose((0.0, 0.0, -0.04))}))
     assert simulation.step(Command(bodies={"part": Pose((0.0, 0.0, -0.026))})).converged
@@ -164,16 +161,14 @@ def test_bodies_that_begin_inside_of_something_are_refused() -> None:
     ):
         if depth:
             with pytest.raises(SceneError, match=depth):
-                scene_from_text(CUSHION, overrides=more)
+                scene_of(CUSHION, overrides=more)
         else:
-            scene_from_text(CUSHION, overrides=more)
+            scene_of(CUSHION, overrides=more)
 
 
 SOFT = """
-name: gel
 mesh: {bar: {size: [0.1, 0.02, 0.02], cells: [4, 1, 1]}}
 materials: {soft: {law: neo_hookean, young: 1.0e5, poisson: 0.45, density: 1000}}
-regions: [{material: soft}]
 handles: {base: {where: {face: x-}, fixed: true}}
 obstacles: {floor: {plane: [0, 0, 1], at: [0, 0, -0.2]}}
 loads: {weight: {gravity: [0, 0, -9.81]}}
@@ -187,7 +182,7 @@ soft_bodies:
 
 def pressed() -> tuple[Simulation, slice]:
     """Return a soft cube while it is pressed against the floor after a fall, and its vertices."""
-    simulation = Simulation(scene_from_text(SOFT))
+    simulation = Simulation(scene_of(SOFT))
     advance(simulation, count=40)
     first = simulation.scene.mesh.parts["gel"].first_vertex
     return simulation, slice(first, first + 27)

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from gdfe_ros.materials import Curve, CurveData, Law, Linear, Material, NeoHooke
 from gdfe_ros.mesh import HexMesh, bar
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.settings import Torsion
+from gdfe_ros.solver.solution import Increment, Solution
 
 LAWS: dict[str, Material] = {
     "linear": Linear(young=1e5, poisson=0.3),
@@ -96,3 +98,9 @@ def boundary() -> Callable[[HexMesh], Handle]:
         return Handle("surface", np.unique(mesh.surface()).astype(np.int32))
 
     return handle
+
+
+def solve(equilibrium: Any, start: NDArray[np.float64], base: NDArray[np.float64], **options: Any) -> Solution:
+    """Solve from ``start`` [m] with the handles' vertices at ``base`` [m]."""
+    state = equilibrium.at_rest().with_(positions=start, base=base)
+    return equilibrium.solve(Increment.at(state, **{"tolerance": 1e-6, "limit": 2000, **options}), state)

@@ -16,7 +16,7 @@ from gdfe_ros.paper.relative import RelativeEquilibrium
 from gdfe_ros.results.element_fields import element_fields
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.equilibrium.energy import EquilibriumSolver
-from gdfe_ros.solver.solution import Increment, Solution
+from test.solver.conftest import solve
 
 MakeBody = Callable[..., Body]
 Equilibrium = EquilibriumSolver | RelativeEquilibrium
@@ -27,14 +27,6 @@ FIELDS = {
     "all": np.array([[1.2, 0.3, -0.1], [0.1, 0.9, 0.2], [-0.2, 0.1, 1.05]]),
     "turned": np.array([[0.0, -1.2, 0.1], [0.9, 0.1, 0.2], [0.0, 0.1, 1.0]]),
 }
-
-
-def solve(
-    equilibrium: Equilibrium, start: NDArray[np.float64], base: NDArray[np.float64], *, tolerance: float
-) -> Solution:
-    """Solve from ``start`` [m] with the handles' vertices at ``base`` [m]."""
-    state = equilibrium.at_rest().with_(positions=start, base=base)
-    return equilibrium.solve(Increment.at(state, tolerance=tolerance, limit=2000), state)
 
 
 @pytest.fixture(params=FIELDS.values(), ids=FIELDS)

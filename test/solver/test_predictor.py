@@ -85,31 +85,6 @@ def bent(amount: float) -> NDArray[np.float64]:
     return x
 
 
-def test_first_step_spreads_the_handles_motion(predictor: Predictor, unknowns: Unknowns, rest: State) -> None:
-    """From the undeformed state, a lifted tip lifts every free vertex by less than the tip."""
-    found = predictor.predict(rest, lifted(0.1), NO_COMMANDS)
-    assert found.ratio == 0.0
-    rise = (found.state.positions - REST)[unknowns.free, 2]
-    assert ((rise > 0.0) & (rise < 0.1)).all()
-
-
-def turned(angle: float) -> NDArray[np.float64]:
-    """Return positions with the tip turned about the x axis and raised."""
-    x = REST.copy()
-    rows = REST[:, 0] > 0.39
-    x[rows] = Rotation.from_rotvec([angle, 0.0, 0.0]).apply(REST[rows]) + np.array([0.0, 0.0, 0.1])
-    return x
-
-
-def test_a_turned_tip_turns_every_section(predictor: Predictor, unknowns: Unknowns, rest: State) -> None:
-    """By the harmonic share of its angle, at full width; along chords, the middle section would shrink by 0.7."""
-    found = predictor.predict(rest, turned(np.pi / 2.0), NO_COMMANDS).state.positions
-    for x in (0.1, 0.2, 0.3):
-        rows = np.abs(REST[:, 0] - x) < 1e-9
-        here, there = (place[rows] - place[rows].mean(axis=0) for place in (REST, found))
-        assert there == pytest.approx(Rotation.from_rotvec([x / 0.4 * np.pi / 2.0, 0.0, 0.0]).apply(here), abs=2e-4)
-
-
 @pytest.mark.parametrize("angle", [2.0, np.pi])
 def test_handles_that_turn_together_turn_the_body(predictor: Predictor, rest: State, angle: float) -> None:
     """A motion that is common to all handles moves the body rigidly, also where rounding decides its sense."""
@@ -159,14 +134,6 @@ def test_a_screw_follows_its_rigid_motion(turn: tuple[float, float, float]) -> N
     screws = np.tile(find_screw(REST, moved, np.zeros(3)), (len(REST), 1))
     assert follow_screws(screws, REST) == pytest.approx(moved, abs=1e-12)
     assert follow_screws(0.5 * screws, follow_screws(0.5 * screws, REST)) == pytest.approx(moved, abs=1e-12)
-
-
-def test_a_pure_rotation_moves_points_on_circles() -> None:
-    """Half of a rotation about an axis beside the points keeps their distances from the axis."""
-    axis = np.array([0.0, 0.0, -1.0])
-    moved = axis + Rotation.from_rotvec([0.0, 2.0, 0.0]).apply(REST - axis)
-    half = follow_screws(np.tile(0.5 * find_screw(REST, moved, np.zeros(3)), (len(REST), 1)), REST)
-    assert half == pytest.approx(axis + Rotation.from_rotvec([0.0, 1.0, 0.0]).apply(REST - axis), abs=1e-12)
 
 
 @pytest.mark.parametrize("count", [1, 2, 5])

@@ -78,11 +78,7 @@ def test_hard_lumps_turn() -> None:
     found = []
     for tolerance in (1e-4, 1e-8):
         scene = make_scene(
-            BAR,
-            materials,
-            policy=Policy.ENERGY,
-            tolerance=tolerance,
-            cell_material=PATTERNS["one hard layer"],
+            BAR, materials, policy=Policy.ENERGY, tolerance=tolerance, cell_material=PATTERNS["one hard layer"]
         )
         result = advance(Simulation(scene), Command({"tip": POSE}))
         found.append(result.energy)

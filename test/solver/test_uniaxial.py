@@ -15,8 +15,8 @@ from gdfe_ros.mesh import HexMesh, bar
 from gdfe_ros.results.element_fields import element_fields, strain_energies
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.equilibrium.energy import EquilibriumSolver
-from gdfe_ros.solver.solution import Increment
 from test.materials.formulas import energy_density
+from test.solver.conftest import solve
 
 MakeBody = Callable[..., Body]
 SIDE = 0.1
@@ -66,9 +66,7 @@ def test_a_uniform_state_that_is_a_saddle_is_left(make_body: MakeBody, poisson: 
     body = make_body(mesh, material, held_by_its_ends(mesh))
     lateral, density = closed_form(material, stretch)
     uniform, base = mesh.vertices * (stretch, lateral, lateral), mesh.vertices * (stretch, 1.0, 1.0)
-    equilibrium = EquilibriumSolver(body)
-    state = equilibrium.at_rest().with_(positions=uniform, base=base)
-    outcome = equilibrium.solve(Increment.at(state, tolerance=1e-8, limit=2000), state)
+    outcome = solve(EquilibriumSolver(body), uniform, base, tolerance=1e-8)
     assert outcome.converged, outcome.message
     assert outcome.state.summary.stable is True
     assert strain_energies(body, outcome.positions).sum() / SIDE**3 < 0.99 * density
@@ -83,9 +81,7 @@ def test_block_follows_the_closed_form(make_body: MakeBody, kind: str, poisson: 
     mesh = bar([SIDE, SIDE, SIDE], [2, 2, 2])
     body = make_body(mesh, material, held_by_its_ends(mesh))
     base = mesh.vertices * (stretch, 1.0, 1.0)
-    equilibrium = EquilibriumSolver(body)
-    state = equilibrium.at_rest().with_(positions=base, base=base)
-    outcome = equilibrium.solve(Increment.at(state, tolerance=1e-8, limit=2000), state)
+    outcome = solve(EquilibriumSolver(body), base, base, tolerance=1e-8)
     assert outcome.converged, outcome.message
     lateral, density = closed_form(material, stretch)
     np.testing.assert_allclose(outcome.positions, mesh.vertices * (stretch, lateral, lateral), atol=2e-5 * SIDE)

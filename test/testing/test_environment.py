@@ -276,20 +276,6 @@ def test_processes_agree_with_a_single_environment(tmp_path: Path) -> None:
         np.testing.assert_array_equal(rewards[:, place], alone)
 
 
-def test_an_environment_needs_no_ros() -> None:
-    """Importing the environment in a fresh process does not load rclpy."""
-    code = "import sys; from gdfe_ros.testing import make_env; print('rclpy' in sys.modules)"
-    done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
-    assert done.stdout == "False\n"
-
-
-def test_pictures_need_no_page() -> None:
-    """Pictures of an environment are drawn without the server of the page, which another extra installs."""
-    code = "import sys, gdfe_ros.testing.render; print('viser' in sys.modules)"
-    done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
-    assert done.stdout == "False\n"
-
-
 def _flaws(scene: str, steps: int) -> list[str]:
     """Make random actions; return the steps that fail, end the episode, jump, or give numbers that are not finite."""
     env = make_env(scene, steps=steps + 1)

@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -50,17 +51,10 @@ def test_a_run_under_the_wall_clock_replays(tmp_path: Path, capfd: Any, replays:
 
 def test_a_bag_begun_in_the_middle_replays(tmp_path: Path, replays: Callable) -> None:
     """A bag from a deformed state on replays, with velocities, steps without a command, another dt and a reset."""
-    name, topics = "/begun/gdfe_sim", {"handles/tip/target": PoseStamped, "handles/tip/velocity": TwistStamped}
+    topics = {"handles/tip/target": PoseStamped, "handles/tip/velocity": TwistStamped}
     overrides = [f"{key}={value}" for key, value in COARSE.items()]
-    parameters = {"scene": "bend5", "scene_overrides": overrides, "clock": "lockstep", "autostart": False}
-    with (
-        NodeProcess({**parameters, "velocity_timeout": 0.02}, namespace="/begun") as process,
-        NodeConnection(process, name, topics, patience=PATIENCE) as link,
-    ):
-        link.meet()
-        link.transition("configure")
-        link.await_listeners()
-        _activate(link)
+    parameters = {"scene": "bend5", "scene_overrides": overrides, "clock": "lockstep"}
+    with _linked("/begun", topics, velocity_timeout=0.02, **parameters) as (process, link):
         _command(link, "handles/tip/target", _turned(0.03))
         link.transition("deactivate")
         link.set(record=True, bag_path=str(tmp_path / "bag"))
@@ -88,21 +82,28 @@ def test_a_bag_begun_in_the_middle_replays(tmp_path: Path, replays: Callable) ->
 
 def test_actuators_commanded_one_at_a_time_replay(tmp_path: Path, replays: Callable) -> None:
     """Two cables commanded in turn replay: each step has the command of one, in newtons."""
-    name, bag = "/pulled/gdfe_sim", tmp_path / "bag"
-    parameters = {"scene": "tendon_finger", "clock": "lockstep", "autostart": False, "record": True}
-    with (
-        NodeProcess({**parameters, "bag_path": str(bag)}, namespace="/pulled") as process,
-        NodeConnection(process, name, {"actuation": JointState}, patience=PATIENCE) as link,
-    ):
-        link.meet()
-        link.transition("configure")
-        link.await_listeners()
-        _activate(link)
+    bag = tmp_path / "bag"
+    parameters = {"scene": "tendon_finger", "clock": "lockstep", "record": True}
+    with _linked("/pulled", {"actuation": JointState}, **parameters, bag_path=str(bag)) as (process, link):
         for cable, tension in (("flexor", 0.3), ("extensor", 0.2), ("flexor", 0.0)):
             _command(link, "actuation", JointState(name=[cable], position=[float("nan")], effort=[tension]))
         assert process.stop() == 0
     replays(bag, node=True)
     assert [len(record.actuators) for record in BagRun(bag).records] == [0, 1, 1, 1]
+
+
+@contextmanager
+def _linked(namespace: str, topics: dict[str, type], **parameters: Any) -> Iterator[tuple[NodeProcess, NodeConnection]]:
+    """Give an active node and a connection that publishes on its topics."""
+    with (
+        NodeProcess({**parameters, "autostart": False}, namespace=namespace) as process,
+        NodeConnection(process, f"{namespace}/gdfe_sim", topics, patience=PATIENCE) as link,
+    ):
+        link.meet()
+        link.transition("configure")
+        link.await_listeners()
+        _activate(link)
+        yield process, link
 
 
 def _activate(link: NodeConnection) -> None:

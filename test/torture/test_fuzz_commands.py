@@ -10,15 +10,13 @@ from hypothesis import strategies as st
 
 from gdfe_ros.constraints import Pose
 from gdfe_ros.errors import CommandError
-from gdfe_ros.scene import scene_from_text
 from gdfe_ros.simulation import Command, Simulation
 from test.torture.examples import examples
+from test.written import scene_of
 
 SCENE = """\
-name: small
 mesh: {bar: {size: [0.2, 0.05, 0.05], cells: [4, 1, 1]}}
 materials: {m: {law: neo_hookean, young: 1.0e5, poisson: 0.45, density: 1.0e3}}
-regions: [{material: m}]
 handles:
   base: {where: {face: x-}, fixed: true}
   tip: {where: {face: x+}}
@@ -37,7 +35,7 @@ NAMES = st.sampled_from(["tip", "base", "nobody", ""])
 @pytest.fixture(scope="module")
 def simulation() -> Simulation:
     """Return one simulation for all examples: each continues from the end of the one before."""
-    return Simulation(scene_from_text(SCENE))
+    return Simulation(scene_of(SCENE))
 
 
 def _snapshot(simulation: Simulation) -> tuple[object, ...]:
@@ -76,7 +74,7 @@ def test_the_simulation_recovers(simulation: Simulation) -> None:
     simulation.reset()
     pose = Pose(translation=(0.0, 0.0, 0.05))
     found = simulation.step(Command({"tip": pose}))
-    fresh = Simulation(scene_from_text(SCENE)).step(Command({"tip": pose}))
+    fresh = Simulation(scene_of(SCENE)).step(Command({"tip": pose}))
     assert found.converged
     np.testing.assert_array_equal(found.positions, fresh.positions)
 

@@ -96,10 +96,7 @@ def test_instances_are_placed(tmp_path: Path, instances: tuple[str, ...], bounds
             assembly("", more="*Elset, elset=e, instance=i0\n1\n*Nset, nset=n, instance=i0, elset=e\n"),
             {"low": 4, "n": 8},
         ),
-        (
-            assembly("", MOVED, more=OF_BOTH + "*Nset, nset=b\na\n"),
-            {"low": 8, "a": 3, "b": 3},
-        ),
+        (assembly("", MOVED, more=OF_BOTH + "*Nset, nset=b\na\n"), {"low": 8, "a": 3, "b": 3}),
         (NODES + CELL + '*Nset, nset="my nodes"\n 1,2 ,\n', {"my nodes": 2}),
         (NODES.replace("*Node", "*NODE, NSET=every") + CELL, {"every": 8}),
         (NODES + CELL + "*NSET, NSET=odd, GENERATE\n1, 7, 2\n", {"odd": 4}),

@@ -74,11 +74,7 @@ def test_whole_number_data_become_sets(tmp_path: Path, name: str) -> None:
     region[LEFT] = 1
     grip = np.zeros(BAR.n_vertices, dtype=int)
     grip[GRIP] = 1
-    path = write(
-        tmp_path / name,
-        cell_data={"region": [region], "stress": [region * 0.5]},
-        point_data={"grip": grip},
-    )
+    path = write(tmp_path / name, cell_data={"region": [region], "stress": [region * 0.5]}, point_data={"grip": grip})
     mesh = read_mesh(path)
     assert sorted(mesh.cell_sets) == ["region_1", "region_2"]
     np.testing.assert_array_equal(select_cells(mesh, Where(set="region_1")), LEFT)
@@ -178,18 +174,10 @@ BROKEN = [
         r"no hexahedra and no tetrahedra, only: 1 line",
     ),
     ("mm.vtu", moved(lambda v, c: v.__imul__(1000)), r"diagonal is 212.* in mm: give `scale: 0.001`"),
-    ("nan.vtu", moved(lambda v, c: v.__setitem__((7, 1), np.nan)), r"not finite: 7"),
+    ("nan.vtu", moved(lambda v, c: v.__setitem__((7, 1), np.nan)), r"1 vertices .*not finite: 7"),
     ("inverted.vtu", moved(lambda v, c: c.__setitem__(5, c[5, [4, 5, 6, 7, 0, 1, 2, 3]])), r"inside out: 5"),
-    (
-        "all.vtu",
-        moved(lambda v, c: c.__setitem__(..., c[:, [3, 2, 1, 0, 7, 6, 5, 4]])),
-        r"every cell is inside out",
-    ),
-    (
-        "folded.vtu",
-        moved(lambda v, c: v.__setitem__(0, v[0] + 0.02)),
-        r"1 cells that are folded at a corner.*: 0",
-    ),
+    ("all.vtu", moved(lambda v, c: c.__setitem__(..., c[:, [3, 2, 1, 0, 7, 6, 5, 4]])), r"every cell is inside.*swap"),
+    ("folded.vtu", moved(lambda v, c: v.__setitem__(0, v[0] + 0.02)), r"1 cells that are folded at a corner.*: 0"),
     ("again.vtu", moved(lambda v, c: c.__setitem__(3, c[2])), r"1 cells that repeat another cell: 3"),
     ("text.vtu", lambda p: p.write_text("this is not xml"), r"cannot be read as .vtu"),
     (

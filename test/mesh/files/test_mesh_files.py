@@ -129,6 +129,13 @@ def grid(kind: str) -> vtk.vtkDataSet:
     return cells
 
 
+def _require_grid(path: Path) -> None:
+    mesh = read_mesh(path)
+    assert mesh.n_cells == 20
+    assert check_mesh(mesh).volume == pytest.approx(2e-5, rel=1e-6)
+    assert {key: len(ids) for key, ids in mesh.cell_sets.items()} == {"material_1": 12, "material_2": 8}
+
+
 def write_legacy(path: Path, kind: str, *, binary: bool, version: int, wide: bool = True) -> None:
     """Write a legacy file by VTK."""
     data = grid(kind)
@@ -150,10 +157,7 @@ def write_legacy(path: Path, kind: str, *, binary: bool, version: int, wide: boo
 def test_legacy_files_of_vtk(tmp_path: Path, kind: str, binary: bool, version: int, wide: bool) -> None:
     """Legacy files of each kind of grid have 20 hexahedra, and the whole numbers as sets."""
     write_legacy(tmp_path / "bar.vtk", kind, binary=binary, version=version, wide=wide)
-    mesh = read_mesh(tmp_path / "bar.vtk")
-    assert mesh.n_cells == 20
-    assert check_mesh(mesh).volume == pytest.approx(2e-5, rel=1e-6)
-    assert {key: len(ids) for key, ids in mesh.cell_sets.items()} == {"material_1": 12, "material_2": 8}
+    _require_grid(tmp_path / "bar.vtk")
 
 
 COMPRESSORS = {"none": None, "zlib": vtk.vtkZLibDataCompressor, "lz4": vtk.vtkLZ4DataCompressor,
@@ -172,10 +176,7 @@ def test_xml_files_of_vtk(tmp_path: Path, mode: int, compressor: str, suffix: st
     kind = COMPRESSORS[compressor]
     writer.SetCompressor(kind() if kind else None)
     writer.Write()
-    mesh = read_mesh(tmp_path / f"bar{suffix}")
-    assert mesh.n_cells == 20
-    assert check_mesh(mesh).volume == pytest.approx(2e-5, rel=1e-6)
-    assert {key: len(ids) for key, ids in mesh.cell_sets.items()} == {"material_1": 12, "material_2": 8}
+    _require_grid(tmp_path / f"bar{suffix}")
 
 
 def test_cells_of_two_kinds_are_not_left_out(tmp_path: Path) -> None:

@@ -3,8 +3,6 @@
 
 from __future__ import annotations
 
-import json
-
 import numpy as np
 import pytest
 import trimesh
@@ -13,8 +11,7 @@ from gdfe_ros.command import Command
 from gdfe_ros.constraints import Pose
 from gdfe_ros.mesh.files.stored_mesh import pack_mesh
 from gdfe_ros.mesh.meshing.voxels import CutCubes, fill_surface
-from gdfe_ros.scene import scene_from_text
-from gdfe_ros.simulation import Simulation
+from test.written import simulate
 
 RADIUS, LENGTH, YOUNG, POISSON = 0.01, 0.06, 1e5, 0.3
 SECTIONS = 360
@@ -48,15 +45,10 @@ def bending_stiffness(fineness: int, cells: str, direction: float) -> float:
     mesh = fill_surface(body.vertices, body.faces, cell=cell, cells=CutCubes(cells))
     along = mesh.vertices @ axis
     ends = [np.flatnonzero(sign * along > HELD * LENGTH / 2.0).tolist() for sign in (-1.0, 1.0)]
-    scene = {
-        "name": "cylinder",
-        "mesh": {"embedded": pack_mesh(mesh)},
-        "materials": {"soft": {"law": "linear", "young": YOUNG, "poisson": POISSON}},
-        "regions": [{"material": "soft"}],
-        "handles": {name: {"where": {"vertices": end}} for name, end in zip(("left", "right"), ends, strict=True)},
-        "solver": {"tolerance": 1e-8, "max_iterations": 20000},
-    }
-    simulation = Simulation(scene_from_text(json.dumps(scene)))
+    soft = f"materials: {{soft: {{law: linear, young: {YOUNG}, poisson: {POISSON}}}}}"
+    handles = {name: {"where": {"vertices": end}} for name, end in zip(("left", "right"), ends, strict=True)}
+    solver = {"tolerance": 1e-8, "max_iterations": 20000}
+    simulation = simulate(soft, mesh={"embedded": pack_mesh(mesh)}, handles=handles, solver=solver)
     turned = {"left": Pose(rotation=tuple(ANGLE * across)), "right": Pose(rotation=tuple(-ANGLE * across))}
     result = simulation.step(Command(handles=turned))
     rest = mesh.vertices

@@ -15,7 +15,7 @@ from gdfe_ros.mesh import TetMesh, check_mesh
 from gdfe_ros.mesh.cavities import find_cavities
 from gdfe_ros.mesh.cells.tetrahedra import EDGES
 from gdfe_ros.mesh.meshing import tetrahedralise
-from gdfe_ros.mesh.meshing.tetrahedralise import from_step, from_surface
+from gdfe_ros.mesh.meshing.tetrahedralise import from_step, from_surface, step_surface
 
 BOX, BALL = trimesh.creation.box((0.1, 0.06, 0.04)), trimesh.creation.icosphere(subdivisions=2, radius=0.012)
 
@@ -118,9 +118,9 @@ def test_cells_are_small_only_at_a_thin_wall(walled: Path) -> None:
     assert len(fine_block) == pytest.approx(len(block), rel=0.15)
 
 
-def test_cells_of_a_surface_are_small_only_at_a_thin_wall(tmp_path: Path) -> None:
+def test_cells_of_a_surface_are_small_only_at_a_thin_wall(walled: Path, tmp_path: Path) -> None:
     """Cells of fTetWild are smaller at a wall of 1 mm as well, and larger in the block beside it."""
-    _walled_surface().export(tmp_path / "walled.stl")
+    trimesh.Trimesh(*step_surface(walled)[:2]).export(tmp_path / "walled.stl")
     plain, fine = (from_surface(tmp_path / "walled.stl", size=0.004, least_size=least) for least in (None, 0.0007))
     for mesh in (plain, fine):
         assert check_mesh(mesh).defects == []
@@ -131,20 +131,6 @@ def test_cells_of_a_surface_are_small_only_at_a_thin_wall(tmp_path: Path) -> Non
     )
     assert at_wall[1] < 0.85 * at_wall[0]
     assert far[1] > 1.25 * at_wall[1]
-
-
-def _walled_surface() -> trimesh.Trimesh:
-    """Return the surface of the body of the fixture `walled` [m], an L-shaped prism along y."""
-    outline = 0.001 * np.array([[0, 0], [30, 0], [30, 1], [10, 1], [10, 10], [0, 10]])
-    front = np.insert(outline, 1, 0.0, axis=1)
-    fan = np.array([[3, 4, 5], [3, 5, 0], [3, 0, 1], [3, 1, 2]])
-    first, following = np.arange(6), np.roll(np.arange(6), -1)
-    sides = [[following, first, following + 6], [following + 6, first, first + 6]]
-    faces = np.concatenate([fan, fan[:, ::-1] + 6, *(np.stack(side, axis=1) for side in sides)])
-    surface = trimesh.Trimesh(np.concatenate([front, np.add(front, (0.0, 0.01, 0.0))]), faces, process=False)
-    assert surface.is_watertight
-    assert surface.volume == pytest.approx(1.2e-6)
-    return surface
 
 
 def test_parts_that_overlap_are_united_and_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -126,12 +126,7 @@ BROKEN = [
     ("fine.stl", write(BOX), 1e-6, r"gives 2.4e\+14 cubes; .*remedy: a cell of at least 0.00017 m"),
     ("text.stl", lambda path: path.write_text("no solid here"), 0.01, r"cannot be read as .stl|no triangles"),
     ("empty.obj", lambda path: path.write_text("v 0 0 0\n"), 0.01, r"no triangles|cannot be read as .obj"),
-    (
-        "body.step",
-        lambda path: path.write_text("x"),
-        0.01,
-        r"unknown kind of file '.step'; allowed: .stl, .obj",
-    ),
+    ("body.step", lambda path: path.write_text("x"), 0.01, r"unknown kind of file '.step'; allowed: .stl, .obj"),
     ("none.stl", lambda path: None, 0.01, r"there is no such file"),
     ("folder.stl", lambda path: path.mkdir(), 0.01, r"this is a folder; remedy: the path of a file in it"),
     ("nan.stl", with_coordinate(np.nan), 0.01, r"12 coord.* first: x = nan of vertex 2 \(in triangle 0\).*remedy:"),

@@ -15,6 +15,7 @@ from gdfe_ros.node.driving.remodelling import take_over
 from gdfe_ros.scene import load_scene
 from gdfe_ros.scene.entity import Entity, read_entity, with_body, without_bodies
 from gdfe_ros.simulation import Command, Simulation
+from test.written import advance
 
 _PLACE = np.array([0.3, 0.0, 0.05])
 
@@ -28,14 +29,12 @@ def cube() -> Entity:
 def test_the_account_of_energy_continues(slab: Path, cube: Entity) -> None:
     """A body that joins or leaves in mid-fall changes work as much as energy; the account then closes as before."""
     old = Simulation(load_scene(slab))
-    for _ in range(5):
-        old.step(dt=0.005)
+    advance(old, dt=0.005, count=5)
     new = Simulation(with_body(old.scene, "cube", cube, origin=_PLACE, turn=Rotation.identity()))
     take_over(old, new)
     assert new.time == old.time
     assert new.stepper.unbalanced(new.state) == pytest.approx(old.stepper.unbalanced(old.state), abs=1e-15)
-    for _ in range(5):
-        assert new.step(dt=0.005).converged
+    advance(new, dt=0.005, count=5)
     last = Simulation(without_bodies(new.scene, ["cube"]))
     take_over(new, last)
     assert last.stepper.unbalanced(last.state) == pytest.approx(new.stepper.unbalanced(new.state), abs=1e-15)

@@ -4,8 +4,6 @@
 from __future__ import annotations
 
 import gc
-import subprocess
-import sys
 import threading
 import weakref
 from collections.abc import Callable
@@ -20,6 +18,7 @@ from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from std_msgs.msg import String
 
 from gdfe_ros.node.middleware.managed import ManagedNode
+from test.written import run_python
 
 _STEPS = {"unconfigured": (), "inactive": ("configure",), "active": ("configure", "activate")}
 _INVALID = {"unconfigured": (0, 2, 3, 4, 6, 7, 99, 255), "inactive": (0, 1, 4, 5, 7, 10), "active": (0, 1, 2, 3, 6, 99)}
@@ -66,15 +65,6 @@ def test_transitions_that_a_state_lacks_are_refused(client: Any, start: Callable
     assert client.diagnostics()["state"] == state
 
 
-def test_a_manager_that_configures_an_active_node_is_answered(client: Any, launch: Callable, coarse: dict) -> None:
-    """A node that has started by itself refuses configure and activate, continues, and can be shut down."""
-    launch(**coarse)
-    assert [client.transition(label) for label in ("configure", "activate")] == [False, False]
-    client.target(0.05)
-    client.wait(lambda: client.mesh()[:, 5].max() > 0.049)
-    assert [client.transition(label) for label in ("deactivate", "cleanup", "configure", "activate")] == [True] * 4
-
-
 @pytest.mark.parametrize(
     ("kind", "name"), [(SetParameters, "set_parameters"), (SetParametersAtomically, "set_parameters_atomically")]
 )
@@ -96,8 +86,7 @@ def test_a_parameter_of_no_type_is_refused_and_counted(
 
 def test_an_exception_that_leaves_the_executor_ends_nothing() -> None:
     """Three exceptions of a timer in a node without guards are logged with their cause, and the node closes well."""
-    command = [sys.executable, "-c", _RAISING]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
+    done = run_python(_RAISING)
     assert done.returncode == 0, done.stderr
     assert done.stdout == "beats left: 0\n"
     assert "broken on purpose" in done.stderr

@@ -3,8 +3,7 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
+from test.written import run_python
 
 _CODE = """
 import os, signal, sys, threading
@@ -21,26 +20,20 @@ print("goes on")
 """
 
 
-def _run(insist: float, *more: str) -> subprocess.CompletedProcess[str]:
-    """Run a process that gets two signals; the second one counts if it comes later than ``insist`` [s]."""
-    command = [sys.executable, "-c", _CODE, str(insist), *more]
-    return subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
-
-
 def test_signals_in_quick_succession_are_one() -> None:
     """SIGINT and SIGTERM in quick succession lead to an orderly end."""
-    done = _run(60.0)
+    done = run_python(_CODE, 60.0)
     assert (done.returncode, done.stdout) == (0, "goes on\n"), done.stderr
 
 
 def test_a_later_signal_ends_the_process_at_once() -> None:
     """A later second signal ends the process with its status, and stderr says how to recover the bag."""
-    done = _run(-1.0)
+    done = run_python(_CODE, -1.0)
     assert (done.returncode, done.stdout) == (128 + 15, "")
     assert done.stderr == "ended at once; `gdfe recover` completes a bag that was cut off\n"
 
 
 def test_a_signal_ends_a_node_that_a_script_has_started() -> None:
     """SIGINT that was ignored at the start, as in the background of a shell script, leads to an orderly end, too."""
-    done = _run(60.0, "ignored")
+    done = run_python(_CODE, 60.0, "ignored")
     assert (done.returncode, done.stdout) == (0, "goes on\n"), done.stderr

@@ -4,14 +4,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from std_srvs.srv import SetBool, Trigger
-
-from gdfe_ros.analysis.bag_run import BagRun
-from gdfe_ros.recording.step import Begin
 
 
 def _trigger(client: Any, name: str) -> tuple[bool, str]:
@@ -39,21 +35,6 @@ def test_services_say_why_not(client: Any, start: Callable, coarse: dict) -> Non
     assert "cannot be read" in _trigger(client, "load_state")[1]
 
 
-def test_reset_goes_back_to_rest_at_time_zero(client: Any, start: Callable, coarse: dict) -> None:
-    """A reset of a lifted tip leads to time 0 without displacement, says so in the record, and commands work again."""
-    start(**coarse, clock="lockstep")
-    client.target(0.1)
-    client.wait_steps(2)
-    client.trigger("reset")
-    client.wait_steps(3)
-    record = client.record()
-    assert (record.step, record.time, record.begin, record.energy < 1e-12) == (2, 0.0, Begin.REST, True)
-    assert abs(client.mesh()[:, 3:]).max() < 1e-6
-    client.target(0.1)
-    client.wait_steps(4)
-    assert np.array_equal(client.meshes()[3], client.meshes()[1])
-
-
 def test_a_paused_node_steps_on_demand_only(client: Any, launch: Callable, coarse: dict) -> None:
     """In a paused node commands wait; ~/step makes the requested steps and answers after they are published."""
     launch(**coarse, step_count=3, heartbeat=0.0)
@@ -71,47 +52,6 @@ def test_a_paused_node_steps_on_demand_only(client: Any, launch: Callable, coars
     assert client.switch("pause", False) == "running"
     client.target(0.11)
     client.wait_steps(count + 4)
-
-
-def test_a_bag_begun_in_the_middle_replays_from_the_state_it_holds(
-    client: Any, start: Callable, coarse: dict, replays: Callable, tmp_path: Path
-) -> None:
-    """A bag started between commands has a state and records that reproduce its meshes bit for bit."""
-    process = start(**coarse, clock="lockstep", bag_path=str(tmp_path / "bag"))
-    for z in (0.01, 0.02, 0.04):
-        client.target(z)
-    client.wait_steps(4)
-    client.switch("record", True)
-    assert "already" in _switch(client, "record", True)[1]
-    assert client.set(**{"materials.e20.young": 3e4})[0].reason.startswith("a bag is being written")
-    for z in (0.05, 0.06, 0.03):
-        client.target(z)
-    client.wait_steps(8)
-    assert client.switch("record", False).endswith(" 0 dropped")
-    process.stop()
-    begins = [record.begin for record in BagRun(tmp_path / "bag").records]
-    assert begins == [Begin.LOADED, Begin.LAST, Begin.LAST, Begin.LAST]
-    assert ("mesh", "x") in replays(tmp_path / "bag")
-
-
-def test_a_saved_state_is_gone_on_from_bit_for_bit(client: Any, start: Callable, coarse: dict, tmp_path: Path) -> None:
-    """After a saved state is loaded, the same commands give the same meshes bit for bit."""
-    start(**coarse, clock="lockstep", state_path=str(tmp_path / "folder" / "state.bin"))
-    for z in (0.01, 0.02):
-        client.target(z)
-    client.wait_steps(3)
-    client.trigger("save_state")
-    for z in (0.03, 0.05):
-        client.target(z)
-    client.wait_steps(5)
-    client.trigger("load_state")
-    for z in (0.03, 0.05):
-        client.target(z)
-    client.wait_steps(8)
-    assert client.records()[5].begin is Begin.LOADED
-    assert [record.time for record in client.records()][2:] == [0.02, 0.03, 0.04, 0.02, 0.03, 0.04]
-    for first, second in ((2, 5), (3, 6), (4, 7)):
-        assert np.array_equal(client.meshes()[first], client.meshes()[second])
 
 
 def test_a_modulus_is_a_parameter(client: Any, start: Callable, coarse: dict) -> None:

@@ -11,6 +11,7 @@ from gdfe_ros.errors import SceneError
 from gdfe_ros.scene import Scene, scene_from_text
 from gdfe_ros.scene.solvable import refuse_unsolvable
 from gdfe_ros.solver.settings import Policy, SolverSettings
+from test.written import advance
 
 _TUBE = """
 name: tube
@@ -51,8 +52,7 @@ def test_fibres_stiffen_a_motion_and_a_saved_text_rebuilds_them() -> None:
     for layer in (f"{_SIDE}, angles_deg: [90]", _SIDE.replace("1.0e4", "1.0e-3")):
         scene = _tube(layer, "dynamics: {step: 0.005, damping: {viscosity: 500}}")
         simulation = Simulation(scene_from_text(scene.source))
-        for _ in range(20):
-            assert simulation.step(Command(actuators={"air": 1500.0}), dt=0.005).converged
+        advance(simulation, Command(actuators={"air": 1500.0}), dt=0.005, count=20)
         middle = np.abs(simulation.mesh.vertices[:, 0] - 0.025) < 0.005
         widths.append(np.linalg.norm(simulation.positions[middle, 1:], axis=1).max())
     assert widths[0] < 0.01003

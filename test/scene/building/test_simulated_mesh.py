@@ -45,11 +45,7 @@ def folder(tmp_path: Path) -> Path:
         ("{tube: {inner: 0.01, outer: 0.02, length: 0.1, cells: [2, 8, 5], cap: 0.01}}", "{set: start}", 1),
         ("{ring: {radius: 0.05, section: [0.01, 0.02], cells: [2, 9, 2], angle: 90}}", "{set: end}", 0),
         ("{sphere: {inner: 0.01, outer: 0.02, cells: [4, 2]}}", "{set: outer}", 1),
-        (
-            "{finger: {size: [0.1, 0.02, 0.02], joints: 2, gap: 0.01, web: 0.005, cell: 0.005}}",
-            "{set: base}",
-            0,
-        ),
+        ("{finger: {size: [0.1, 0.02, 0.02], joints: 2, gap: 0.01, web: 0.005, cell: 0.005}}", "{set: base}", 0),
         (
             "{grid: {x: [0, 0.001, 0.002, 0.01, 0.011], y: [-0.01, -0.008, 0.008, 0.01], z: [0, 0.004, 0.005, 0.01], "
             "cut: [{box: {x: [0.001, 0.01], y: [-0.008, 0.008], z: [0.004, 0.005]}}]}}",
@@ -80,26 +76,14 @@ def test_each_kind_of_mesh_loads_and_rebuilds_without_files(folder: Path, mesh: 
     ("mesh", "expected"),
     [
         ("{file: bar.vtu}", r"mesh.file = 'bar.vtu' \(line 2\): the body's diagonal is 212.*scale: 0.001"),
-        (
-            "{file: none.msh}",
-            r"mesh.file = 'none.msh' \(line 2\): there is no such file; paths .* folder of the scene",
-        ),
+        ("{file: none.msh}", r"mesh.file = 'none.msh' \(line 2\): there is no such file; paths .* folder of the scene"),
         ("{file: bar.vtu, scale: -1}", r"mesh.scale = -1 .*0 < metres per unit"),
         ("{file: 3}", r"mesh.file = 3 .*the path of a file"),
         ("{voxels: {surface: hollow.stl}}", r"mesh.voxels.cell \(line 2\): is missing; needed is a number"),
-        (
-            "{voxels: {surface: hollow.stl, cell: 0.03}}",
-            r"mesh.voxels.surface = 'hollow.stl'.*of 1 cavities 0",
-        ),
+        ("{voxels: {surface: hollow.stl, cell: 0.03}}", r"mesh.voxels.surface = 'hollow.stl'.*of 1 cavities 0"),
         ("{bar: {size: [1, 1, 1], cells: [1, 1, 1]}, merge: true}", r"merge belongs to `file`"),
-        (
-            "{ring: {radius: 0.1, section: [0.3, 0.1], cells: [1, 9, 1]}}",
-            r"mesh.ring .*less than twice the radius",
-        ),
-        (
-            "{finger: {size: [0.1, 0.1, 0.1], joints: 1, gap: 0.01, web: 0.01, cell: 1e-5}}",
-            r"cells; allowed: up to",
-        ),
+        ("{ring: {radius: 0.1, section: [0.3, 0.1], cells: [1, 9, 1]}}", r"mesh.ring .*less than twice the radius"),
+        ("{finger: {size: [0.1, 0.1, 0.1], joints: 1, gap: 0.01, web: 0.01, cell: 1e-5}}", r"cells; allowed: up to"),
         ("{bar: {size: [0.1, -0.1, 0.1], cells: [1, 0, 1]}}", r"mesh.bar.size = .*0 < length, width, height"),
         ("{bar: {size: [0.1, 0.1, 0.1], cells: [1, 1.5, 1]}}", r"mesh.bar.cells = .*whole numbers"),
         ("{tube: {inner: 0.0, outer: 1.0, length: 0.1, cells: [1, 6, 1]}}", r"mesh.tube.inner = 0.0 .*0 < inner"),

@@ -22,6 +22,7 @@ from gdfe_ros.scene import entity, load_scene, scene_from_text
 from gdfe_ros.scene.entity import Entity, read_entity, with_body, without_bodies
 from gdfe_ros.simulation import Simulation
 from gdfe_ros.simulation_parts.soft_places import require_soft_free
+from test.written import advance
 
 GEL = "{law: neo_hookean, young: 1.0e5, poisson: 0.45, density: 1070}"
 BAR = "{bar: {size: [0.03, 0.03, 0.03], cells: [2, 2, 2]}}"
@@ -69,8 +70,7 @@ def test_two_hundred_soft_bodies_in_turn_neither_leak_nor_jump(slab: Path) -> No
     """The rest does not move by a bit in an exchange, energies close, memory levels off, and the end is the same."""
     sharp = {"solver.tolerance": 1e-7}
     cube, simulation, used = read_entity(CUBE), Simulation(load_scene(slab, overrides=sharp)), []
-    for _ in range(4):
-        simulation.step(dt=0.005)
+    advance(simulation, dt=0.005, count=4)
     count, start = simulation.mesh.n_vertices, simulation.snapshot()
     for number in range(200):
         name = f"gel{number}"
@@ -91,8 +91,7 @@ def test_two_hundred_soft_bodies_in_turn_neither_leak_nor_jump(slab: Path) -> No
     assert max(used[5:]) - max(used[1:5]) < 100
     reference = Simulation(load_scene(slab, overrides=sharp))
     reference.restore(start)
-    for _ in range(8):
-        reference.step(dt=0.005)
+    advance(reference, dt=0.005, count=8)
     assert simulation.time == pytest.approx(reference.time)
     assert np.abs(simulation.positions - reference.positions).max() < 1e-9
 

@@ -6,7 +6,6 @@ The argument ``across`` is the number of cells over the bar's side, the pad's he
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
@@ -17,10 +16,9 @@ from gdfe_ros.command import Command
 from gdfe_ros.constraints import Axis, Pose
 from gdfe_ros.mesh import HexMesh, bar
 from gdfe_ros.mesh.files.stored_mesh import pack_mesh
-from gdfe_ros.scene import scene_from_text
 from gdfe_ros.simulation import Simulation
 from gdfe_ros.solver.settings import Torsion
-from test.written import advance
+from test.written import advance, scene_of
 
 Array = NDArray[np.float64]
 Reactions = Mapping[str, Array]
@@ -92,15 +90,9 @@ def error(name: str, across: int, torsion: Torsion = Torsion.CELL) -> float:
         name: {"where": {"vertices": held.vertices.tolist()}, "free": [axis.name.lower() for axis in held.free]}
         for name, held in problem.held.items()
     }
-    given = {
-        "name": "coarse",
-        "mesh": {"embedded": pack_mesh(problem.mesh)},
-        "materials": {"soft": {"law": "linear", "young": YOUNG, "poisson": problem.poisson}},
-        "regions": [{"material": "soft"}],
-        "handles": handles,
-        "solver": {"tolerance": 1e-9, "max_iterations": 20_000, "torsion": torsion.value},
-    }
-    scene = scene_from_text(json.dumps(given))
+    soft = f"materials: {{soft: {{law: linear, young: {YOUNG}, poisson: {problem.poisson}}}}}"
+    solver = {"tolerance": 1e-9, "max_iterations": 20_000, "torsion": torsion.value}
+    scene = scene_of(soft, mesh={"embedded": pack_mesh(problem.mesh)}, handles=handles, solver=solver)
     if problem.forces is not None:
         scene = replace(scene, loads=(NodalForces(name="forces", values=problem.forces),))
     simulation = Simulation(scene)

@@ -55,8 +55,7 @@ def test_long_steps_are_cut_into_internal_ones(moving: Callable) -> None:
     whole, parts = moving(handles=HELD, loads=WEIGHT), moving(handles=HELD, loads=WEIGHT)
     result = whole.step(dt=0.007)
     assert result.substeps == 4
-    for _ in range(4):
-        parts.step(dt=0.00175)
+    advance(parts, dt=0.00175, count=4)
     np.testing.assert_array_equal(whole.positions, parts.positions)
     assert parts.step(dt=0.0).iterations == 0
 
@@ -110,8 +109,7 @@ def test_a_step_that_fails_keeps_the_last_sound_state(moving: Callable) -> None:
     assert result.min_det > 0.0
     assert result.time < 0.004
     bar.step(Command(handles={"tip": Pose((0.0, 0.0, 0.0))}))
-    for _ in range(200):
-        result = advance(bar)
+    result = advance(bar, count=200)
     assert np.isfinite(result.positions).all()
     assert np.abs(before).max() < 1.0
 
@@ -179,8 +177,7 @@ def test_a_step_too_short_is_made_up_for_by_the_next(moving: Callable, short: fl
     """Very short steps between those of a swing add their time, and the swing continues as without them."""
     plain, nudged = moving(handles=HELD, loads=WEIGHT), moving(handles=HELD, loads=WEIGHT)
     for _ in range(20):
-        for _ in range(5):
-            nudged.step(dt=short)
+        advance(nudged, dt=short, count=5)
         one, two = plain.step(dt=0.002), nudged.step(dt=0.002)
     assert two.time == pytest.approx(one.time + 100 * short, rel=1e-12)
     assert two.converged

@@ -202,6 +202,22 @@ LAWS: Mapping[str, tuple[dict[str, Any], dict[str, float]]] = {
         {"law": "curve", "coefficients": [1e5, -8e4, 4e4], "poisson": 0.48, "density": 1100},
         {"coefficients.0": 1e5, "coefficients.1": -8e4, "poisson": 0.48},
     ),
+    "yeoh": (
+        {"law": "yeoh", "c10": 1.1e4, "c20": 2e3, "c30": 30.0, "poisson": 0.45, "density": 1100},
+        {"c10": 1.1e4, "c20": 2e3, "c30": 30.0},
+    ),
+    "mooney and rivlin": (
+        {"law": "mooney_rivlin", "c10": 1.4e4, "c01": 6e3, "poisson": 0.45, "density": 1100},
+        {"c10": 1.4e4, "c01": 6e3},
+    ),
+    "arruda and boyce": (
+        {"law": "arruda_boyce", "mu": 3e4, "lambda_m": 2.8, "poisson": 0.45, "density": 1100},
+        {"mu": 3e4, "lambda_m": 2.8},
+    ),
+    "gent": (
+        {"law": "gent", "mu": 31.7e3, "jm": 39.6, "poisson": 0.45, "density": 1100},
+        {"mu": 31.7e3, "jm": 39.6},
+    ),
 }  # fmt: skip
 
 

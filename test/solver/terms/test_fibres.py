@@ -13,48 +13,31 @@ from gdfe_ros.mesh import Mesh, bar
 from gdfe_ros.mesh.files.stored_mesh import pack_mesh
 from gdfe_ros.mesh.tetmesh import divided
 from gdfe_ros.scene import Scene, scene_from_text
-from gdfe_ros.scene.document import write_document
 from gdfe_ros.simulation_parts.steppers import scene_body
 from gdfe_ros.solver.terms.fibres import FibreTerm, fibre_energy
+from test.written import scene_of, simulate
 
 _EDGES = (0.03, 0.02, 0.01)
-_TETS = {"embedded": pack_mesh(divided(bar(list(_EDGES), [3, 2, 1])))}
 _BRAID = float(np.degrees(np.arctan(np.sqrt(2.0))))
 """Angle between axis and fibres of a braid that a pressure neither lengthens nor widens."""
 
 
-def _block(fibres: dict[str, Any], mesh: dict[str, Any] | None = None) -> Scene:
-    return scene_from_text(
-        write_document(
-            {
-                "name": "block",
-                "mesh": mesh or {"bar": {"size": list(_EDGES), "cells": [3, 2, 1]}},
-                "materials": {"soft": {"law": "neo_hookean", "young": 1e5, "poisson": 0.45}},
-                "regions": [{"material": "soft"}],
-                "handles": {"base": {"where": {"face": "x-"}, "fixed": True}},
-                "fibres": fibres,
-            }
-        )
-    )
+SOFT = """
+mesh: {bar: {size: [0.03, 0.02, 0.01], cells: [3, 2, 1]}}
+materials: {soft: {law: neo_hookean, young: 1.0e5, poisson: 0.45}}
+handles: {base: {where: {face: x-}, fixed: true}}
+"""
 
 
-def _tube(fibres: dict[str, Any], *, young: float = 1e5, wall: float = 1e-3) -> Simulation:
-    tube = {"inner": 0.01 - wall, "outer": 0.01, "length": 0.05, "cells": [1, 32, 20], "cap": 0.002, "cap_cells": 1}
-    return Simulation(
-        scene_from_text(
-            write_document(
-                {
-                    "name": "tube",
-                    "mesh": {"tube": tube},
-                    "materials": {"soft": {"law": "neo_hookean", "young": young, "poisson": 0.49}},
-                    "regions": [{"material": "soft"}],
-                    "handles": {"base": {"where": {"face": "x-"}, "fixed": True}},
-                    "actuators": {"air": {"chamber": {"cavity": 0}}},
-                    "fibres": {"layer": {"where": {"box": {"x": [1e-4, 0.0499]}}, "along": [1, 0, 0], **fibres}},
-                }
-            )
-        )
-    )
+def _block(fibres: dict[str, Any], **keys: Any) -> Scene:
+    return scene_of(SOFT, fibres=fibres, **keys)
+
+
+def _tube(fibres: dict[str, Any]) -> Simulation:
+    tube = {"inner": 0.009, "outer": 0.01, "length": 0.05, "cells": [1, 32, 20], "cap": 0.002, "cap_cells": 1}
+    layer = {"where": {"box": {"x": [1e-4, 0.0499]}}, "along": [1, 0, 0], **fibres}
+    air = {"air": {"chamber": {"cavity": 0}}}
+    return simulate(SOFT, mesh={"tube": tube}, materials__soft__poisson=0.49, actuators=air, fibres={"layer": layer})
 
 
 def _energy(scene: Scene, x: np.ndarray) -> tuple[float, np.ndarray]:
@@ -67,19 +50,19 @@ def _stretched(mesh: Mesh, gradient: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize(
-    "mesh", [None, {"embedded": pack_mesh(divided(bar(list(_EDGES), [3, 2, 1])))}], ids=["hex", "tet"]
+    "keys", [{}, {"mesh": {"embedded": pack_mesh(divided(bar(list(_EDGES), [3, 2, 1])))}}], ids=["hex", "tet"]
 )
 @pytest.mark.parametrize("angle", [0.0, 30.0, 90.0])
-def test_a_uniform_strain_has_the_energy_of_the_closed_form(angle: float, mesh: dict[str, Any] | None) -> None:
+def test_a_uniform_strain_has_the_energy_of_the_closed_form(angle: float, keys: dict[str, Any]) -> None:
     """Fibres on one face under a homogeneous deformation: k/2 e^2 times the area, with e along the fibre."""
     layer = {"where": {"face": "z+"}, "along": [1, 0, 0], "angles_deg": [angle], "stiffness": 700.0}
-    scene = _block({"layer": {**layer, "compression": True}}, mesh)
+    scene = _block({"layer": {**layer, "compression": True}}, **keys)
     gradient = np.eye(3) + np.array([[0.10, 0.04, 0.0], [-0.02, -0.15, 0.05], [0.03, 0.0, 0.2]])
     fibre = gradient @ [np.cos(np.radians(angle)), np.sin(np.radians(angle)), 0.0]
     strain = 0.5 * (fibre @ fibre - 1.0)
     expected = 0.5 * 700.0 * strain**2 * _EDGES[0] * _EDGES[1]
     assert _energy(scene, _stretched(scene.mesh, gradient))[0] == pytest.approx(expected, rel=1e-12)
-    slack = _block({"layer": layer}, mesh)
+    slack = _block({"layer": layer}, **keys)
     found, force = _energy(slack, _stretched(slack.mesh, gradient))
     assert found == pytest.approx(expected if strain > 0.0 else 0.0, rel=1e-12)
     assert force.any() == (strain > 0.0)
@@ -87,10 +70,8 @@ def test_a_uniform_strain_has_the_energy_of_the_closed_form(angle: float, mesh: 
 
 def test_three_families_are_a_sheet_that_is_equal_in_all_directions() -> None:
     """Fibres at 0, 60 and 120 degrees resist a small stretch in any direction of the face alike."""
-    scene = _block(
-        {"sheet": {"where": {"face": "z+"}, "along": [1, 0.3, 0], "angles_deg": [0, 60, 120], "stiffness": 700.0,
-                   "compression": True}}
-    )  # fmt: skip
+    layer = {"along": [1, 0.3, 0], "angles_deg": [0, 60, 120], "stiffness": 700.0, "compression": True}
+    scene = _block({"sheet": {"where": {"face": "z+"}, **layer}})
     energies = []
     for angle in np.linspace(0.0, np.pi, 7):
         n = np.array([np.cos(angle), np.sin(angle), 0.0])

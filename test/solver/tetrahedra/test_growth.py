@@ -12,23 +12,17 @@ from gdfe_ros import Command, Simulation
 from gdfe_ros.mesh import Mesh, bar
 from gdfe_ros.mesh.files.stored_mesh import pack_mesh
 from gdfe_ros.mesh.tetmesh import divided
-from gdfe_ros.scene import scene_from_text
-from gdfe_ros.scene.document import write_document
+from test.written import simulate
 
 LENGTH, HEIGHT = 0.06, 0.004
 
 
 def _grown(mesh: Mesh, growth: dict[str, Any], handles: dict[str, Any], poisson: float) -> Simulation:
-    text = {
-        "name": "grown",
-        "mesh": {"embedded": pack_mesh(mesh)},
-        "materials": {"rubber": {"law": "neo_hookean", "young": 1e5, "poisson": poisson}},
-        "regions": [{"material": "rubber"}],
-        "handles": handles,
-        "actuators": {"swell": {"growth": growth}},
-        "solver": {"tolerance": 1e-6},
-    }
-    simulation = Simulation(scene_from_text(write_document(text)))
+    text = (
+        f"materials: {{rubber: {{law: neo_hookean, young: 1.0e5, poisson: {poisson}}}}}\nsolver: {{tolerance: 1.0e-6}}"
+    )
+    actuators = {"swell": {"growth": growth}}
+    simulation = simulate(text, mesh={"embedded": pack_mesh(mesh)}, handles=handles, actuators=actuators)
     for command in (0.5, 1.0):
         assert simulation.step(Command(actuators={"swell": command})).converged
     return simulation

@@ -34,10 +34,7 @@ def _scene(**entries: Any) -> Scene:
 def _slabs(**entries: Any) -> Scene:
     """Return two slabs of tetrahedra, whose meshes do not match, with a gap between them."""
     low, high = (divided(bar([0.1, 0.1, 0.04], [n, n, 1])) for n in (3, 2))
-    meshes = {
-        "low": {"embedded": pack_mesh(low)},
-        "high": {"embedded": pack_mesh(high), "at": [0.0, 0.0, 0.04 + GAP]},
-    }
+    meshes = {"low": {"embedded": pack_mesh(low)}, "high": {"embedded": pack_mesh(high), "at": [0.0, 0.0, 0.04 + GAP]}}
     handles = {
         "base": {"where": {"mesh": "low", "face": "z-"}, "fixed": True},
         "top": {"where": {"mesh": "high", "face": "z+"}},
