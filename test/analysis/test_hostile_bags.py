@@ -11,12 +11,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from test.test_bounded_text import BOMB
 
 from gdfe_ros.cli import BAD_INPUT, main
 from gdfe_ros.recording.provenance import RunInfo
 from gdfe_ros.recording.step import ENERGIES
 from test.analysis.conftest import rewrite
+from test.untrusted.test_bounded_text import BOMB
 
 PATIENCE = 20.0
 """Longest processor time of a refusal [s], with the imports of a command; without limits, it was minutes."""
