@@ -17,7 +17,7 @@ from benchmarks.torture.case import Case, Finding, Group
 from benchmarks.torture.touches import BOUND, FRICTIONS, UP, released
 from gdfe_ros.constraints import Pose
 from gdfe_ros.scene.loader import scene_from_text
-from gdfe_ros.solver.contact.own_contact import DEEPEST
+from gdfe_ros.solver.contact.self_contact.own_contact import DEEPEST
 from gdfe_ros.solver.settings import Policy
 
 POKES, PRESSES = 84, 42

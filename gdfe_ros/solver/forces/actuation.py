@@ -20,8 +20,8 @@ from gdfe_ros.solver.body import Body, Growths
 from gdfe_ros.solver.contact.contact import Contact
 from gdfe_ros.solver.contact.contact_term import ContactTerm
 from gdfe_ros.solver.contact.field import HeldLoads
-from gdfe_ros.solver.contact.own_contact import OwnContact
 from gdfe_ros.solver.contact.rigid_contact import RigidContact, RoundContact
+from gdfe_ros.solver.contact.self_contact.own_contact import OwnContact
 from gdfe_ros.solver.contact.surface import ContactSurface
 from gdfe_ros.solver.elements.blocks import Operators
 from gdfe_ros.solver.forces.grip import GripTerm

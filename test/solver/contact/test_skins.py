@@ -13,7 +13,7 @@ import trimesh
 
 from gdfe_ros import Command, Pose, Simulation, load_scene
 from gdfe_ros.constraints.obstacle import NAME
-from gdfe_ros.solver.contact.own_contact import OwnContact
+from gdfe_ros.solver.contact.self_contact.own_contact import OwnContact
 from test.solver.contact.balls import press_on_ball, press_on_plate
 from test.solver.contact.stacks import PRESSED, STACK
 from test.written import advance

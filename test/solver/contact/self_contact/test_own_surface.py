@@ -10,9 +10,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from gdfe_ros import Command, Pose, Simulation
-from gdfe_ros.solver.contact.closest import Nearest
-from gdfe_ros.solver.contact.own_contact import OwnContact
-from gdfe_ros.solver.contact.own_pairs import OwnPairs
+from gdfe_ros.solver.contact.self_contact.closest import Nearest
+from gdfe_ros.solver.contact.self_contact.own_contact import OwnContact
+from gdfe_ros.solver.contact.self_contact.own_pairs import OwnPairs
 from test.solver.contact.stacks import stack
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from gdfe_ros import Command, Pose, Simulation, load_scene
-from gdfe_ros.solver.contact.own_contact import DEEPEST, OwnContact
+from gdfe_ros.solver.contact.self_contact.own_contact import DEEPEST, OwnContact
 from test.solver.contact.stacks import stack
 from test.written import advance, scene_of
 

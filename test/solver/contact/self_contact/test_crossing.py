@@ -16,7 +16,7 @@ from gdfe_ros.mesh.files.stored_mesh import pack_mesh
 from gdfe_ros.mesh.tetmesh import divided
 from gdfe_ros.scene import scene_from_text
 from gdfe_ros.scene.document import write_document
-from gdfe_ros.solver.contact.own_pairs import NONE, OwnPairs
+from gdfe_ros.solver.contact.self_contact.own_pairs import NONE, OwnPairs
 from test.written import advance
 
 HALF = math.sqrt(0.5) * 0.01

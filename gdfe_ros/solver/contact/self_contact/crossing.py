@@ -7,7 +7,7 @@ import math
 
 from gdfe_ros.compiled import inlined, kernel
 from gdfe_ros.mesh.triples import along, corner, cross, dot, minus, unit
-from gdfe_ros.solver.contact.closest import write_pair
+from gdfe_ros.solver.contact.self_contact.closest import write_pair
 
 PARALLEL = 0.1
 """Least sine of the angle between two edges that touch. Vertices and faces carry the contact of parallel edges."""

@@ -9,7 +9,7 @@ from scipy import sparse
 
 from gdfe_ros.compiled import kernel
 from gdfe_ros.mesh.triples import cross, unit
-from gdfe_ros.solver.contact.closest import area_vector, face_at
+from gdfe_ros.solver.contact.self_contact.closest import area_vector, face_at
 from gdfe_ros.solver.contact.touch import Touch
 
 Array = NDArray[np.float64]
