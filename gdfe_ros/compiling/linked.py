@@ -142,8 +142,11 @@ def names_in(module: llvm.ModuleRef) -> bytes:
 
 
 def resolve(link: CalledKernel) -> bool:
-    """Load or compile a kernel; return whether it still has the symbol."""
-    found = getattr(import_module(link.module), link.name, None)
+    """Load or compile a kernel; return whether it still exists and has the symbol."""
+    try:
+        found = getattr(import_module(link.module), link.name, None)
+    except ModuleNotFoundError:  # renamed since, while the file of the caller is the same
+        return False
     if not isinstance(found, LinkedDispatcher):
         return False
     found.compile(link.arguments)

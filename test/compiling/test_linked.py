@@ -59,6 +59,40 @@ def test_a_caller_follows_a_changed_kernel(tmp_path: Path) -> None:
     assert float(_run(tmp_path)[0]) == 6.0 * int(float(first) / 2.0)
 
 
+PART = """
+from gdfe_ros.compiled import inlined
+from {module} import long_sum
+
+@inlined
+def add_up(values):
+    return long_sum(values)
+"""
+CALLER = """
+from gdfe_ros.compiled import kernel
+from part import add_up
+
+@kernel
+def triple(values):
+    return 3.0 * add_up(values)
+"""
+
+
+def test_a_caller_of_a_kernel_that_has_moved_is_compiled_anew(tmp_path: Path) -> None:
+    """After an upgrade that moved a kernel, an unchanged caller, which has it from an inlined function, still works."""
+    (tmp_path / "kernels.py").write_text(SOURCE.format(lines=LINES, result="total"))
+    (tmp_path / "caller.py").write_text(CALLER)
+
+    def run(module: str) -> str:
+        (tmp_path / "part.py").write_text(PART.format(module=module))
+        use = "import numpy as np, caller; print(caller.triple(np.arange(8.0)))"
+        return run_python(use, NUMBA_CACHE_DIR=tmp_path / "cache", PYTHONPATH=tmp_path).stdout
+
+    first = run("kernels")
+    (tmp_path / "kernels.py").rename(tmp_path / "moved.py")
+    assert float(first) > 0.0
+    assert run("moved") == first
+
+
 TYPED = """
 from gdfe_ros.compiled import kernel
 
