@@ -297,10 +297,14 @@ def add_history(work, metric, known, chosen, rows, blocks, counts, soft):
 
 @internal
 def add_pairs(work, images, chosen, rows, blocks, counts, out):
-    """Add the change by the pairs of L-BFGS to W; ``images`` (memory, 3 r) are the products M^-1 y."""
+    """Add the change by the pairs of L-BFGS to W; ``images`` (memory, 3 r) are the products M^-1 y.
+
+    For each pair, W changes by js u^T + jz v^T, with js = J s, jz = J z, u = rho (1 + rho y . z) js - rho jz and
+    v = -rho js.
+    """
     status, size = work.status[0], 3 * len(chosen)
-    z = np.empty((status.count, len(work.u)))
-    js, jz = np.empty(size), np.empty(size)
+    z, left = np.empty((status.count, len(work.u))), np.empty((2 * status.count, size))
+    right = np.empty_like(left)
     for k in range(status.count):
         at = (status.head - status.count + k) % len(work.curvature)
         s, y, rho = work.steps[at], work.changes[at], 1.0 / work.curvature[at]
@@ -312,14 +316,16 @@ def add_pairs(work, images, chosen, rows, blocks, counts, out):
             own = rate * (1.0 + rate * inner(work.changes[older], z[i]))
             for n in range(len(y)):
                 z[k, n] += own * sy * first[n] - rate * (zy * first[n] + sy * z[i, n])
-        for c in range(len(chosen)):
-            for axis in range(3):
-                js[3 * c + axis] = project_one(s, chosen[c], rows, blocks, counts, axis)
-                jz[3 * c + axis] = project_one(z[k], chosen[c], rows, blocks, counts, axis)
-        own = rho * (1.0 + rho * inner(y, z[k]))
+        own, js, jz = rho * (1.0 + rho * inner(y, z[k])), left[2 * k], left[2 * k + 1]
         for a in range(size):
+            js[a] = project_one(s, chosen[a // 3], rows, blocks, counts, a % 3)
+            jz[a] = project_one(z[k], chosen[a // 3], rows, blocks, counts, a % 3)
+            right[2 * k, a], right[2 * k + 1, a] = own * js[a] - rho * jz[a], -rho * js[a]
+    for a in range(size):
+        for k in range(2 * status.count):
+            share = left[k, a]
             for b in range(size):
-                out[a, b] += own * js[a] * js[b] - rho * (js[a] * jz[b] + jz[a] * js[b])
+                out[a, b] += share * right[k, b]
 
 
 class Compliance:
@@ -331,9 +337,9 @@ class Compliance:
     """
 
     def __init__(self, vertices: NDArray[np.int32], count: int) -> None:
-        self._vertices, self._source = vertices, ()
+        self._vertices = vertices
         self._images, self._curvature = np.zeros((MEMORY, count)), np.full(MEMORY, np.nan)
-        self._columns: KeptColumns
+        self._columns: dict[bool, tuple[tuple[object, ...], KeptColumns]] = {}
         self.known: PointCompliance | None = None
 
     def prepare(
@@ -341,17 +347,18 @@ class Compliance:
     ) -> PointCompliance:
         """Return what is known of the first ``count`` chosen points of a ``field``; of those at hand if it is negative.
 
-        What belongs to another initial matrix than the present one is dropped. ``key`` has the arrays of the tangent;
-        the constant matrix is known by its own.
+        Columns of another tangent than the present one are dropped; those of the constant matrix, which may replace it
+        for a while, are kept beside it. ``key`` has the arrays of the tangent; the constant matrix is known by its own.
         """
         free, wild, known = problem.unknowns.free, int(numbers(work)["wild"]), self.known
         constant = bool(wild) or not len(metric.kept.order)
         source = (metric.coupling.inverse_schur, free) if constant else key
-        if len(source) != len(self._source) or any(a is not b for a, b in zip(source, self._source, strict=True)):
+        before, columns = self._columns.get(constant, ((), None))
+        if len(source) != len(before) or any(a is not b for a, b in zip(source, before, strict=True)):
             needed = np.flatnonzero(np.isin(free, self._vertices))
             columns = ConstantColumns(metric.coupling, needed, len(free)) if constant else HalvedColumns(metric.kept)
-            self._source, self._columns, known = source, columns, None
-        chosen, columns, width = field.chosen[: max(count, 0)], self._columns, field.rows.shape[1]
+            self._columns[constant], known = (source, columns), None
+        chosen, width = field.chosen[: max(count, 0)], field.rows.shape[1]
         if count < 0:
             count, width = (0, 0) if known is None else (len(known.used), known.rows.shape[1])
         else:

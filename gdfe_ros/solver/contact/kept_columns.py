@@ -8,13 +8,14 @@ were asked for.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.compiled import kernel
 from gdfe_ros.solver.matrix.constant_matrix import Coupling
-from gdfe_ros.solver.matrix.substitution import GROUP, HIGH, Kept, apply_free, multiply_columns, reduce_columns
+from gdfe_ros.solver.matrix.substitution import GROUP, Kept, apply_free, multiply_columns, reduce_columns
 
 Array = NDArray[np.float64]
 Numbers = NDArray[np.int64]
@@ -39,6 +40,14 @@ def add_projected(columns, inner, first, sign, out):
                 one, other = one + half[a, i] * columns[b, i], other + half[b, i] * columns[a, i]
             out[a, b] += 0.5 * sign * (one + other)
             out[b, a] = out[a, b]
+
+
+@kernel
+def add_entries(values, rows, columns, out):
+    """Add ``values`` (n, k) to the entries of ``out`` in ``rows`` (n,) and ``columns`` (k,)."""
+    for i in range(len(rows)):
+        for j in range(len(columns)):
+            out[rows[i], columns[j]] += values[i, j]
 
 
 class KeptColumns(ABC):
@@ -71,7 +80,7 @@ class KeptColumns(ABC):
         free, first = self._order(new[new < self._count]), len(self._rows)
         self._rows = np.concatenate([self._rows, free, new[new >= self._count]])
         self.place[self._rows[first:]] = np.arange(first, len(self._rows))
-        self.between = enlarge(self.between, 3 * len(self._rows), 2)
+        self.between = enlarge(self.between, 3 * len(self._rows))
         self._find(free, first)
         entries, rigid = _entries(self._rows), np.zeros((3 * len(self._rows), len(self._schur)))
         own = entries < 3 * self._count
@@ -129,6 +138,9 @@ class ConstantColumns(KeptColumns):
 class HalvedColumns(KeptColumns):
     """Columns of Y = U^-T of a kept factor K = U^T U, and their products.
 
+    A column is not zero only in the supernodes on the path from its row to the root of the elimination tree. Each
+    supernode has its part of the columns whose paths it is on.
+
     Args:
         kept: the factor; its values must not change.
     """
@@ -139,38 +151,42 @@ class HalvedColumns(KeptColumns):
         self._kept, self._number = kept, np.empty(count, dtype=np.int64)
         self._reach, self._inner = kept.reach, kept.inner
         self._number[kept.order] = np.arange(count)
-        self._node = np.repeat(np.arange(len(plan.parent)), np.diff(plan.first))
-        self._halves = np.zeros((3 * count, 0))
+        self._node, self._starts = np.repeat(np.arange(len(plan.parent)), np.diff(plan.first)), 3 * plan.first
+        self._parts: dict[int, tuple[Numbers, Array]] = {}
         self._scratch = np.empty((GROUP, 3 * int(np.diff(plan.row_start).max(initial=0))))
 
     def _order(self, rows: Numbers) -> Numbers:
         return rows[np.argsort(self._number[rows])]  # neighbours share paths
 
     def _find(self, new: Numbers, first: int) -> None:
-        self._halves = enlarge(self._halves, 3 * len(self._rows), 1)
-        entries = _entries(self._number[new])
-        for begin in range(0, len(entries), HIGH):
-            self._add(entries[begin : begin + HIGH], 3 * first + begin)
+        entries, size, found = _entries(self._number[new]), 3 * len(self._rows), {}
+        for begin in range(0, len(entries), GROUP):
+            group = entries[begin : begin + GROUP]
+            columns = 3 * first + begin + np.arange(len(group))
+            for node, part in self._halve(group):
+                found.setdefault(node, []).append((columns, part))
+        for node in sorted(found):
+            columns, parts = (np.concatenate(each, axis=-1) for each in zip(*found[node], strict=True))
+            known, others = self._parts.get(node, (columns[:0], parts[:, :0]))
+            self._parts[node] = every = np.concatenate([known, columns]), np.concatenate([others, parts], axis=1)
+            products = np.zeros((len(columns), len(every[0])))
+            multiply_columns(parts, every[1], products)
+            add_entries(products, columns, every[0], self.between)
+        own = self.between[3 * first : size, 3 * first : size]
+        own[...] = np.triu(own) + np.triu(own, 1).T
+        self.between[: 3 * first, 3 * first : size] = self.between[3 * first : size, : 3 * first].T
 
-    def _add(self, entries: Numbers, begin: int) -> None:
-        """Find the columns of some ``entries`` (n,) of the factor, the next from ``begin`` on, and their products."""
-        kept, end = self._kept, begin + len(entries)
-        used = np.zeros(len(kept.plan.parent), dtype=np.bool_)
-        for first in range(0, len(entries), GROUP):
-            group = entries[first : first + GROUP]
-            x, path = np.zeros((GROUP, len(self._halves))), np.zeros_like(used)
-            x[range(len(group)), group] = 1.0
-            for node in np.unique(self._node[group // 3]):
-                while node >= 0 and not path[node]:
-                    path[node], node = True, kept.plan.parent[node]
-            reduce_columns(kept.values, kept.plan, path, x, self._scratch)
-            self._halves[:, begin + first : begin + first + len(group)] = x[: len(group)].T
-            used |= path
-        starts, products = 3 * kept.plan.first, np.zeros((len(entries), end))
-        ranges = np.stack([starts[:-1][used], starts[1:][used]], axis=1)
-        new = np.ascontiguousarray(self._halves[:, begin:end])
-        multiply_columns(new, self._halves[:, :end], ranges, products)
-        self.between[begin:end, :end], self.between[:end, begin:end] = -products, -products.T
+    def _halve(self, entries: Numbers) -> Iterator[tuple[int, Array]]:
+        """Yield each supernode on the paths of up to `GROUP` ``entries``, and its part (k, n) of their columns of Y."""
+        kept, path = self._kept, np.zeros(len(self._kept.plan.parent), dtype=np.bool_)
+        for node in np.unique(self._node[entries // 3]):
+            while node >= 0 and not path[node]:
+                path[node], node = True, kept.plan.parent[node]
+        x = np.zeros((len(entries), self._starts[-1]))
+        x[range(len(entries)), entries] = 1.0
+        reduce_columns(kept.values, kept.plan, path, x, self._scratch)
+        for node in np.flatnonzero(path).tolist():
+            yield node, x[:, self._starts[node] : self._starts[node + 1]].T.copy()
 
 
 def _entries(rows: Numbers) -> Numbers:
@@ -178,11 +194,11 @@ def _entries(rows: Numbers) -> Numbers:
     return (3 * rows[:, None] + np.arange(3)).ravel()
 
 
-def enlarge(array: Array, size: int, axes: int) -> Array:
-    """Return ``array`` (p, q) with zeros after its entries, so that the last ``axes`` axes have ``size`` or more."""
-    have = array.shape[1]
+def enlarge(array: Array, size: int) -> Array:
+    """Return ``array`` (p, p) with zeros after its entries, so that both axes have ``size`` or more."""
+    have = len(array)
     if size <= have:
         return array
-    found = np.zeros((max(size, 3 * have // 2),) * 2 if axes == 2 else (len(array), max(size, 3 * have // 2)))
-    found[: len(array), :have] = array
+    found = np.zeros((max(size, 3 * have // 2),) * 2)
+    found[:have, :have] = array
     return found

@@ -243,8 +243,8 @@ def expand_node(values, at, rows, axes, first, last, x, local):
         copy_part(x[k], size * first, local[k], 0, size * own)
 
 
-GROUP, HIGH = 8, 128
-"""Number of columns of Y that are found together, and of rows of their products."""
+GROUP = 8
+"""Number of columns of Y that are found together."""
 
 
 @kernel
@@ -261,27 +261,29 @@ def reduce_columns(values, plan, used, x, local):
 
 
 @kernel
-def multiply_columns(new, every, used, out):
-    """Subtract the products (n, k) of the columns of ``new`` (3 f, n) and of ``every`` (3 f, k) from ``out``.
+def multiply_columns(new, every, out):
+    """Add the products (n, k) of the columns of ``new`` (3 f, n) and of ``every`` (3 f, k) to ``out``.
 
-    Rows outside of the ranges ``used`` (u, 2) are zero in ``new``.
+    The last n columns of ``every`` are ``new``; of their products with each other, those below the diagonal may be
+    left out.
     """
+    count, known = new.shape[1], every.shape[1] - new.shape[1]
     for left in range(0, every.shape[1], TILE):
         right = min(left + TILE, every.shape[1])
-        for begin, end in used:
-            for first in range(begin, end, PANEL):
-                subtract_products(every, new, first, min(first + PANEL, end), left, right, out)
+        some = count if left < known else min(count, right - known)
+        for first in range(0, len(every), PANEL):
+            add_products(every, new, first, min(first + PANEL, len(every)), left, right, some, out)
 
 
 @internal
-def subtract_products(every, new, first, last, left, right, out):
-    """Subtract the products of three or six rows, from ``first`` up to ``last``, from some columns of ``out``."""
+def add_products(every, new, first, last, left, right, some, out):
+    """Add the products of three or six rows, from ``first`` up to ``last``, to some columns and rows of ``out``."""
     full = last - first == PANEL
     beside = first + 3 if full else first
     a, b, c = every[first, left:right], every[first + 1, left:right], every[first + 2, left:right]
     d, e, f = every[beside, left:right], every[beside + 1, left:right], every[beside + 2, left:right]
-    for i in range(new.shape[1]):
+    for i in range(some):
         row, p, q, r = out[i, left:right], new[first, i], new[first + 1, i], new[first + 2, i]
         s, t, u = (new[first + 3, i], new[first + 4, i], new[first + 5, i]) if full else (0.0, 0.0, 0.0)
         for j in range(uint64(right - left)):
-            row[j] -= p * a[j] + q * b[j] + r * c[j] + s * d[j] + t * e[j] + u * f[j]
+            row[j] += p * a[j] + q * b[j] + r * c[j] + s * d[j] + t * e[j] + u * f[j]
