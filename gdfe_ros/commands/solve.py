@@ -183,9 +183,8 @@ def write_result(
 
     Keys: ``X, x`` (n, 3) undeformed and current vertices [m]; ``cells`` (m, 8 or 4); ``eps_eq, J, omega`` (m,);
     ``energy`` [J]; ``reaction_<handle>`` (6,) force [N] and moment [N m] of the handle on the body, the moment about
-    the handle's deformed centre; ``actuator_<name>`` (3,) command, length [m] or volume [m^3], tension [N] or pressure
-    [Pa]; ``probe_<name>`` (3,) position [m]; ``meta``: JSON text, with ``converged``, and ``whole``: whether
-    the program was not interrupted.
+    the handle's deformed centre; ``actuator_<name>`` (3,) command, extent and effort; ``probe_<name>`` (3,) position
+    [m]; ``meta``: JSON text, with ``converged``, and ``whole``: whether the program was not interrupted.
 
     Raises:
         OSError: the file cannot be written.
