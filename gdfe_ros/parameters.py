@@ -120,7 +120,7 @@ class Parameters:
                 self._vary(f"dynamics.prony.{i}.{key}", unit, getattr(branch, key), "dynamics", "prony", i, key)
 
     def _size_of(self, actuator: Actuator) -> float:
-        """Return the change of an actuator's command of which differences take a hundred-thousandth."""
+        """Return the size of an actuator's command; differences change it by a hundred-thousandth of that."""
         size, young = self._body.size, float(self._body.table.parameters[:, YOUNG].min())
         return {
             Mode.TENSION: self.FAINT * young * size**2,

@@ -38,7 +38,7 @@ class Mode(str, Enum):
     SHORTENING = "shortening", "m", _LENGTH, _TENSION, (-math.inf, math.inf)
     PRESSURE = "pressure", "Pa", _VOLUME, _PRESSURE, (-math.inf, math.inf)
     VOLUME = "volume", "m^3", _VOLUME, _PRESSURE, (0.0, math.inf)
-    GROWTH = "growth", "", ("volume over that at rest", ""), ("", ""), (0.0, 1.0)
+    GROWTH = "growth", "", ("grown volume ratio", ""), ("", ""), (0.0, 1.0)
     GRIP = "grip", "", ("holds", ""), ("force", "N"), (0.0, 1.0)
 
     def __new__(
