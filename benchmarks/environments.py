@@ -16,29 +16,28 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from copy import deepcopy
 from enum import Enum
+from functools import cache
 from statistics import fmean
 from time import perf_counter
 from typing import Any
 
 import numpy as np
+import yaml
 from numpy.typing import NDArray
 
 from benchmarks.markdown import markdown_table
 from benchmarks.process import run_module
 from benchmarks.replay import figures, summed
 from benchmarks.report import run_script
+from gdfe_ros.installation import share_dir
 from gdfe_ros.results.step_result import StepResult
-from gdfe_ros.scene import load_scene
+from gdfe_ros.scene import load_scene, scene_names
+from gdfe_ros.scene.schemas.actuator_schema import ActuatorModel
 from gdfe_ros.testing import make_env, make_vector_env
 from gdfe_ros.testing.environment import SoftRobotEnv
 
-SCENES = (
-    "arm_pneunet", "bending_tube", "crawler", "finger_press", "grasp", "gripper", "pneunet", "shape_memory_strip",
-    "soft_pinch", "swinging_arm", "tendon_finger", "three_chamber_arm",
-)  # fmt: skip
-"""Shipped scenes that have probes, and actuators with ranges."""
 TOO_LARGE = "measured_arm", "pneunet_finger"
-"""Shipped scenes of this kind whose steps take so long that a run has only a few: they are left out."""
+"""Scenes whose steps take so long that a run has only a few: they are left out."""
 STEPS, LONGEST = 100, 4.0
 """Number of steps of an environment, and time [s] after which the first environment ends earlier; all others make as
 many steps.
@@ -55,6 +54,23 @@ class Way(str, Enum):
     THREADS = "2 in threads"
     PROCESSES = "2 in processes"
     FOUR = "4 in processes"
+
+
+@cache
+def explored_scenes() -> tuple[str, ...]:
+    """Return the names of the shipped scenes with probes and with actuators that all have ranges, except `TOO_LARGE`.
+
+    Only the entries of the files are read: no mesh is made.
+    """
+    found = []
+    for name in set(scene_names()) - set(TOO_LARGE):
+        path = share_dir() / "config" / "scenes" / f"{name}.yaml"
+        data = yaml.safe_load(path.read_text(encoding="utf-8"))
+        drives = [ActuatorModel(**entry).chosen[1] for entry in data.get("actuators", {}).values()]
+        ranges = [getattr(drive, "range", None) or drive.mode.limits for drive in drives]
+        if ranges and data.get("probes") and np.isfinite(ranges).all():
+            found.append(name)
+    return tuple(sorted(found))
 
 
 def measure(scene: str) -> dict[str, Any]:
@@ -176,7 +192,7 @@ def _step(env: SoftRobotEnv) -> StepResult:
 def probe() -> dict[str, float]:
     """Return the figures of the first random steps of every scene."""
     found: dict[str, float] = {}
-    for scene in SCENES:
+    for scene in explored_scenes():
         env = _begun(scene, SEED)
         found |= figures(scene, (_step(env) for _ in range(PROBED)), env.simulation)
     return summed(found)
@@ -190,7 +206,7 @@ if __name__ == "__main__":
             "benchmarks.environments",
             "Environments of Gymnasium.",
             "environments",
-            measure=lambda: [measure(scene) for scene in SCENES],
+            measure=lambda: [measure(scene) for scene in explored_scenes()],
             tables=environment_table,
             probe=probe,
         )

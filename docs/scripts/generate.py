@@ -37,6 +37,7 @@ def texts() -> dict[str, str]:
     """Return dict from the name in the marks to the text that is printed there; tables end with their provenance."""
     found = {
         "scene": scene_reference.markdown(),
+        "modes": scene_reference.mode_table(),
         "node": node_reference.markdown(),
         "library": library_table(),
         "published": published_table(),

@@ -244,7 +244,7 @@ EXAMPLES: dict[type, tuple[str, ...]] = {
         "cable: {points: [[0.0, 0.0, 0.02], [0.2, 0.0, 0.02]]}",
         "chamber: {near: [0.1, 0.0, 0.0]}",
         "growth: {stretch: [0.92, 1.0, 1.0]}",
-        "grip: {to: flange, body: box}",
+        "grip: {to: flange, where: {face: x+}}",
     ),
     actuator_schema.AnchorModel: ("{world: [-0.1, 0.0, 0.05]}",),
     actuator_schema.CableModel: (

@@ -15,12 +15,15 @@ from typing import Any, Literal, Union, get_args, get_origin
 import yaml
 from pydantic.fields import FieldInfo
 
+from benchmarks.markdown import markdown_table
 from docs.scripts.scene_examples import EXAMPLES
+from gdfe_ros.actuators import Mode
 from gdfe_ros.constraints.form import Box, Sphere
 from gdfe_ros.keys import Alternatives
 from gdfe_ros.mesh.selection import BoxSelection, SphereSelection
 from gdfe_ros.quantity import ANY, Quantity, find_quantity
 from gdfe_ros.scene.report import bare, description_of, fields_of, quantity_of
+from gdfe_ros.scene.schemas.actuator_schema import ActuatorModel
 from gdfe_ros.scene.schemas.scene_schema import SceneModel
 from gdfe_ros.solver.settings import SolverSettings
 
@@ -38,6 +41,21 @@ _WORDS = {float: "number", int: "whole number", bool: "true or false", str: "tex
 def markdown() -> str:
     """Return Markdown with a section for each kind of entry: its meaning, its keys, and examples."""
     return "\n".join(_section(model) for model in models())
+
+
+def mode_table() -> str:
+    """Return a Markdown table of the modes of each kind of actuator: units, readings, and fields of JointState."""
+    rows = []
+    for kind, field in ActuatorModel.model_fields.items():
+        model = bare(field.annotation)
+        modes = get_args(model.model_fields["command"].annotation) if "command" in model.model_fields else [model.mode]
+        for mode in map(Mode, modes):
+            command = "effort" if mode.by_effort else "position"
+            pairs = (mode.value, mode.unit), (mode.extent, mode.extent_unit), (mode.effort, mode.effort_unit)
+            texts = [f"{name} [{unit or 1}]" if name else "0" for name, unit in (*pairs, mode.position)]
+            rows.append((f"`{kind}`", *texts[:3], f"`{command}`", texts[3]))
+    heads = ("actuator", "command", "extent", "effort", "command on `~/actuation`", "`position` on `~/joint_states`")
+    return markdown_table(heads, rows)
 
 
 def models() -> list[type]:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Actuators and loads of a body: cables, chambers, growth, grips, gravity, forces and tractions."""
+"""Actuators and loads of a body."""
 
 from __future__ import annotations
 

@@ -22,12 +22,14 @@ _VOLUME, _PRESSURE = ("volume", "m^3"), ("pressure", "Pa")
 class Mode(str, Enum):
     """Quantity that an actuator's command prescribes, and what the actuator reports.
 
-    A member is written as value, unit, extent, effort and limits.
+    A member is written as value, unit, extent, effort and limits. The extent is a function of the positions, and the
+    effort does work on it (length and tension, volume and pressure). A value that is the name of the member's extent or
+    effort commands it.
 
     Attributes:
         unit: SI unit of the command; empty if it has no unit.
-        extent, extent_unit: name and SI unit of `ActuatorState.extent`; the unit is empty for a growth or a grip.
-        effort, effort_unit: name and SI unit of `ActuatorState.effort`; both are empty for a growth.
+        extent, extent_unit: name and SI unit of `ActuatorState.extent`; the unit is empty if it has none.
+        effort, effort_unit: name and SI unit of `ActuatorState.effort`; both are empty if there is none.
         limits: widest range (low, high) of commands that a scene may give, in ``unit``.
     """
 
@@ -36,7 +38,7 @@ class Mode(str, Enum):
     SHORTENING = "shortening", "m", _LENGTH, _TENSION, (-math.inf, math.inf)
     PRESSURE = "pressure", "Pa", _VOLUME, _PRESSURE, (-math.inf, math.inf)
     VOLUME = "volume", "m^3", _VOLUME, _PRESSURE, (0.0, math.inf)
-    GROWTH = "growth", "", ("volume over that at rest", ""), ("", ""), (0.0, 1.0)
+    GROWTH = "growth", "", ("grown volume ratio", ""), ("", ""), (0.0, 1.0)
     GRIP = "grip", "", ("holds", ""), ("force", "N"), (0.0, 1.0)
 
     def __new__(
@@ -50,23 +52,24 @@ class Mode(str, Enum):
 
     @property
     def by_effort(self) -> bool:
-        """Whether the command is the effort: a tension or a pressure. JointState messages have it in ``effort``."""
+        """Whether the command is the effort, e.g. a tension. JointState messages have it in ``effort``."""
         return self.value == self.effort
 
     @property
     def by_extent(self) -> bool:
-        """Whether the command is the extent: a length or a volume."""
+        """Whether the command is the extent, e.g. a length."""
         return self.value == self.extent
 
     @property
-    def position_is_command(self) -> bool:
-        """Whether the ``position`` in ``~/joint_states`` is the command itself, as for a growth or a grip."""
-        return not (self.by_effort or self.by_extent or self is Mode.SHORTENING)
+    def conjugate(self) -> Mode | None:
+        """The mode that commands the extent instead of this mode's effort; None if there is none."""
+        return next((mode for mode in Mode if self.by_effort and mode.value == self.extent), None)
 
     @property
-    def position_unit(self) -> str:
-        """SI unit of the ``position`` in ``~/joint_states``."""
-        return self.unit if self.position_is_command else self.extent_unit
+    def position(self) -> tuple[str, str]:
+        """Name and SI unit of the ``position`` in ``~/joint_states``: the extent, or a command that is neither."""
+        plain = self.by_effort or self.by_extent
+        return (self.extent, self.extent_unit) if plain else (self.value, self.unit)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -230,12 +233,11 @@ class ActuatorState:
     """State of an actuator at the present equilibrium.
 
     Attributes:
-        mode: quantity that the command prescribes.
-        command: present command, in the unit of the mode.
-        extent: length of a cable [m], volume of a chamber [m^3], mean of det G over the cells of a growth, 1 for a grip
-            that holds (else 0).
-        effort: tension of a cable [N], pressure of a chamber relative to its surroundings [Pa], 0 for a growth, size of
-            the whole force of a grip [N].
+        mode: quantity that the command prescribes; it has the names and units of the numbers below.
+        command: present command.
+        extent: e.g. the length of a cable, the mean of det G over the cells of a growth, 1 for a grip that holds.
+        effort: e.g. the tension of a cable, the pressure of a chamber relative to its surroundings; 0 if the mode has
+            none.
     """
 
     mode: Mode
@@ -257,10 +259,7 @@ class ActuatorState:
 
 
 class Readings:
-    """Converter of actuator states to positions.
-
-    The position of a cable is its shortening [m] if the command is a shortening, else its length [m]. The position of a
-    chamber is its volume [m^3], and the position of a growth or a grip is its command.
+    """Converter of actuator states to positions, whose names and units are `Mode.position`.
 
     Args:
         actuators: actuators of a scene.
@@ -275,6 +274,6 @@ class Readings:
         return np.array([self._position(name, state) for name, state in states.items()])
 
     def _position(self, name: str, state: ActuatorState) -> float:
-        if state.mode.position_is_command:
-            return state.command
-        return self._lengths[name] - state.extent if state.mode is Mode.SHORTENING else state.extent
+        if state.mode is Mode.SHORTENING:
+            return self._lengths[name] - state.extent
+        return state.extent if state.mode.by_effort or state.mode.by_extent else state.command

@@ -81,7 +81,8 @@ class Columns:
     def _joint_unit(mode: Mode, field: str) -> str:
         if field == "effort":
             return mode.effort_unit
-        return f"{mode.position_unit or 1}/s" if field == "velocity" else mode.position_unit
+        unit = mode.position[1]
+        return f"{unit or 1}/s" if field == "velocity" else unit
 
 
 Row = dict[str, Any]

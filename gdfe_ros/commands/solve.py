@@ -91,9 +91,8 @@ def stopped(results: list[StepResult], *, beyond: bool = False) -> str:
     commands = [f"{name} = {state.command:.4g} {state.unit}".strip() for name, state in states]
     place = f"{'before ' * beyond}t = {found[-1].time:.4g} s"
     text = f"no equilibrium found beyond {', '.join([*commands, place])}"
-    if "lost its stability" in results[-1].message:
-        text += "; the chamber's pressure falls with its volume there: command the volume"
-    elif any(state.mode is Mode.PRESSURE for _, state in states):
+    told = "lost its stability" in results[-1].message
+    if not told and any(state.mode is Mode.PRESSURE for _, state in states):
         text += "; if the pressure falls with the volume there, command the volume"
     return f"{text}; --keep-going plays the rest of the program"
 
@@ -184,9 +183,8 @@ def write_result(
 
     Keys: ``X, x`` (n, 3) undeformed and current vertices [m]; ``cells`` (m, 8 or 4); ``eps_eq, J, omega`` (m,);
     ``energy`` [J]; ``reaction_<handle>`` (6,) force [N] and moment [N m] of the handle on the body, the moment about
-    the handle's deformed centre; ``actuator_<name>`` (3,) command, length [m] or volume [m^3], tension [N] or pressure
-    [Pa]; ``probe_<name>`` (3,) position [m]; ``meta``: JSON text, with ``converged``, and ``whole``: whether
-    the program was not interrupted.
+    the handle's deformed centre; ``actuator_<name>`` (3,) command, extent and effort; ``probe_<name>`` (3,) position
+    [m]; ``meta``: JSON text, with ``converged``, and ``whole``: whether the program was not interrupted.
 
     Raises:
         OSError: the file cannot be written.

@@ -123,6 +123,7 @@ class InverseControl:
             while tries < MOST_TRIES and not stuck and not self._stack.reached(error):
                 try:
                     moved, error, spent = self._approach(wanted, error)
+                    reason = "" if moved else self._tell_idle()
                 except GdfeError as flaw:
                     if not tries:
                         raise
@@ -142,13 +143,14 @@ class InverseControl:
             CommandError: goals or time are not allowed; the state is unchanged.
             GdfeError: the present state has no derivative; the state is unchanged.
         """
-        wanted, tries = self._stack.checked(goals), 0
+        wanted, tries, reason = self._stack.checked(goals), 0, ""
         require_positive("the time of a move", dt, "s")
         with self._all_or_nothing():
             error = self._errors(wanted)
             if not self._stack.reached(error):
-                _, error, tries = self._approach(wanted, error, dt)
-        return self._report(error, tries)
+                moved, error, tries = self._approach(wanted, error, dt)
+                reason = "" if moved else self._tell_idle()
+        return self._report(error, tries, reason)
 
     @contextmanager
     def _all_or_nothing(self) -> Iterator[None]:
@@ -211,7 +213,15 @@ class InverseControl:
         states = self.simulation.actuator_states()
         return np.array([states[name].command for name in self.names])
 
-    def _report(self, error: Array, tries: int, reason: str = "") -> Reach:
+    def _tell_idle(self) -> str:
+        """Return a message with the actuators that move no target at the present commands; empty if all move one."""
+        rows, limits = self._jacobian.at(self._now(), self._stack.values()), self._limits
+        with np.errstate(invalid="ignore"):  # zero times an infinite range
+            motions = np.nan_to_num(np.linalg.norm(rows, axis=0) * (limits.high - limits.low))
+        idle = [name for name, motion in zip(self.names, motions, strict=True) if motion < STANDSTILL]
+        return f"zero derivative at their commands: {', '.join(idle)}; remedy: begin at other ones" if idle else ""
+
+    def _report(self, error: Array, tries: int, reason: str) -> Reach:
         now = self._now()
         message = self._stack.message(error, self._stack.values(), self._limits.ended(now))
         return Reach(

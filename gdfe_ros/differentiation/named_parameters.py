@@ -8,7 +8,6 @@ from dataclasses import replace
 from functools import cache, reduce
 
 from gdfe_ros.actuators import Actuator, Mode
-from gdfe_ros.actuators.actuator import Grip, Growth
 from gdfe_ros.actuators.load import Load
 from gdfe_ros.constraints import Handle
 from gdfe_ros.constraints.rigid_body import RigidBody
@@ -121,15 +120,13 @@ class Parameters:
                 self._vary(f"dynamics.prony.{i}.{key}", unit, getattr(branch, key), "dynamics", "prony", i, key)
 
     def _size_of(self, actuator: Actuator) -> float:
-        """Return the order of magnitude of an actuator's command."""
+        """Return the size of an actuator's command; differences change it by a hundred-thousandth of that."""
         size, young = self._body.size, float(self._body.table.parameters[:, YOUNG].min())
-        if isinstance(actuator, Grip | Growth):
-            return 1.0
         return {
             Mode.TENSION: self.FAINT * young * size**2,
             Mode.PRESSURE: self.FAINT * young,
             Mode.VOLUME: 1e-2 * size**3,
-        }.get(actuator.mode, size)
+        }.get(actuator.mode, size if actuator.mode.unit else 1.0)
 
 
 def with_number(thing: object, keys: Sequence[str | int], value: float) -> object:

@@ -70,8 +70,8 @@ class CompareModel(_Found, Choice):
     mean: Where | None = Field(None, description="mean position of these vertices [m], e.g. {face: x+}")
     handle: str | None = Field(None, description="position of a handle, obstacle or rigid body from rest [m]")
     force: str | None = Field(None, description="force [N] that a handle or obstacle exerts on the body")
-    effort: str | None = Field(None, description="tension [N] or pressure [Pa] of an actuator")
-    extent: str | None = Field(None, description="length [m] or volume [m^3] of an actuator")
+    effort: str | None = Field(None, description="effort of an actuator, e.g. a tension [N]")
+    extent: str | None = Field(None, description="extent of an actuator, e.g. a length [m]")
     cloud: Literal["vertices", "surface"] | None = Field(
         None, description="bag: a PointCloud2 of all vertices in order, or of points anywhere on the surface"
     )

@@ -92,7 +92,7 @@ def _layout(labels: Sequence[str], shape: Sequence[int]) -> MultiArrayLayout:
 
 
 def actuation(actuators: Mapping[str, Actuator], values: Mapping[str, float]) -> JointState:
-    """Return a message of commands by name: tensions and pressures in ``effort``, all others in ``position``."""
+    """Return a message of commands by name: efforts in ``effort``, all others in ``position``."""
     forced = [name in actuators and actuators[name].mode.by_effort for name in values]
     pairs = list(zip(forced, map(float, values.values()), strict=True))
     return JointState(

@@ -44,7 +44,7 @@ class StepResult:
             when the strain energy has grown much, and at intervals. False: the body is at a saddle of the energy and
             leaves it when pushed. None: not known, or not converged.
         cut_after: number of time checks before the deadline of the solve passed; None if it did not pass.
-        actuators: dict from actuator name to its command, length or volume, and tension or pressure.
+        actuators: dict from actuator name to its command, extent and effort.
         terms: dict from the name of a term that was added to the simulation to its report.
         restarts: 1 if the result was reached from the undeformed body, or after contact with obstacles was dropped,
             instead of along the load path; otherwise 0. Both are tried only after a load path fails or begins with

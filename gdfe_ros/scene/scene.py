@@ -39,7 +39,7 @@ class Scene:
         source: YAML text that rebuilds this scene without any other file, with the overrides applied; empty for a scene
             that was made in Python.
         path: path of the scene's file; None for a scene from text.
-        actuators: cables, chambers and growths, in the order of the file.
+        actuators: actuators, in the order of the file.
         loads: dead loads, in the order of the file.
         probes: dict from name to material point, in the order of the file.
         sensors: dict from name to contact sensor, in the order of the file.

@@ -131,7 +131,7 @@ class SceneReadings:
         return Pose(tuple(moved), self.stepper.equilibrium.handles.pose(handle.name, state.poses, state.turns).rotation)
 
     def actuator_states(self) -> dict[str, ActuatorState]:
-        """Return dict from actuator to its command, its length or volume, and its tension or pressure."""
+        """Return dict from actuator to its command, its extent and its effort."""
         return dict(self.state.summary.actuators)
 
     @property

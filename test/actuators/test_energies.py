@@ -16,10 +16,10 @@ from gdfe_ros.mesh.generators import sphere
 from gdfe_ros.mesh.outside import carry_skin
 from gdfe_ros.results.element_fields import corner_forces
 from gdfe_ros.solver.body import Body, Growths
-from gdfe_ros.solver.forces.actuation import Actuation
+from gdfe_ros.solver.forces.actuation import Actuation, tell_limit_point
 from gdfe_ros.solver.terms.cable import EFFORT, STIFFNESS, TARGET, cable_length
-from gdfe_ros.solver.terms.term import terms_energy
 from gdfe_ros.solver.terms.volume import face_forces
+from test.differences import assert_derivative, assert_tangent, force_of
 
 RUBBER = NeoHookean(young=1e6, poisson=0.4, density=1000.0)
 LINEAR = Linear(young=1e6, poisson=0.4)
@@ -31,19 +31,6 @@ def make_body(mesh: HexMesh, material: Material = RUBBER) -> Body:
     return Body.build(mesh.vertices, mesh.cells, (material,), np.zeros(mesh.n_cells, np.int32), ())
 
 
-def assert_derivative(actuation: Actuation, x: np.ndarray, h: float = 1e-7) -> None:
-    """Require the actuators' force to equal central differences of their energy, of step ``h`` [m], on random lines."""
-    force = np.zeros_like(x)
-    terms_energy(x, actuation.table, force, np.zeros(1))
-    random = np.random.default_rng(1)
-    scratch = np.zeros_like(x)
-    for _ in range(5):
-        direction = random.standard_normal(x.shape)
-        high = terms_energy(x + h * direction, actuation.table, scratch, np.zeros(1))
-        low = terms_energy(x - h * direction, actuation.table, scratch, np.zeros(1))
-        assert (high - low) / (2 * h) == pytest.approx(np.vdot(force, direction), rel=1e-6, abs=1e-9)
-
-
 @pytest.mark.parametrize(("effort", "stiffness", "target"), [(3.0, 0.0, 0.0), (0.5, 400.0, 0.1), (0.0, 400.0, 0.9)])
 def test_cable_force_is_the_derivative(effort: float, stiffness: float, target: float) -> None:
     """A cable's force is the derivative of its energy at given tension and given length, and zero when slack."""
@@ -52,9 +39,10 @@ def test_cable_force_is_the_derivative(effort: float, stiffness: float, target: 
     actuation = Actuation(make_body(mesh), [Cable(name="c", mode=Mode.TENSION, points=points)])
     actuation.terms[0].reals[[EFFORT, STIFFNESS, TARGET]] = effort, stiffness, target
     x = mesh.vertices + 0.003 * np.random.default_rng(0).standard_normal(mesh.vertices.shape)
-    assert_derivative(actuation, x)
-    force = np.zeros_like(x)
-    terms_energy(x, actuation.table, force, np.zeros(1))
+    assert_derivative(actuation.table, x)
+    if not stiffness:
+        assert_tangent(actuation.terms[0], x)
+    force = force_of(x, actuation.table)
     assert force.any() == (target < 0.5), "a slack cable must not pull"
     np.testing.assert_allclose(force.sum(axis=0), 0.0, atol=1e-12)
 
@@ -73,9 +61,8 @@ def test_a_cable_is_exact_at_rest_and_smooth_where_points_meet() -> None:
     met[middle] = points.at(met)[0]
     for off in (0.0, 1e-6, 1e-5, 1e-4):
         x = met + off * np.eye(len(met))[middle].T
-        assert_derivative(actuation, x, h=3e-9)
-        force = np.zeros_like(x)
-        terms_energy(x, actuation.table, force, np.zeros(1))
+        assert_derivative(actuation.table, x, h=3e-9)
+        force = force_of(x, actuation.table)
         assert np.linalg.norm(force[middle]) <= 2.0 * 2.0
 
 
@@ -87,10 +74,26 @@ def test_chamber_force_is_the_derivative(effort: float, stiffness: float) -> Non
     actuation = Actuation(make_body(mesh), [Chamber(name="c", mode=Mode.PRESSURE, quads=cavity.quads)])
     actuation.terms[0].reals[[EFFORT, STIFFNESS, TARGET]] = effort, stiffness, cavity.volume
     x = mesh.vertices + 0.0005 * np.random.default_rng(0).standard_normal(mesh.vertices.shape)
-    assert_derivative(actuation, x)
+    assert_derivative(actuation.table, x)
+    if not stiffness:
+        assert_tangent(actuation.terms[0], x)
     far = x + np.array([3.0, -2.0, 5.0])
     volume = face_forces(far, actuation.terms[0].integers, far[0], 0.0, 0.0, np.zeros((0, 3)))
     assert volume == pytest.approx(enclosed_volume(x, cavity.quads), rel=1e-10)
+
+
+def test_any_unbounded_actuator_is_named_at_its_limit_point() -> None:
+    """If the energy has no lower bound, the actuator is named whose command has grown, with the names of its mode."""
+    mesh = bar([0.2, 0.05, 0.05], [4, 2, 2])
+    points = embed(mesh, [[0.0, 0.0, 0.0], [0.2, 0.0, 0.0]], what="cable")
+    actuation = Actuation(make_body(mesh), [Cable(name=name, mode=Mode.TENSION, points=points) for name in "ab"])
+    x, before, after = mesh.vertices, {"a": 1.0, "b": -1.0}, {"a": 1.0, "b": -2.0}
+    assert actuation.unstable(x, x, after, before) is None
+    for term in actuation.terms:
+        term.unbounded = True
+    assert actuation.unstable(x, x, after, before) is actuation.actuators[1]
+    told = tell_limit_point(actuation.actuators[1], before, after)
+    assert told.startswith("cable 'b' lost its stability between -1 and -2 N: its tension falls with its length there")
 
 
 @pytest.mark.parametrize(("effort", "stiffness"), [(5e4, 0.0), (2e4, 1e12)])
@@ -108,9 +111,8 @@ def test_force_of_a_carried_chamber_is_the_derivative(effort: float, stiffness: 
     term.reals[[EFFORT, STIFFNESS, TARGET]] = effort, stiffness, ball.volume
     assert term.state(body.rest).extent == pytest.approx(ball.volume, rel=1e-9)
     x = mesh.vertices + 0.002 * np.random.default_rng(0).standard_normal(mesh.vertices.shape)
-    assert_derivative(actuation, x)
-    force = np.zeros_like(x)
-    terms_energy(x, actuation.table, force, np.zeros(1))
+    assert_derivative(actuation.table, x)
+    force = force_of(x, actuation.table)
     assert np.abs(force).max() > 0.0
     np.testing.assert_allclose(force.sum(axis=0), 0.0, atol=1e-12 * np.abs(force).sum())
     np.testing.assert_allclose(np.cross(x, force).sum(axis=0), 0.0, atol=1e-13 * np.abs(force).sum())

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import pytest
 
+from docs.scripts.scene_examples import EXAMPLES
 from gdfe_ros.actuators import Actuator, ActuatorState, Growth, Mode
 from gdfe_ros.scene.schemas.actuator_schema import ActuatorModel
 from gdfe_ros.solver.forces.actuation import TERMS
@@ -12,17 +13,15 @@ from gdfe_ros.solver.terms.term import Term
 from test.written import scene_of
 
 SCENE = """
-mesh: {{sphere: {{inner: 0.01, outer: 0.015, cells: [3, 1]}}}}
+mesh:
+  bar:
+    size: [0.2, 0.05, 0.05]
+    cells: [8, 5, 5]
+    cut: [{{box: {{x: [0.05, 0.15], y: [-0.01, 0.01], z: [-0.01, 0.01]}}}}]
 materials: {{soft: {{law: neo_hookean, young: 1.0e6, poisson: 0.45}}}}
-handles: {{base: {{where: {{face: x-}}}}}}
+handles: {{flange: {{where: {{face: x-}}}}}}
 actuators: {{it: {entry}}}
 """
-ENTRIES = {
-    "cable": "{cable: {points: [[0.0125, 0.0, 0.0], [0.0, 0.0125, 0.0]]}}",
-    "chamber": "{chamber: {cavity: 0}}",
-    "growth": "{growth: {stretch: [1.1, 1.0, 1.0]}}",
-    "grip": "{grip: {to: base, where: {face: x+}}}",
-}
 
 
 def test_every_class_has_a_term() -> None:
@@ -35,8 +34,9 @@ def test_every_class_has_a_term() -> None:
 
 @pytest.mark.parametrize("kind", ActuatorModel.model_fields)
 def test_every_key_becomes_an_actuator(kind: str) -> None:
-    """An entry with the least keys becomes an actuator whose range its mode allows, and whose neutral command is 0."""
-    scene = scene_of(SCENE.format(entry=ENTRIES[kind]))
+    """The example of each key becomes an actuator whose range its mode allows, and whose neutral command is 0."""
+    (entry,) = (text for text in EXAMPLES[ActuatorModel] if text.startswith(f"{kind}:"))
+    scene = scene_of(SCENE.format(entry=f"{{{entry}}}"))
     (actuator,) = scene.actuators
     assert type(actuator).__name__.lower() == kind
     assert (actuator.low, actuator.high) == actuator.mode.limits

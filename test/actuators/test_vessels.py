@@ -11,6 +11,7 @@ from scipy.integrate import quad
 from scipy.optimize import brentq, fsolve
 
 from gdfe_ros import Simulation
+from gdfe_ros.actuators import Chamber, Mode
 from gdfe_ros.errors import CommandError, SceneError
 from gdfe_ros.simulation import Command
 from gdfe_ros.solver.solution import Increment
@@ -190,13 +191,14 @@ def test_the_cause_is_named_if_only_a_longer_increment_inflated_the_chamber() ->
 
     Whether the shortest increment ends in folds depends on rounding (in 2 of 40 shifts of the vertices by 1e-13).
     """
+    air = Chamber(name="air", mode=Mode.PRESSURE, quads=np.zeros((0, 4), np.int32))
     began = SimpleNamespace(sound=True, anchor=None, poses={}, commands={"air": 1e5})
     goal = Increment(poses={}, commands={"air": 2e5}, tolerance=1e-6, limit=1000)
-    path = changed(LoadPath.over(began, goal, 1, budget=1000), size=1, unstable="air")
+    path = changed(LoadPath.over(began, goal, 1, budget=1000), size=1, unstable=air)
     folded = SimpleNamespace(
         converged=False, error_estimate=1.0, min_det=-0.1, entered=False, exhausted=True, lost=False, diverged=False,
         cut=False, message="elements folded",
     )  # fmt: skip
-    attempt = Attempt(path=path, solution=folded, jumps=False, unstable="", spent=False, patient=False)
+    attempt = Attempt(path=path, solution=folded, jumps=False, unstable=None, spent=False, patient=False)
     assert attempt.verdict is Verdict.WITHDRAW
     assert attempt.reason_to_withdraw.startswith("chamber 'air' lost its stability between 100000 and")

@@ -129,6 +129,16 @@ def test_a_search_that_meets_a_state_without_derivative_keeps_its_best_point(mon
     assert simulation.result.converged
 
 
+def test_commands_without_effect_are_named() -> None:
+    """Neither tendon bends the finger sideways: the derivative is zero, and the message says so."""
+    simulation = finger()
+    control = InverseControl(simulation, [Target(probe="tip", axes=(1,))])
+    goal = simulation.probe_positions()["tip"] + np.array([0.0, 1e-3, 0.0])
+    for found in (control.reach([goal]), control.move([goal], 0.1)):
+        assert not found.reached
+        assert "zero derivative at their commands: flexor, extensor; remedy: " in found.message
+
+
 def test_wrong_input_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     """Unknown names, invalid goals, a scene in motion and a solver that is not installed are refused."""
     simulation = Simulation(load_scene("tendon_finger"))

@@ -9,9 +9,11 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from benchmarks.robots import ROBOTS
 from gdfe_ros import Simulation, load_scene
 from gdfe_ros.results.step_result import StepResult
 
+NAMES = [robot.scene for robot in ROBOTS]
 RATE = 100.0
 PACE = 10
 """Steps per second of simulation time: few, yet a jump of a degree is visible."""
@@ -44,18 +46,7 @@ def angle(simulation: Simulation, result: StepResult, low: str, high: str) -> fl
     return float(np.degrees(np.arctan2(across[0], across[2])))
 
 
-ROBOTS = [
-    "tendon_finger",
-    "pneunet",
-    "bending_tube",
-    "three_chamber_arm",
-    "gripper",
-    "shape_memory_strip",
-    "two_material_bar",
-]
-
-
-@pytest.mark.parametrize("name", ROBOTS)
+@pytest.mark.parametrize("name", NAMES)
 def test_program_converges_without_crushing_an_element(name: str, played: Callable[[str], Played]) -> None:
     """Every step converges, with det F > 0.1 in every element."""
     _, results = played(name)
@@ -145,7 +136,7 @@ def test_joint_of_two_materials_tells_hyperelasticity(played: Callable[[str], Pl
 
 
 @pytest.mark.bench
-@pytest.mark.parametrize("name", ROBOTS)
+@pytest.mark.parametrize("name", NAMES)
 def test_robot_streams_at_100_hz(name: str) -> None:
     """With steps of 10 ms, the program takes less processor time than its duration."""
     simulation = Simulation(load_scene(name))

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.actuators import Cable, Chamber, Grip, Growth
 from gdfe_ros.analysis.bag_run import RECORD
 from gdfe_ros.analysis.difference_table import unit_of
 from gdfe_ros.analysis.report.history import CONTACTS, JOINTS, RunHistory, energy_balance
@@ -20,14 +19,6 @@ MOST_POINTS = 3000
 COLUMNS, BINS = 300, 48
 _COLOURS = ("#3266ad", "#c2562d", "#2e8b57", "#8455a8", "#a07b1f", "#4b9fb5", "#b0436e", "#6b6f76")
 _AXES = "xyz"
-_ACTUATION = (
-    ("Tensions", "tension [N]", "effort", Cable),
-    ("Lengths of cables", "length [m]", "position", Cable),
-    ("Pressures", "pressure [Pa]", "effort", Chamber),
-    ("Volumes of chambers", "volume [m^3]", "position", Chamber),
-    ("Growth", "growth [1]", "position", Growth),
-    ("Forces of grips", "force [N]", "effort", Grip),
-)
 
 Chart = dict[str, Any]
 
@@ -114,16 +105,17 @@ def _vector_chart(history: RunHistory, title: str, label: str, stem: str, *, sen
 
 
 def _actuators(history: RunHistory, scene: Scene) -> list[Chart]:
-    """Return charts of actuators; cables and chambers have separate charts because their units differ."""
-    charts = []
-    for title, label, field, kind in _ACTUATION:
-        series = {
-            actuator.name: history.responses[JOINTS, f"{field}.{place}"]
-            for place, actuator in enumerate(scene.actuators)
-            if isinstance(actuator, kind) and (JOINTS, f"{field}.{place}") in history.responses
-        }
-        charts.append(_lines(history, title, label, series))
-    return charts
+    """Return a chart for each quantity that actuators report, e.g. one of tensions and one of lengths."""
+    groups: dict[tuple[str, str], dict[str, Sequence[float]]] = {}
+    for place, actuator in enumerate(scene.actuators):
+        mode = actuator.mode
+        for field, quantity in (("effort", (mode.effort, mode.effort_unit)), ("position", mode.position)):
+            if quantity[0] and (JOINTS, f"{field}.{place}") in history.responses:
+                groups.setdefault(quantity, {})[actuator.name] = history.responses[JOINTS, f"{field}.{place}"]
+    return [
+        _lines(history, f"Actuators: {name}", f"{name} [{unit or 1}]", series)
+        for (name, unit), series in groups.items()
+    ]
 
 
 def _others(history: RunHistory) -> list[Chart]:

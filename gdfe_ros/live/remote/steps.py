@@ -252,8 +252,6 @@ def view_of(state: PublishedState, scene: Scene) -> View:
 
 def _readings(actuator: Actuator, position: float, speed: float, effort: float) -> list[Reading]:
     """Return the readings of an actuator from its values in ``~/joint_states``."""
-    mode = actuator.mode
-    found = ActuatorState(mode, position, position, effort).readings()
-    if not (mode.by_effort or mode.by_extent or mode is Mode.GRIP):  # the position is not the extent
-        found[0] = (mode.value, position, mode.unit)
-    return found
+    mode, (name, unit) = actuator.mode, actuator.mode.position
+    extent, *efforts = ActuatorState(mode, position, position, effort).readings()
+    return [extent if mode is Mode.GRIP else (name, position, unit), *efforts]

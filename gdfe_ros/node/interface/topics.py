@@ -58,9 +58,9 @@ BODY_SET = _command(
 ACTUATION = _command(
     "~/actuation",
     "sensor_msgs/msg/JointState",
-    "commands of actuators and loads by name. Actuators: `effort` is a tension [N] or pressure [Pa], "
-    "`position` a length or shortening [m], a volume [m^3], a growth or a grip [1]. Loads: `position` is the factor "
-    "[1] on the load. Joints of arms: `position` [rad], [m]",
+    "commands of actuators and loads by name. Actuators: `effort` if the actuator's mode commands its effort, "
+    "such as a tension, else `position`, in the unit of the mode. Loads: `position` is the factor [1] on the load. "
+    "Joints of arms: `position` [rad], [m]",
 )
 ACTUATOR_COMMANDS = _command(
     "~/commands",
@@ -209,10 +209,10 @@ IMU = TopicSpec(
 JOINT_STATES = TopicSpec(
     name="~/joint_states",
     type="sensor_msgs/msg/JointState",
-    meaning="for each actuator, `position` is the length or shortening [m], volume [m^3] or growth [1], depending on "
-    "its mode; `velocity` is the rate of `position`; `effort` is the tension [N] or pressure [Pa]. Then for each "
-    "joint of the arms: position [rad], [m], velocity, and the effort of its motor [N m], [N], which holds and moves "
-    "the links and the soft body",
+    meaning="for each actuator, `position` is its extent, or a command that is neither extent nor effort; `velocity` "
+    "is the rate of `position`; `effort` is its effort. Its mode gives names and units. Then for each joint of the "
+    "arms: position [rad], [m], velocity, and the effort of its motor [N m], [N], which holds and moves the links and "
+    "the soft body",
 )
 JACOBIAN = TopicSpec(
     name="~/jacobian",

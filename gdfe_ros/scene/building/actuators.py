@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import partial
+from functools import singledispatch
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,8 +35,9 @@ from gdfe_ros.mesh import HexMesh, select_cells, select_faces, select_vertices
 from gdfe_ros.mesh.cells.faces import turned
 from gdfe_ros.mesh.selection import select_skin
 from gdfe_ros.scene.building.builder import select
-from gdfe_ros.scene.building.chambers import chamber, on_skin
+from gdfe_ros.scene.building.chambers import build_chamber, on_skin
 from gdfe_ros.scene.building.simulated_mesh import require_part
+from gdfe_ros.scene.entry import Entry
 from gdfe_ros.scene.report import NO_VALUE, Defects, Unfit, require_known
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.scene.schemas.actuator_schema import (
@@ -58,12 +59,6 @@ def build_actuators(
 ) -> tuple[Actuator, ...]:
     """Return the actuators whose points, faces or cells in the body are valid; report the defects of the others."""
     built = []
-    make = {
-        "cable": _cable,
-        "chamber": partial(chamber, handles=handles),
-        "growth": _growth,
-        "grip": partial(_grip, handles=handles),
-    }
     for name, model in draft.actuators.items() if mesh is not None else ():
         kind, value = model.chosen
         with report.entry("actuators", name, kind):
@@ -71,9 +66,25 @@ def build_actuators(
             if isinstance(value, DriveModel):
                 low, high = value.range or value.mode.limits
                 common |= {"low": low, "high": high, "rate": value.rate or math.inf}
-            built.append(make[kind](value, mesh, common))
+            built.append(build_actuator(value, mesh, handles, common))
             _require_within(built[-1])
     return tuple(built)
+
+
+@singledispatch
+def build_actuator(value: Entry, mesh: HexMesh, handles: Sequence[Handle], common: dict) -> Actuator:
+    """Return the actuator of an entry; each kind of entry registers its builder, which may raise `Unfit`.
+
+    Args:
+        value: the entry.
+        mesh: the body.
+        handles: handles of the scene.
+        common: name and mode of the actuator; if it has a range, also low, high and rate.
+    """
+    raise TypeError(f"no builder is registered for {type(value).__name__}")
+
+
+build_actuator.register(build_chamber)
 
 
 def build_masses(
@@ -149,7 +160,8 @@ def _require_within(actuator: Actuator) -> None:
         raise Unfit("range", f"allowed for {mode.value}{unit}: {least:g} to {most:g}")
 
 
-def _cable(value: CableModel, mesh: HexMesh, common: dict) -> Cable:
+@build_actuator.register
+def _build_cable(value: CableModel, mesh: HexMesh, handles: Sequence[Handle], common: dict) -> Cable:
     """Return a cable; points up to half a cell outside of the body are moved onto it."""
     world, groups = [], {}
     for number, point in enumerate(value.points):
@@ -172,7 +184,8 @@ def _cable(value: CableModel, mesh: HexMesh, common: dict) -> Cable:
     return Cable(points=points, stiffness=value.stiffness or math.inf, **common)
 
 
-def _growth(value: GrowthModel, mesh: HexMesh, common: dict) -> Growth:
+@build_actuator.register
+def _build_growth(value: GrowthModel, mesh: HexMesh, handles: Sequence[Handle], common: dict) -> Growth:
     cells = select(select_cells, mesh, value.where, "cell")
     stretch = np.diag(value.stretch)
     if value.where is not None and value.where.mesh is not None:
@@ -181,7 +194,8 @@ def _growth(value: GrowthModel, mesh: HexMesh, common: dict) -> Growth:
     return Growth(cells=cells, stretch=0.5 * (stretch + stretch.T), **common)
 
 
-def _grip(value: GripModel, mesh: HexMesh, common: dict, *, handles: Sequence[Handle]) -> Grip:
+@build_actuator.register
+def _build_grip(value: GripModel, mesh: HexMesh, handles: Sequence[Handle], common: dict) -> Grip:
     """Return a grip; raise `Unfit` if its holder or what it holds is unknown or unsuitable."""
     known = {each.name: each for each in handles}
     require_known("to", "handle, obstacle or body", value.to, known)

@@ -24,14 +24,8 @@ from gdfe_ros.scene.report import NO_VALUE, Unfit
 from gdfe_ros.scene.schemas.actuator_schema import ChamberModel
 
 
-def chamber(value: ChamberModel, mesh: HexMesh, common: dict, *, handles: Sequence[Handle] = ()) -> Chamber:
-    """Return the chamber of an entry.
-
-    Args:
-        value: the entry.
-        mesh: the body.
-        common: name, mode, range and rate of the actuator.
-        handles: handles of the scene; open edges of named faces may lie on them.
+def build_chamber(value: ChamberModel, mesh: HexMesh, handles: Sequence[Handle], common: dict) -> Chamber:
+    """Return the chamber of an entry; open edges of named faces may lie on the handles.
 
     Raises:
         Unfit: there is no such chamber, or its faces are not those of a chamber.

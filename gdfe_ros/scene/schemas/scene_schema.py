@@ -136,9 +136,9 @@ class SceneModel(Entry):
         {}, description="several arms by name, instead of `arm`, e.g. left: {urdf: arm.urdf, prefix: left_, ...}"
     )
     actuators: dict[Name, ActuatorModel] = Field(
-        {}, description="cables, chambers and growth, by name, e.g. tendon: {cable: {points: [...], command: tension}}"
+        {}, description="actuators by name, e.g. tendon: {cable: {points: [...], command: tension}}"
     )
-    loads: dict[Name, LoadModel] = Field({}, description="dead loads by name, e.g. weight: {gravity: [0, 0, -9.81]}")
+    loads: dict[Name, LoadModel] = Field({}, description="loads by name, e.g. weight: {gravity: [0, 0, -9.81]}")
     masses: dict[Name, MassModel] = Field(
         {}, description="attached masses by name, e.g. payload: {mass: 0.05, where: ...}"
     )

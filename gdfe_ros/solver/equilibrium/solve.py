@@ -147,13 +147,13 @@ class Solve:
         )
         active.place(self._from.positions, self._from.base, self._from.slides, self._from.turns)
         self._watch.room[...] = -1.0
-        gives_up = self._inflates if self.problem.divisible else None
+        gives_up = self._runs_away if self.problem.divisible else None
         return Task(active, problem, self.problem.deadline, gives_up)
 
-    def _inflates(self, positions: NDArray[np.float64]) -> bool:
-        """Return whether a chamber of given pressure inflated far since the last equilibrium."""
+    def _runs_away(self, positions: NDArray[np.float64]) -> bool:
+        """Return whether an actuator is beyond its limit point since the last equilibrium."""
         last = self.start.anchor or self.start
-        return bool(self._actuation.unstable(positions, last.positions, self.problem.commands))
+        return self._actuation.unstable(positions, last.positions, self.problem.commands) is not None
 
     def descend(self, *, spent: int = 0) -> Solution:
         """Minimise and update multipliers in turn, until the constraints are satisfied; return the solution.

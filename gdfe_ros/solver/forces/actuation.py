@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.actuators.actuator import Actuator, ActuatorState, Cable, Chamber, Grip, Growth, Mode
+from gdfe_ros.actuators.actuator import Actuator, ActuatorState, Cable, Chamber, Grip, Growth
 from gdfe_ros.actuators.load import Load, PressureLoad
 from gdfe_ros.compiled import kernel
 from gdfe_ros.constraints import Pose
@@ -43,7 +43,7 @@ class Actuation:
 
     Args:
         body: the discretised body.
-        actuators: cables, chambers, growths and grips.
+        actuators: actuators of the scene.
         loads: dead loads and follower pressures; the command of each is its factor.
         terms: further terms.
 
@@ -71,7 +71,6 @@ class Actuation:
         self._loads = [(PressureTerm if isinstance(load, PressureLoad) else DeadLoadTerm)(load, body) for load in loads]
         driven = [term(item, body) for kind, term in TERMS.items() for item in actuators if isinstance(item, kind)]
         self.strung = [term for term in driven if isinstance(term, CableTerm) and term.strung]
-        self._chambers = [term for term in driven if isinstance(term, ChamberTerm)]
         self.grips = [term for term in driven if isinstance(term, GripTerm)]
         self.contacts = contacts_of(body)
         self._more = tuple(terms)
@@ -148,20 +147,18 @@ class Actuation:
         since: NDArray[np.float64],
         commands: Mapping[str, float],
         before: Mapping[str, float] | None = None,
-    ) -> str:
-        """Return the name of the chamber that inflated without bound since an equilibrium; empty if none did.
+    ) -> Actuator | None:
+        """Return an actuator beyond its limit point, at which the body left an equilibrium; None if there is none.
 
         ``since`` (n, 3) [m] are the positions of the equilibrium, ``positions`` (n, 3) [m] those after the failed
-        solve. If the energy has no lower bound, volumes have no meaning. The caller then gives the commands ``before``
-        the solve, and a chamber counts as unstable if its commanded pressure has risen.
+        solve. If the energy has no lower bound, ``positions`` have no meaning. The caller then gives the commands
+        ``before`` the solve, and an unbounded actuator counts if its command has grown.
         """
-        for term in self._chambers:
-            pressed = term.actuator.mode is Mode.PRESSURE
-            if before is not None and pressed and commands[term.name] > before[term.name]:
-                return term.name
-            if term.ran_away(positions, since):
-                return term.name
-        return ""
+        for name, term in self._driven.items():
+            grew = before is not None and term.unbounded and abs(commands[name]) > abs(before[name])
+            if grew or term.ran_away(positions, since):
+                return term.actuator
+        return None
 
     def unreachable(self, base: NDArray[np.float64], commands: Mapping[str, float]) -> str:
         """Return a message if a cable is commanded shorter than the distance between its handles; empty if not.
@@ -224,21 +221,23 @@ def contacts_of(body: Body) -> list[ContactTerm]:
     return found
 
 
-def tell_inflation(name: str, last: Mapping[str, float], commands: Mapping[str, float]) -> str:
-    """Return the message that a chamber lost its stability between two pressures."""
+def tell_limit_point(actuator: Actuator, last: Mapping[str, float], commands: Mapping[str, float]) -> str:
+    """Return the message that an actuator lost its stability between two commands."""
+    name, mode = actuator.name, actuator.mode
+    remedy = f"command its {mode.extent} instead of its {mode.effort}, or stiffen its walls"
     return (
-        f"chamber {name!r} lost its stability between {last[name]:.6g} and {commands[name]:.6g} Pa: its pressure "
-        "falls with its volume there; remedy: command its volume instead of its pressure, or stiffen its walls"
+        f"{type(actuator).__name__.lower()} {name!r} lost its stability between {last[name]:.6g} and "
+        f"{commands[name]:.6g} {mode.unit}: its {mode.effort} falls with its {mode.extent} there; "
+        f"remedy: {remedy if mode.conjugate else f'a smaller {mode.effort}, or a stiffer body'}"
     )
 
 
 def past_limit(actuators: Sequence[Actuator], last: Mapping[str, float], commands: Mapping[str, float]) -> str:
-    """Return the remedy for a jump: command lengths and volumes, not tensions and pressures; empty if none changed."""
-    other = {Mode.TENSION: Mode.LENGTH, Mode.PRESSURE: Mode.VOLUME}
+    """Return the remedy for a jump: command extents instead of the efforts that changed; empty if none changed."""
     found = [
-        f"`command: {other[each.mode].value}` for {each.name!r}"
+        f"`command: {each.mode.extent}` for {each.name!r}"
         for each in actuators
-        if each.mode in other and commands.get(each.name) != last.get(each.name)
+        if each.mode.conjugate and commands.get(each.name) != last.get(each.name)
     ]
     return f"remedy: {', '.join(found)}, which holds shapes that a force or a pressure cannot" if found else ""
 

@@ -12,8 +12,9 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from gdfe_ros.actuators import Actuator
 from gdfe_ros.constraints import Pose
-from gdfe_ros.solver.forces.actuation import tell_inflation
+from gdfe_ros.solver.forces.actuation import tell_limit_point
 from gdfe_ros.solver.handle_motions import HandleMotions, find_deviation
 from gdfe_ros.solver.matrix.rotation import apply_left_jacobian
 from gdfe_ros.solver.outcome import Outcome, join, tell
@@ -157,7 +158,7 @@ class LoadPath(Path):
         budget: largest number of iterations on the load path.
         jumped: whether the body has jumped to another equilibrium in an attempt.
         folded: whether an attempt ended in folded or inverted elements, or failed with corners pressed flat.
-        unstable: name of a chamber that lost its stability in an attempt; empty for none.
+        unstable: actuator that lost its stability in an attempt; None for none.
     """
 
     SHORTEST = 1.0 / 256.0
@@ -167,7 +168,7 @@ class LoadPath(Path):
     budget: int
     jumped: bool = False
     folded: bool = False
-    unstable: str = ""
+    unstable: Actuator | None = None
 
     @property
     def moves(self) -> bool:
@@ -198,7 +199,7 @@ class Attempt:
         path: the load path with the iterations of this attempt, at the state before it.
         solution: result of the solve.
         jumps: whether the body jumped to another equilibrium.
-        unstable: name of the chamber that lost its stability; empty for none.
+        unstable: actuator that lost its stability; None for none.
         spent: whether no iterations or no time are left for another attempt.
         patient: whether a folded shape is accepted if a limit or the deadline ended the solve. It is accepted as long
             as the number of iterations for this command, including earlier unfinished steps, is below the solver's
@@ -227,7 +228,7 @@ class Attempt:
     path: LoadPath
     solution: Solution
     jumps: bool
-    unstable: str
+    unstable: Actuator | None
     spent: bool
     patient: bool
 
@@ -274,7 +275,7 @@ class Attempt:
         """The reason why the step returns to the last sound state."""
         path, message = self.path, self.solution.message
         if path.unstable:
-            return tell_inflation(path.unstable, path.state.commands, path.aim[1])
+            return tell_limit_point(path.unstable, path.state.commands, path.aim[1])
         if self.solution.diverged and not path.folded:
             return message
         enters = self.solution.entered and self.solution.min_det > 0.0

@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from gdfe_ros.actuators import Actuator
 from gdfe_ros.constraints import Pose
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.elements.barrier import THRESHOLD
@@ -210,7 +211,7 @@ class Stepper:
         path = path.tried(solution, jumped=path.jumped or jumps, folded=path.folded or pressed)
         spent = path.iterations >= path.budget or past(goal.deadline)
         patient = path.iterations + (state.unfinished.iterations if state.unfinished else 0) < patience
-        unstable = "" if solution.cut and patient else self._unstable_chamber(state, solution, commands)
+        unstable = None if solution.cut and patient else self._find_unstable(state, solution, commands)
         return Attempt(
             path=changed(path, unstable=unstable or path.unstable),
             solution=solution,
@@ -220,10 +221,10 @@ class Stepper:
             patient=patient,
         )
 
-    def _unstable_chamber(self, state: State, solution: Solution, commands: Mapping[str, float]) -> str:
-        """Return the name of a chamber that lost its stability in a failed attempt; empty for none."""
+    def _find_unstable(self, state: State, solution: Solution, commands: Mapping[str, float]) -> Actuator | None:
+        """Return an actuator that lost its stability in a failed attempt; None for none."""
         if solution.converged:
-            return ""
+            return None
         before = state.commands if solution.diverged else None
         since = (state.anchor or state).positions
         return self.actuation.unstable(solution.positions, since, commands, before)

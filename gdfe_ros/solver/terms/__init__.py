@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Terms of the potential other than the elements: cables, chambers, dead loads, growth, and user-defined terms."""
+"""Terms of the potential other than the elements: actuators, loads, layers of fibres, and user-defined terms."""

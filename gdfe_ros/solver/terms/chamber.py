@@ -110,7 +110,7 @@ class ChamberTerm(EffortTerm):
             integers = np.concatenate([[len(points.corners)], points.corners.ravel(), integers], dtype=np.int32)
         super().__init__(chamber.name, reals, integers)
         self._rest_volume = self._volume(body.rest)
-        self.updates = chamber.constrains
+        self.updates, self.unbounded = chamber.constrains, not chamber.constrains
         self._command = chamber.neutral(body.rest)
 
     def fit(self, matrix: ConstantMatrix) -> None:
@@ -178,8 +178,7 @@ class ChamberTerm(EffortTerm):
 
     def ran_away(self, positions: NDArray[np.float64], since: NDArray[np.float64]) -> bool:
         """Return whether a chamber of given pressure inflated beyond `RUNNING_AWAY` from ``since`` to ``positions``."""
-        pressed = math.isfinite(self.reals[LIMIT])
-        return pressed and not self._volume(positions) <= self.RUNNING_AWAY * self._limit(self._volume(since))
+        return self.unbounded and not self._volume(positions) <= self.RUNNING_AWAY * self._limit(self._volume(since))
 
     def state(self, positions: NDArray[np.float64]) -> ActuatorState:
         """Return command, volume and pressure."""

@@ -115,13 +115,14 @@ class Term:
         delicate: whether the term's forces change within tiny displacements, as at the onset of slip.
         exact: whether `tangents`, `springs` and `stiffness` are the whole second derivative of the term's energy.
         stage: number of a stage in which `tangents` change little; at another stage, the kept tangent is taken anew.
+        unbounded: whether a command can leave the energy without a lower bound, as a pressure beyond its limit point.
         conservative: whether the forces have a potential; without one, the stability of an equilibrium is not known.
         even: whether `stiffness` is the term's whole tangent, acts on x, y and z alike, and never changes. Kept
             tangents then use it directly.
     """
 
     kernel: TermKernel | None = None
-    updates, even, exact, inside, delicate, wanders = False, False, False, False, False, False
+    updates, even, exact, inside, delicate, wanders, unbounded = False, False, False, False, False, False, False
     stage, conservative = 0, True
 
     def __init__(self, name: str, reals: NDArray[np.float64], integers: NDArray[np.int32]) -> None:
@@ -219,6 +220,10 @@ class Term:
     def flaw(self, positions: NDArray[np.float64]) -> str:
         """Return a message if positions (n, 3) [m] of a converged solve are not acceptable; empty if they are."""
         return ""
+
+    def ran_away(self, positions: NDArray[np.float64], since: NDArray[np.float64]) -> bool:
+        """Return whether the extent grew without bound between ``since`` (n, 3) [m] and ``positions`` (n, 3) [m]."""
+        return False
 
     def potential(self, positions: NDArray[np.float64], command: float) -> tuple[float, float]:
         """Return the potential [J] and its derivative with respect to the command.

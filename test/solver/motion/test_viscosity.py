@@ -15,7 +15,8 @@ from gdfe_ros.mesh.generators import bar
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.motion.viscosity import Viscosity
 from gdfe_ros.solver.settings import Branch, Damping, Dynamics
-from gdfe_ros.solver.terms.term import TermTable, terms_energy
+from gdfe_ros.solver.terms.term import TermTable
+from test.differences import assert_derivative, assert_tangent, force_of
 
 DYNAMICS = Dynamics(damping=Damping(viscosity=300.0), prony=(Branch(0.2, 0.05), Branch(0.1, 0.5)))
 H = 0.01
@@ -40,13 +41,7 @@ def test_the_force_is_the_derivative() -> None:
         saved = term.finish(saved, x)
         x = x + 0.001 * random.standard_normal(x.shape)
     term.begin({}, saved, x, 1.0)
-    table, force, scratch = TermTable.of(term), np.zeros_like(x), np.zeros_like(x)
-    terms_energy(x, table, force, np.zeros(1))
-    for _ in range(5):
-        direction = random.standard_normal(x.shape)
-        high = terms_energy(x + 1e-7 * direction, table, scratch, np.zeros(1))
-        low = terms_energy(x - 1e-7 * direction, table, scratch, np.zeros(1))
-        assert (high - low) / 2e-7 == pytest.approx(np.vdot(force, direction), rel=1e-6)
+    assert_derivative(TermTable.of(term), x)
 
 
 def test_the_tangent_is_the_derivative_of_the_force() -> None:
@@ -57,14 +52,7 @@ def test_the_tangent_is_the_derivative_of_the_force() -> None:
     saved = {**saved, "strain": term._strains(x), "before": term._strains(x)}
     saved["branches"] = np.repeat(saved["strain"][None], len(DYNAMICS.prony), axis=0)
     term.begin({}, saved, x, 1.0)
-    direction, forces = random.standard_normal(x.shape), np.zeros((2, *x.shape))
-    for sign, force in zip((1e-7, -1e-7), forces, strict=True):
-        terms_energy(x + sign * direction, TermTable.of(term), force, np.zeros(1))
-    found, ends = np.zeros_like(x), term.couplings()
-    each = np.einsum("eij,ej->ei", term.tangents(x), direction[ends].reshape(len(ends), -1))
-    np.add.at(found, ends, each.reshape(*ends.shape, 3))
-    exact = (forces[0] - forces[1]) / 2e-7
-    np.testing.assert_allclose(found, exact, atol=1e-6 * np.abs(exact).max())
+    assert_tangent(term, x)
 
 
 def test_rigid_motion_is_not_resisted() -> None:
@@ -81,9 +69,7 @@ def test_rigid_motion_is_not_resisted() -> None:
         rotation = Rotation.from_rotvec([0.2, angle, -0.1]).as_matrix()
         turned = np.ascontiguousarray(x @ rotation.T + np.array([5.0, 0.0, 1.0]))
         term.begin({}, saved, turned, 1.0)
-        force = np.zeros_like(x)
-        terms_energy(turned, TermTable.of(term), force, np.zeros(1))
-        assert np.abs(force).max() < 1e-9
+        assert np.abs(force_of(turned, TermTable.of(term))).max() < 1e-9
         saved = term.finish(saved, turned)
     assert saved["lost"][0] - lost < 1e-12 * lost
 

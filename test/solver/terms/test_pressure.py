@@ -17,7 +17,8 @@ from gdfe_ros.mesh.cells.faces import turned
 from gdfe_ros.mesh.tetmesh import divided
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.terms.load import PressureTerm
-from gdfe_ros.solver.terms.term import TermTable, terms_energy
+from gdfe_ros.solver.terms.term import TermTable
+from test.differences import assert_derivative, assert_tangent, force_of
 from test.written import advance, scene_of
 
 HEAD = """
@@ -115,25 +116,10 @@ def test_forces_are_the_gradient_of_the_energy(mesh: Mesh) -> None:
         term.aim({}, None)
         term.begin({"p": 1.0}, term.neutral(), moved, 0.0)
         forces = term._pushed(moved, 0.0, 1.0)
-        total, whole = np.zeros_like(moved), np.zeros(1)
-        terms_energy(moved, TermTable.of(term), total, whole)
-        np.testing.assert_allclose(-total, forces, atol=1e-15)
+        np.testing.assert_allclose(-force_of(moved, TermTable.of(term)), forces, atol=1e-15)
         assert (len(term.multipliers) == 0) == closed
-        # The gradient of the energy agrees with differences, with constant forces at open edges.
-        way = np.random.default_rng(2).standard_normal(moved.shape)
-        energies = [term.energy(moved + step * way) for step in (1e-6, -1e-6)]
-        assert (energies[0] - energies[1]) / 2e-6 == pytest.approx(np.vdot(total, way), rel=1e-5)
-        # The tangents agree with differences of the gradient.
-        blocks, nodes = term.tangents(moved), faces.shape[1]
-        product = np.zeros_like(moved)
-        for block, face in zip(blocks, term.couplings(), strict=True):
-            np.add.at(product, face, (block @ way[face].ravel()).reshape(nodes, 3))
-        sides = []
-        for step in (1e-5, -1e-5):
-            side = np.zeros_like(moved)
-            terms_energy(moved + step * way, TermTable.of(term), side, whole)
-            sides.append(side)
-        np.testing.assert_allclose(product, (sides[0] - sides[1]) / 2e-5, atol=1e-6 * np.abs(product).max())
+        assert_derivative(TermTable.of(term), moved)  # with constant forces at open edges
+        assert_tangent(term, moved)
 
 
 def test_derivatives_agree_with_differences() -> None:
