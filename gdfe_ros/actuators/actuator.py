@@ -77,7 +77,7 @@ class Actuator:
     """Base class of actuators.
 
     Attributes:
-        name: name, unique among the actuators and loads of the scene; part of topic names.
+        name: name, unique among the actuators and loads of the scene; commands on ``~/actuation`` use it.
         mode: quantity that the command prescribes.
         low, high: range of the command, in the unit of the mode.
         rate: largest change of the command in a second of simulation time; infinite for no limit.

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A ROS node that picks objects with a soft hand on an arm: trajectories as MoveIt sends them, force at the fingertips.
+"""A ROS node that picks objects with a soft hand on an arm.
 
-The scene's program says where the arm moves, and when the hand is closed; the node finds the commands of the fingers
-from the published forces at the fingertips.
+The scene's program says where the arm moves, and when the hand is closed. The node sends the arm's trajectories as
+MoveIt does. It computes the commands of the fingers from the published forces at the fingertips.
 """
 
 from __future__ import annotations

@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The initial equilibrium of an environment, and steps towards wanted commands, with a smaller change if one fails."""
+"""The initial equilibrium of an environment, and steps towards wanted commands.
+
+If a step does not converge, it is repeated with a smaller change of the commands.
+"""
 
 from __future__ import annotations
 

@@ -165,7 +165,11 @@ class Peer(LoneNode):
         yield from self._drain(times, topic, patience)
 
     def nodes(self) -> list[str]:
-        """Return the full names of the other nodes, sorted; a name of two nodes is there twice."""
+        """Return the full names of the other nodes, sorted; a name of two nodes is there twice.
+
+        Raises:
+            GdfeError: there is no other node.
+        """
 
         def names() -> list[str]:
             found = self.node.get_node_names_and_namespaces()
@@ -175,7 +179,13 @@ class Peer(LoneNode):
         return self._await_settled(names)
 
     def topics(self) -> list[tuple[str, str, int, int]]:
-        """Return name, type, and numbers of publishers and subscriptions of each topic of other nodes, sorted."""
+        """Return name, type, and numbers of publishers and subscriptions of each topic of other nodes, sorted by name.
+
+        Several types of a topic are one text, separated by commas.
+
+        Raises:
+            GdfeError: no other node has a topic.
+        """
         own = self.node.get_name()
 
         def others(endpoints: list[TopicEndpointInfo]) -> int:

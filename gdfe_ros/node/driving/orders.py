@@ -50,9 +50,9 @@ class PlaceOrder(_ItemOrder):
     quaternion: tuple[float, float, float, float]
 
     def without(self, later: Order) -> PlaceOrder | None:
-        """Return this order, or None if ``later`` is one of the same kind for the same handle or body.
+        """Return this order, or None if ``later`` is an order of the same kind for the same handle or body.
 
-        A later velocity continues from this place.
+        A later velocity order does not replace this order: the motion starts from this place.
         """
         return None if type(later) is type(self) and later.name == self.name else self
 

@@ -170,7 +170,11 @@ class SteppingThread:
             self.changed.notify_all()
 
     def must_end(self) -> bool:
-        """Return whether the solve in progress must end; the solver calls this after each round of iterations."""
+        """Return whether the solve in progress must end; the solver calls this after each round of iterations.
+
+        It must end if the thread is to stop or an urgent function waits, and the step has taken longer than `_GRACE`.
+        A call also runs the functions of `post_reading`. In a long step, one call publishes the last step (``store``).
+        """
         self.rounds += 1
         while self._readings:
             self._readings.popleft()()

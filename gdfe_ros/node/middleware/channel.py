@@ -31,14 +31,15 @@ _WAITING = 2
 
 
 class Channel:
-    """Publishes a topic and records its messages.
+    """Publishes messages on a topic and records them in a bag.
 
     Args:
         node: publishing node.
         spec: description of the topic.
-        repeated: whether new subscribers get the last message of a step (`missed`).
+        repeated: whether the last message of a step is published again for new subscribers, which `missed` detects.
         own: number of this node's own subscriptions to the topic; they do not count as subscribers.
-        key: name of the topic without the node's name, if that in ``spec`` has braces, e.g. ``probe/tip``.
+        key: name of the topic relative to the node, e.g. ``probe/tip``; needed if the name in ``spec`` is a pattern,
+            e.g. ``~/probe/{probe}``. Empty: the name in ``spec``.
 
     Attributes:
         latest: number of the step that was published last; -1 before the first.

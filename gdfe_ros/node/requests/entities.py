@@ -335,8 +335,9 @@ class SceneExchange:
 
     Args:
         node: node whose executor exchanges the simulations.
-        replace: function that replaces the session's simulation. Its further arguments are the scene from which the
-            simulation was made, and whether to start anew. It returns whether this is still the session's scene.
+        replace: function that replaces the session's simulation. Its arguments are the new simulation, the scene
+            before the change, and whether to start anew. It returns False, and replaces nothing, if the session no
+            longer has the scene before the change.
     """
 
     def __init__(self, node: SessionNode, replace: Callable[[Simulation, Scene, bool], bool]) -> None:

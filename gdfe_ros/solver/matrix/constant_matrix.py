@@ -108,12 +108,15 @@ Solve = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 
 
 class Coupling(NamedTuple):
-    """Data that extend a solve of the free vertices to the rigid rows; empty if no handle has a free axis.
+    """Data that extend a solve of the free vertices to the q rigid rows of handles with a free axis (`Unknowns`).
+
+    Without such a handle, q is 0.
 
     Attributes:
-        harmonic: (3 f, 3 q) H, displacement of the free vertices that each component of the rigid rows causes, times
-            -1.
-        inverse_schur: (3 q, 3 q) inverse of the Schur complement S, zero for prescribed components.
+        harmonic: (3 f, 3 q) matrix H. A column is the displacement of the free vertices that one component of the
+            rigid rows causes, times -1.
+        inverse_schur: (3 q, 3 q) inverse of the Schur complement S of the rigid rows. It is zero in the rows and
+            columns of prescribed components.
         inverse: inverse of the free block A_ff, for the kernels.
         fixed: (k,) int64 components of the free rows that are constant (`Unknowns.fixed`).
     """

@@ -52,12 +52,15 @@ class Plan(NamedTuple):
 
 
 class Inverse(NamedTuple):
-    """An inverse (f, f) for x, y and z alike; it is never modified, so that threads may use it together.
+    """The inverse (f, f) of a matrix with one row for each vertex, stored as a factor; it serves x, y and z.
+
+    It is never modified, so several threads may use it at the same time.
 
     Attributes:
-        plan: the index arrays.
+        plan: index arrays of the factor.
         order: (f,) vertices in the order of their elimination.
-        values: entries of the factor, in single precision if they are many; kernels are compiled once for each.
+        values: entries of the factor, in single precision for a large factor, otherwise in double precision. Kernels
+            are compiled once for each precision.
     """
 
     plan: Plan

@@ -267,10 +267,15 @@ def pair_of(
     scheme: Dynamics | None = None,
     share: float = 1.0,
 ) -> Pair:
-    """Return the inputs of two solves with a parameter increased and decreased.
+    """Return the inputs of two solves, one with the parameter increased and one with the parameter decreased.
 
-    In motion, internal steps have the length ``h`` [s] and use ``scheme``. Commands and poses change linearly during a
-    step. At the end of this solve, they have changed by the fraction ``share`` of their variation.
+    Args:
+        parameter: parameter, which also chooses the size of the change.
+        own: inputs without the change.
+        h: length of the internal step [s]; None in statics.
+        scheme: settings of the motion; None in statics.
+        share: fraction of the change of commands and poses that is reached at the end of the solve. In motion, they
+            change linearly during a step, and the solve is one internal step of it.
     """
     sides, step = [], parameter.step(own.commands)
     for change in (step, -step):

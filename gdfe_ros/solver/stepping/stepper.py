@@ -163,7 +163,10 @@ class Stepper:
         return there.with_(suspect=not there.sound)
 
     def carried(self, state: State, before: State) -> State:
-        """Return ``state`` unchanged. `MotionStepper.carried` keeps its account of energies, which statics has not."""
+        """Return ``state``, in which bodies were put elsewhere; ``before`` is the state before this.
+
+        A `MotionStepper` also takes over the account of energies from ``before``. Equilibria have no such account.
+        """
         return state
 
     def velocities(self, state: State) -> None:

@@ -83,7 +83,11 @@ class FibreTerm(Term):
         return self._faces
 
     def tangents(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the tangent k A (d d^T + max(e, 0) I) of taut fibres, (f, 3 c, 3 c) [N/m]."""
+        """Return the stiffness of each face at ``positions`` (n, 3) [m], (f, 3 c, 3 c) [N/m].
+
+        A taut fibre point adds k A (d d^T + max(e, 0) I), distributed to the c nodes of its face. The symbols are those
+        of the module. A slack fibre point adds nothing.
+        """
         vectors, strains = self._strain(positions)
         taut = self._springs * (self._layer.compression | (strains > self.ONSET))
         inner = vectors[..., :, None] * vectors[..., None, :] + np.maximum(strains, 0.0)[..., None, None] * np.eye(3)
