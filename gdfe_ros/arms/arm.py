@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from gdfe_ros.arms.description import Joint
 from gdfe_ros.arms.dynamics import LinkDynamics, LinkFrame
-from gdfe_ros.arms.limits import JointLimits, JointSprings
+from gdfe_ros.arms.joint_limits import JointLimits, JointSprings
 from gdfe_ros.constraints.obstacle import ArmLink
 from gdfe_ros.constraints.pose import Pose, nearest_turn, quaternion_of
 

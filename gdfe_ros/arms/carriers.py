@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from gdfe_ros.arms.arm import Arm
 from gdfe_ros.arms.dynamics import LinkFrame, Push
-from gdfe_ros.arms.limits import JointMotion
+from gdfe_ros.arms.joint_limits import JointMotion
 from gdfe_ros.constraints.pose import Pose
 from gdfe_ros.solver.contact.touch import Touch
 

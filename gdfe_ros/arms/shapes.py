@@ -22,7 +22,7 @@ from gdfe_ros.mesh import HexMesh
 from gdfe_ros.mesh.surfaces.solid import Solid, make_solid
 
 if TYPE_CHECKING:
-    from gdfe_ros.constraints.overlap import Placed
+    from gdfe_ros.constraints.overlap_depths import Placed
 
 
 def touching_links(
@@ -126,7 +126,7 @@ def begins_inside(arm: Arm, handles: Sequence[Handle], mesh: HexMesh) -> Iterato
     """
     if not arm.links:
         return
-    from gdfe_ros.constraints.overlap import placed_at_rest  # loads numba
+    from gdfe_ros.constraints.overlap_depths import placed_at_rest  # loads numba
 
     robot = arm.dynamics.description
     surface = mesh.vertices[np.unique(mesh.surface())]

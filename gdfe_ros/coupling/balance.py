@@ -12,7 +12,7 @@ from scipy.linalg import block_diag
 
 from gdfe_ros.arms.arm import Arm
 from gdfe_ros.arms.carriers import Motions, link_pushes
-from gdfe_ros.arms.limits import JointMotion
+from gdfe_ros.arms.joint_limits import JointMotion
 from gdfe_ros.constraints.pose import Pose
 from gdfe_ros.coupling.link_motion import LinkMotion
 from gdfe_ros.solver.contact.touch import Touch

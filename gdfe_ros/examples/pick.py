@@ -152,7 +152,7 @@ def published_errors(scene: Scene, states: Sequence[PublishedState], *, soft: bo
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Pick, replay, report; return 0 if the replay is bit-identical."""
-    from gdfe_ros.analysis.report.writer import write_report
+    from gdfe_ros.analysis.report.report_writer import write_report
 
     parser = argparse.ArgumentParser(prog="pick", description=__doc__.partition("\n")[0])
     parser.add_argument("scene", nargs="?", default="pick_ur5e", help="pick_ur5e or pick_panda (default: pick_ur5e)")

@@ -15,8 +15,8 @@ from scipy.optimize import least_squares
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.fitting.comparison import first_own
 from gdfe_ros.fitting.csv_source import CsvSource
+from gdfe_ros.fitting.fitted_parameter import FittedParameter
 from gdfe_ros.fitting.match import Source, find_sources
-from gdfe_ros.fitting.parameter import FittedParameter
 from gdfe_ros.fitting.problem import FitPoint, FitProblem, Solved, require_motion, solve
 from gdfe_ros.fitting.recording import (
     ROW,

@@ -12,7 +12,7 @@ from scipy.optimize import least_squares
 
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.fitting.comparison import Own, first_own, residuals
-from gdfe_ros.fitting.parameter import FittedParameter
+from gdfe_ros.fitting.fitted_parameter import FittedParameter
 from gdfe_ros.fitting.recording import POSITIONS, Recording
 from gdfe_ros.fitting.trajectory import (
     NotSimulatedError,

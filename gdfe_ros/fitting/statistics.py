@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.stats import t as student
 
 from gdfe_ros.errors import GdfeError
-from gdfe_ros.fitting.parameter import FittedParameter
+from gdfe_ros.fitting.fitted_parameter import FittedParameter
 from gdfe_ros.fitting.problem import FitPoint, FitProblem, Solved
 from gdfe_ros.fitting.trajectory import NotSimulatedError
 

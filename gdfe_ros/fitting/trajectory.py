@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from gdfe_ros.analysis.workers import map_tasks
 from gdfe_ros.errors import GdfeError
-from gdfe_ros.fitting.parameter import FittedParameter
+from gdfe_ros.fitting.fitted_parameter import FittedParameter
 from gdfe_ros.fitting.recording import Recording
 from gdfe_ros.scene import scene_from_text
 from gdfe_ros.simulation import Simulation

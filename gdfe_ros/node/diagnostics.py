@@ -15,7 +15,7 @@ from gdfe_ros.node.interface import topics
 from gdfe_ros.node.middleware.channel import Channel, Doubles
 from gdfe_ros.node.middleware.managed import ManagedNode
 from gdfe_ros.node.refusals import RefusalLog
-from gdfe_ros.node.session import SimulationSession
+from gdfe_ros.node.simulation_session import SimulationSession
 
 _LONG = 0.5
 """A task is reported if it takes longer than this time [s]."""

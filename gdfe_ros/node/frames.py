@@ -23,7 +23,7 @@ from gdfe_ros.node.interface import TopicSpec, topics
 from gdfe_ros.node.middleware.managed import ManagedNode
 from gdfe_ros.node.middleware.ros_types import interface_class, subscribe
 from gdfe_ros.node.refusals import Freshness, Reason, Refusal, require_place, require_small
-from gdfe_ros.recording.published import material_pose
+from gdfe_ros.recording.message_tables import material_pose
 from gdfe_ros.recording.step import Step
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.simulation_parts.soft_places import fit_rigidly

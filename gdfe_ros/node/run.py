@@ -19,7 +19,7 @@ from gdfe_ros.errors import CommandError, GdfeError
 from gdfe_ros.node.command_messages import placed_order, require_pose
 from gdfe_ros.node.driving.orders import PoseOrder
 from gdfe_ros.node.driving.pace import ExternalPace, Pace, Timing
-from gdfe_ros.node.driving.stepper import SteppingThread
+from gdfe_ros.node.driving.stepping_thread import SteppingThread
 from gdfe_ros.node.frames import Frames, Placement, Transforms
 from gdfe_ros.node.middleware.managed import ManagedNode
 from gdfe_ros.node.parameters import NodeParameters

@@ -24,7 +24,7 @@ from gdfe_ros.node.refusals import Refusal, RefusalLog
 from gdfe_ros.node.requests.entities import Entities, EntityQueries, SceneExchange
 from gdfe_ros.node.requests.services import Services, SessionNode, Worlds
 from gdfe_ros.node.requests.standard import StandardServices, TrajectoryAction
-from gdfe_ros.node.session import SimulationSession
+from gdfe_ros.node.simulation_session import SimulationSession
 from gdfe_ros.recording.step import Begin
 from gdfe_ros.scene.loader import load_scene
 from gdfe_ros.scene.override import read_overrides

@@ -30,8 +30,8 @@ from gdfe_ros.recording.bag_info import (
     storage_files,
 )
 from gdfe_ros.recording.decoding import array_decoder, require_bounded
-from gdfe_ros.recording.frames import DAMAGE as UNREADABLE
-from gdfe_ros.recording.frames import chunk_size, require_sound_summary
+from gdfe_ros.recording.mcap_records import DAMAGE as UNREADABLE
+from gdfe_ros.recording.mcap_records import chunk_size, require_sound_summary
 from gdfe_ros.recording.provenance import RunInfo
 from gdfe_ros.untrusted.bounded_text import load_yaml
 from gdfe_ros.untrusted.regular_file import read_text

@@ -15,8 +15,8 @@ from pydantic.fields import FieldInfo
 from gdfe_ros.errors import DefectsError, SceneError
 from gdfe_ros.keys import FieldError, Keys, Meaning
 from gdfe_ros.quantity import Quantity, find_quantity
+from gdfe_ros.scene.base_entry import TAG, VALUE_ERROR
 from gdfe_ros.scene.document import Document, KeyPath
-from gdfe_ros.scene.entry import TAG, VALUE_ERROR
 from gdfe_ros.scene.schemas.material_schema import LAWS
 from gdfe_ros.scene.schemas.scene_schema import SceneModel
 from gdfe_ros.untrusted.regular_file import NAME_RULE

@@ -214,7 +214,7 @@ def _inside(scene: Scene) -> str:
     """
     if not scene.rigid_bodies:
         return ""
-    from gdfe_ros.constraints.overlap import inside_surface, overlaps, placed_at_rest  # loads numba
+    from gdfe_ros.constraints.overlap_depths import inside_surface, overlaps, placed_at_rest  # loads numba
 
     placed, mesh = placed_at_rest(scene.handles), scene.mesh
     found = list(overlaps(placed))

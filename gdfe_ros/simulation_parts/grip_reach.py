@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 from gdfe_ros.actuators.actuator import Grip
 from gdfe_ros.constraints import Handle
 from gdfe_ros.constraints.obstacle import Obstacle
-from gdfe_ros.constraints.overlap import Placed
+from gdfe_ros.constraints.overlap_depths import Placed
 from gdfe_ros.solver.forces.actuation import Actuation
 from gdfe_ros.solver.state import State
 

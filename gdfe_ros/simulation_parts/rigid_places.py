@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from gdfe_ros.constraints import Pose
-from gdfe_ros.constraints.overlap import inside_surface, overlaps, placed_now
+from gdfe_ros.constraints.overlap_depths import inside_surface, overlaps, placed_now
 from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.errors import CommandError, OverlapError
 from gdfe_ros.mesh.cells.faces import vertex_pieces

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from gdfe_ros.constraints import Pose
-from gdfe_ros.constraints.overlap import TOUCHING, inside_surface, placed_now
+from gdfe_ros.constraints.overlap_depths import TOUCHING, inside_surface, placed_now
 from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.errors import OverlapError
 from gdfe_ros.mesh.cells.tetrahedra import flat_quads

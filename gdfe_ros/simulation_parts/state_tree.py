@@ -15,7 +15,7 @@ from gdfe_ros.actuators.actuator import ActuatorState, Mode
 from gdfe_ros.constraints import Pose
 from gdfe_ros.errors import CommandError
 from gdfe_ros.solver.elements.blocks import Operators
-from gdfe_ros.solver.matrix.assembly import Tangent
+from gdfe_ros.solver.matrix.tangent_assembly import Tangent
 from gdfe_ros.solver.motion.stepper import MotionStepper
 from gdfe_ros.solver.state import (
     Balance,

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from gdfe_ros.actuators.actuator import ActuatorState
 from gdfe_ros.constraints import Pose
 from gdfe_ros.solver.elements.blocks import Operators
-from gdfe_ros.solver.matrix.assembly import Tangent
+from gdfe_ros.solver.matrix.tangent_assembly import Tangent
 
 Value = TypeVar("Value")
 

@@ -35,8 +35,8 @@ from gdfe_ros.scene.override import override_words
 from gdfe_ros.simulation import Command
 from gdfe_ros.testing.client import PATIENCE, STATE_QOS, Client, Deadlock
 from gdfe_ros.testing.consumed import ACTUATION
-from gdfe_ros.testing.process import NodeProcess
-from gdfe_ros.testing.state import PublishedState, StepMessages, unpack
+from gdfe_ros.testing.node_process import NodeProcess
+from gdfe_ros.testing.published_state import PublishedState, StepMessages, unpack
 
 _numbers = itertools.count()
 

@@ -43,7 +43,7 @@ from gdfe_ros.node.requests.things import (
     things_of,
     within,
 )
-from gdfe_ros.node.session import SimulationSession
+from gdfe_ros.node.simulation_session import SimulationSession
 from gdfe_ros.scene.entity import with_body, without_bodies
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.simulation import Simulation

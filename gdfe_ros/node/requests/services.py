@@ -26,7 +26,7 @@ from gdfe_ros.node.interface import ServiceSpec
 from gdfe_ros.node.middleware.managed import ManagedNode
 from gdfe_ros.node.parameters import NodeParameters
 from gdfe_ros.node.refusals import Refused, ResultCode
-from gdfe_ros.node.session import SimulationSession
+from gdfe_ros.node.simulation_session import SimulationSession
 from gdfe_ros.recording.step import Begin
 from gdfe_ros.scene.entity import LARGEST
 from gdfe_ros.scene.loader import load_scene, scene_from_text, scene_names

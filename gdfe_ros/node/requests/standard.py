@@ -32,7 +32,7 @@ from gdfe_ros.node.middleware.ros_types import (
 from gdfe_ros.node.refusals import Reason, Refusal, Refused, ResultCode, fail, succeed
 from gdfe_ros.node.requests.entities import Entities
 from gdfe_ros.node.requests.services import SessionNode, Worlds
-from gdfe_ros.node.session import SimulationSession
+from gdfe_ros.node.simulation_session import SimulationSession
 
 
 class _State(IntEnum):

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from gdfe_ros.arms.arm import Arm
 from gdfe_ros.arms.description import Description, Joint
 from gdfe_ros.arms.dynamics import LinkDynamics, LinkFrame
-from gdfe_ros.arms.limits import JointSprings
+from gdfe_ros.arms.joint_limits import JointSprings
 from gdfe_ros.arms.meshes import find_mesh, read_surface, renamed_package
 from gdfe_ros.arms.shapes import begins_inside, touching_links, visuals
 from gdfe_ros.arms.urdf import parse_urdf

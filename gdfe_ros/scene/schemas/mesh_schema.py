@@ -25,7 +25,7 @@ from gdfe_ros.mesh.outside import carry_skin
 from gdfe_ros.mesh.surfaces.shells import shells
 from gdfe_ros.mesh.surfaces.surface_edges import is_closed
 from gdfe_ros.quantity import Quantity, RotationQuantity, Vector
-from gdfe_ros.scene.entry import Choice, Entry, belongs
+from gdfe_ros.scene.base_entry import Choice, Entry, belongs
 from gdfe_ros.scene.schemas.generator_schema import (
     BarModel,
     FingerModel,

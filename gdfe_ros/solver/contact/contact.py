@@ -13,10 +13,10 @@ from gdfe_ros.constraints.distances import ORIGIN, form_numbers, measure
 from gdfe_ros.constraints.obstacle import ContactPoints, Obstacle
 from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.contact.contact_surface import TURNED, CarriedPoints, ContactSurface
 from gdfe_ros.solver.contact.contact_term import FAINT, ContactTerm
 from gdfe_ros.solver.contact.gap import find_close
 from gdfe_ros.solver.contact.stencil import NO_FACES, NOTHING_NEAR, Stencils, Surfaces, sum_wrench, take_frames
-from gdfe_ros.solver.contact.surface import TURNED, CarriedPoints, ContactSurface
 from gdfe_ros.solver.contact.touch import NOTHING, Touch
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.state import Saved, State

@@ -12,7 +12,7 @@ from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact.contact import Contact
-from gdfe_ros.solver.contact.surface import CarriedPoints
+from gdfe_ros.solver.contact.contact_surface import CarriedPoints
 from gdfe_ros.solver.state import Saved
 
 AT_EDGE, BESIDE, SMOOTH = 1e-3, 1e-5, 0.1

@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 
 from gdfe_ros.compiled import internal, kernel, merged
-from gdfe_ros.solver.descent.workspace import inner
+from gdfe_ros.solver.descent.lbfgs_workspace import inner
 from gdfe_ros.solver.elements.response import evaluate, look
 from gdfe_ros.solver.matrix.unknowns import add_rows, gather_in_threads, gather_rigid_rows, gather_rows, place
 from gdfe_ros.solver.outcome import Outcome

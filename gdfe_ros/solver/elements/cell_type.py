@@ -21,7 +21,7 @@ from gdfe_ros.mesh.cells.faces import Faces, boundary_faces
 from gdfe_ros.mesh.cells.operators import ShapeOperators, grown_operators, shape_operators
 from gdfe_ros.mesh.cells.tet_operators import TetOperators, gradients, grown_tet_operators, tet_operators
 from gdfe_ros.mesh.cells.tetrahedra import EDGES, PARTS, tet_boundary
-from gdfe_ros.solver.elements import hexahedra, tetrahedra
+from gdfe_ros.solver.elements import hexahedra, quadratic_tetrahedra
 from gdfe_ros.solver.elements.blocks import Blocks, hex_geometry, make_blocks, tet_geometry
 
 
@@ -47,7 +47,7 @@ def _of(module) -> CellKernels:
     return CellKernels(*(getattr(module, name) for name in CellKernels._fields))
 
 
-KERNELS = {ShapeOperators: _of(hexahedra), TetOperators: _of(tetrahedra)}
+KERNELS = {ShapeOperators: _of(hexahedra), TetOperators: _of(quadratic_tetrahedra)}
 """The functions of each cell type, by the class of its operators."""
 
 
@@ -158,7 +158,7 @@ TETRAHEDRA = CellType(
     grown_tet_operators,
     tet_geometry,
     _tet_matrix,
-    tetrahedra.element_tangents,
+    quadratic_tetrahedra.element_tangents,
     False,
     tet_boundary,
     tuple((corner, middle) for middle, ends in enumerate(EDGES, start=4) for corner in ends),

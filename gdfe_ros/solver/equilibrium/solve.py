@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.descent.active_set import ActiveSet
+from gdfe_ros.solver.descent.lbfgs_workspace import Problem, history, load_history
 from gdfe_ros.solver.descent.search import ROUNDING
-from gdfe_ros.solver.descent.workspace import Problem, history, load_history
 from gdfe_ros.solver.elements.barrier import tell_flat
 from gdfe_ros.solver.elements.measures import LEAST_SCALE, MOST_SCALE, update_hourglass_scales
 from gdfe_ros.solver.elements.response import Watch

@@ -18,19 +18,19 @@ from gdfe_ros.materials.tensor import scaled
 from gdfe_ros.mesh.triples import corner, cross, minus, plus
 from gdfe_ros.solver.body import Body, Growths
 from gdfe_ros.solver.contact.contact import Contact
+from gdfe_ros.solver.contact.contact_surface import ContactSurface
 from gdfe_ros.solver.contact.contact_term import ContactTerm
 from gdfe_ros.solver.contact.field import HeldLoads
 from gdfe_ros.solver.contact.rigid_contact import RigidContact, RoundContact
 from gdfe_ros.solver.contact.self_contact.own_contact import OwnContact
-from gdfe_ros.solver.contact.surface import ContactSurface
 from gdfe_ros.solver.elements.blocks import Operators
 from gdfe_ros.solver.forces.grip import GripTerm
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.matrix.unknowns import vertex_force
 from gdfe_ros.solver.state import Balance, Saved, State
+from gdfe_ros.solver.terms.applied_load import DeadLoadTerm, PressureTerm
 from gdfe_ros.solver.terms.cable import CableTerm
 from gdfe_ros.solver.terms.chamber import ChamberTerm
-from gdfe_ros.solver.terms.load import DeadLoadTerm, PressureTerm
 from gdfe_ros.solver.terms.term import Term, TermTable
 from gdfe_ros.solver.vectors import NEGLIGIBLE
 

@@ -16,11 +16,11 @@ from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact.contact_forces import ContactForces
 from gdfe_ros.solver.descent.active_set import ActiveSet
 from gdfe_ros.solver.descent.arc import follow_arc_once
+from gdfe_ros.solver.descent.lbfgs_workspace import Problem, Workspace, numbers
 from gdfe_ros.solver.descent.loop import ENDLESS, Metric, descend, precondition
 from gdfe_ros.solver.descent.search import ROUNDING, advance
-from gdfe_ros.solver.descent.workspace import Problem, Workspace, numbers
-from gdfe_ros.solver.matrix.assembly import Tangent
 from gdfe_ros.solver.matrix.substitution import Kept
+from gdfe_ros.solver.matrix.tangent_assembly import Tangent
 from gdfe_ros.solver.minimise.level import TangentLevel
 from gdfe_ros.solver.outcome import Deadline, Outcome, past
 from gdfe_ros.solver.vectors import largest, largest_distance

@@ -20,7 +20,7 @@ from gdfe_ros.solver.motion import inertia, viscosity
 from gdfe_ros.solver.motion.inertia import Inertia, mass_matrix
 from gdfe_ros.solver.motion.viscosity import Viscosity
 from gdfe_ros.solver.settings import Dynamics
-from gdfe_ros.solver.terms.load import DeadLoadTerm
+from gdfe_ros.solver.terms.applied_load import DeadLoadTerm
 from gdfe_ros.solver.terms.term import Term
 
 

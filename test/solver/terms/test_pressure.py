@@ -16,7 +16,7 @@ from gdfe_ros.mesh import Mesh, bar
 from gdfe_ros.mesh.cells.faces import turned
 from gdfe_ros.mesh.tetmesh import divided
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.terms.load import PressureTerm
+from gdfe_ros.solver.terms.applied_load import PressureTerm
 from gdfe_ros.solver.terms.term import TermTable, terms_energy
 from test.written import advance, scene_of
 

@@ -17,7 +17,7 @@ from gdfe_ros.mesh.cells.tet_operators import gradients
 from gdfe_ros.mesh.cells.tetrahedra import face_slopes, face_weights, triangle_rule
 from gdfe_ros.mesh.tetmesh import raised
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.elements.tetrahedra import element_tangents
+from gdfe_ros.solver.elements.quadratic_tetrahedra import element_tangents
 
 
 def tangents(body: Body) -> NDArray[np.float64]:

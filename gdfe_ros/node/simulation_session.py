@@ -18,7 +18,7 @@ from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.driving.orders import Inbox
 from gdfe_ros.node.driving.pace import ClockMode, Lateness, Pace, Solves, make_pace
 from gdfe_ros.node.driving.remodelling import with_moduli
-from gdfe_ros.node.driving.stepper import SteppingThread
+from gdfe_ros.node.driving.stepping_thread import SteppingThread
 from gdfe_ros.node.frames import Transforms
 from gdfe_ros.node.inputs import Inputs
 from gdfe_ros.node.interface import MODULUS, topics
