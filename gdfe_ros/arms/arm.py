@@ -108,7 +108,7 @@ class Arm:
             found[name] = Pose(tuple(shift.tolist()), rotation)
         return found
 
-    def known_poses(self, q: Vector, last: Mapping[str, Pose]) -> dict[str, Pose]:
+    def keep_poses(self, q: Vector, last: Mapping[str, Pose]) -> dict[str, Pose]:
         """Return the ``last`` poses of an arm that has not moved; if a pose is missing, return those of `poses`."""
         names = [name for name, *_ in self._carried]
         return {name: last[name] for name in names} if all(name in last for name in names) else self.poses(q, last)

@@ -140,7 +140,7 @@ class MatchModel(RecordingModel):
     recordings: dict[str, RecordingModel] = Field({}, description="recordings by name; `--holdout` takes these names")
 
 
-def matched_observable(model: CompareModel, scene: Scene, where: str) -> Observable:
+def match_observable(model: CompareModel, scene: Scene, where: str) -> Observable:
     """Return the simulated quantity to which an entry refers.
 
     Raises:

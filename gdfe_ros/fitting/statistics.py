@@ -189,7 +189,7 @@ def _cost(problem: FitProblem, solved: Solved, place: int, value: float) -> floa
     trajectories = problem.trajectories(tuple(values))
     if any(isinstance(item, NotSimulatedError) for item in trajectories):
         return np.inf
-    residual = problem.stacked(trajectories, solved.point.own)
+    residual = problem.stack_residuals(trajectories, solved.point.own)
     return 0.5 * float(residual @ residual)
 
 

@@ -48,7 +48,7 @@ class Trajectory:
     outputs: tuple[NDArray[np.float64], ...]
     not_converged: int = 0
 
-    def moved(self, change: Trajectory, length: float) -> Trajectory:
+    def move_along(self, change: Trajectory, length: float) -> Trajectory:
         """Return this trajectory plus ``length`` times the trajectory ``change``."""
         pairs = zip(self.outputs, change.outputs, strict=True)
         return Trajectory(self.times, tuple(own + length * other for own, other in pairs), self.not_converged)

@@ -106,7 +106,7 @@ class Transforms:
             self._node.destroy_subscription(subscription)
         self._subscriptions = []
 
-    def known(self) -> list[str]:
+    def list_received(self) -> list[str]:
         """Return the names of the received frames, sorted."""
         with self._lock:
             self._read()
@@ -334,7 +334,7 @@ class Frames:
         if found is None:
             text = (
                 f"header.frame_id is {frame!r}; allowed: empty, {self.frame_id!r}, {rest!r}, or a frame connected "
-                f"to them on /tf; frames on /tf: {', '.join(self.transforms.known()) or 'none'}"
+                f"to them on /tf; frames on /tf: {', '.join(self.transforms.list_received()) or 'none'}"
             )
             raise Refusal(Reason.FRAME, text)
         return found

@@ -19,7 +19,7 @@ from gdfe_ros.node.driving.remodelling import build_simulation, take_over
 from gdfe_ros.node.interface import NODE_NAME, PARAMETERS, topics
 from gdfe_ros.node.messages import pack_refusal
 from gdfe_ros.node.middleware.channel import Channel
-from gdfe_ros.node.parameters import NodeParameters, given_moduli
+from gdfe_ros.node.parameters import NodeParameters, read_moduli
 from gdfe_ros.node.refusals import Refusal, RefusalLog
 from gdfe_ros.node.requests.entities import Entities, EntityQueries, SceneExchange
 from gdfe_ros.node.requests.services import Services, SessionNode, Worlds
@@ -134,7 +134,7 @@ class SimNode(SessionNode):
         )
         overrides = read_overrides(self._settings.entries("scene_overrides"), "parameter scene_overrides")
         scene = load_scene(name, overrides=overrides)
-        if moduli := given_moduli(self.given_parameters, scene):
+        if moduli := read_moduli(self.given_parameters, scene):
             scene = load_scene(name, overrides={**overrides, **moduli})
         return build_simulation(scene)
 

@@ -29,7 +29,7 @@ from gdfe_ros.solver.state import (
     State,
     Summary,
     Unfinished,
-    changed,
+    replace_fields,
 )
 from gdfe_ros.solver.stepping.stepper import Stepper
 
@@ -138,5 +138,5 @@ def complete(state: State, stepper: Stepper | MotionStepper) -> State:
     return state.with_(
         operators=growths.at(state.commands, growths.ungrown),
         anchor=state.anchor and complete(state.anchor, stepper),
-        summary=changed(state.summary, converged=near),
+        summary=replace_fields(state.summary, converged=near),
     )

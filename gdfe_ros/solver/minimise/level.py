@@ -181,7 +181,7 @@ class TangentLevel:
         if self._loaded.springs is not tangent.springs:
             self._connect(tangent)
 
-    def outdated(self, tangent: Tangent | None) -> bool:
+    def is_outdated(self, tangent: Tangent | None) -> bool:
         """Return whether a term has come to another stage since a tangent was taken; None stands for stages of 0."""
         before = np.zeros(0, np.int32) if tangent is None else tangent.stages
         return not np.array_equal(before, self._stages())

@@ -168,7 +168,7 @@ class OwnContact(ContactTerm):
         self._at = self.points.at(positions)
         return super().finish(saved, positions)
 
-    def stored(self, vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+    def to_stored_axes(self, vectors: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return vectors (k, 3) in the frames of the faces."""
         axes = frames(self._at, self.pairs.carriers(self._chosen, self._now.face))
         return np.einsum("kji,kj->ki", axes, vectors)
