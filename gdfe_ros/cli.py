@@ -9,7 +9,7 @@ import sys
 from collections.abc import Sequence
 
 from gdfe_ros import __version__
-from gdfe_ros.entry import INTERRUPTED, imported, quiet_imports
+from gdfe_ros.entry import INTERRUPTED, import_uncollected, quiet_imports
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.installation import remedy
 from gdfe_ros.untrusted.bounded_text import plain_lines
@@ -97,7 +97,7 @@ def _parser(given: Sequence[str]) -> argparse.ArgumentParser:
         subparser = subparsers.add_parser(name, help=text, description=text)
         if given and given[0] == name:
             with quiet_imports(f"gdfe {name}", INTERRUPTED):
-                module = imported(f"gdfe_ros.commands.{_HOMES.get(name, name)}")
+                module = import_uncollected(f"gdfe_ros.commands.{_HOMES.get(name, name)}")
             several = getattr(module, "COMMANDS", {})
             add, run = several[name] if several else (module.add_arguments, module.run)
             add(subparser)

@@ -12,7 +12,7 @@ from typing import Any
 import numba
 from numba import njit
 
-from gdfe_ros.compiling.linked import linked
+from gdfe_ros.compiling.linked import compile_linked
 
 # Flags are explicit, because a kernel inherits unset ones from its first caller and its code would depend on that.
 _EXACT: dict[str, Any] = {
@@ -27,29 +27,29 @@ _PART: dict[str, Any] = {"forceinline": True, "no_cpython_wrapper": True}
 INLINED: dict[str, Any] = {**_EXACT, **_PART}
 """Options of functions that are always inlined."""
 
-kernel = linked(cache=True, **_EXACT)
+kernel = compile_linked(cache=True, **_EXACT)
 """Decorator of compiled functions without reassociation of sums."""
 
-internal = linked(cache=True, **_EXACT, no_cpython_wrapper=True)
+internal = compile_linked(cache=True, **_EXACT, no_cpython_wrapper=True)
 """Decorator of functions that only other kernels call. Without an entry for Python they compile and load faster."""
 
-inlined = linked(cache=False, **INLINED)
+inlined = compile_linked(cache=False, **INLINED)
 """Decorator of the parts of an element kernel. They are always inlined; this keeps structs and tuples in registers."""
 
 merged = njit(nogil=True, error_model="numpy", inline="always")
 """Decorator of a function that is compiled as part of its only caller: it has no code of its own and compiles
 faster."""
 
-vector_kernel = linked(cache=True, **_VECTOR)
+vector_kernel = compile_linked(cache=True, **_VECTOR)
 """Decorator of reductions that may be vectorised; the order of summation is fixed by the binary."""
 
-vector_internal = linked(cache=True, **_VECTOR, no_cpython_wrapper=True)
+vector_internal = compile_linked(cache=True, **_VECTOR, no_cpython_wrapper=True)
 """Decorator of `vector_kernel` for functions that only other kernels call."""
 
-vector_inlined = linked(cache=False, **{**_VECTOR, **_PART})
+vector_inlined = compile_linked(cache=False, **{**_VECTOR, **_PART})
 """Decorator of the parts of a `vector_kernel` that are always inlined."""
 
-parallel_kernel = linked(cache=True, **_EXACT, parallel=True)
+parallel_kernel = compile_linked(cache=True, **_EXACT, parallel=True)
 """Decorator of a loop whose iterations run in several threads."""
 
 

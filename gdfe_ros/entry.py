@@ -31,29 +31,29 @@ BAD_MACHINE = 2
 def gdfe() -> int:
     """Run the command ``gdfe``."""
     with quiet_imports("gdfe", INTERRUPTED):
-        main = imported("gdfe_ros.cli").main
+        main = import_uncollected("gdfe_ros.cli").main
     return main()
 
 
 def sim_node() -> int:
     """Run the simulation node; once it spins, its own handlers process the signals."""
     with quiet_imports("sim_node", 0, always=NODE_ENDINGS):
-        return imported("gdfe_ros.node.sim_node").main()
+        return import_uncollected("gdfe_ros.node.sim_node").main()
 
 
 def carrying_arm() -> int:
     """Run the example arm."""
     with quiet_imports("carrying_arm", 0, always=NODE_ENDINGS):
-        return imported("gdfe_ros.examples.carrying_arm").main()
+        return import_uncollected("gdfe_ros.examples.carrying_arm").main()
 
 
 def tip_tracking() -> int:
     """Run the example controller."""
     with quiet_imports("tip_tracking", 0, always=NODE_ENDINGS):
-        return imported("gdfe_ros.examples.tip_tracking").main()
+        return import_uncollected("gdfe_ros.examples.tip_tracking").main()
 
 
-def imported(name: str) -> ModuleType:
+def import_uncollected(name: str) -> ModuleType:
     """Import a module, without garbage collection (`without_collection`), and return it."""
     if name in sys.modules:
         return sys.modules[name]

@@ -79,7 +79,7 @@ class Simulation(SceneReadings):
         self._orders = Orders(scene, self.settings)
         self._carriers = Carriers(scene.arms)
         # It stays where it is while soft bodies join and leave.
-        self.origin = working_origin(next(iter(parts_of(scene.mesh).values())).placed())
+        self.origin = working_origin(next(iter(parts_of(scene.mesh).values())).place())
         body = scene_body(scene, self.origin, self.settings.torsion)
         self.stepper = make_stepper(scene, self.settings, body, terms)
         self._coupling = JointCoupling(
@@ -139,7 +139,7 @@ class Simulation(SceneReadings):
         moved, positions = move_along(self.stepper.body, self.stepper.equilibrium.handles, self.state, poses)
         found = self.stepper.place(moved, positions)
         require_free(self.stepper.body, found, self._rigid)
-        self.state, self._joints, self._cuts = self.stepper.carried(found, self.state), motions, {}
+        self.state, self._joints, self._cuts = self.stepper.carry_energies(found, self.state), motions, {}
         self._links = self._coupling.at_rest()
         self.targets = {**self.targets, **poses}
 
@@ -163,8 +163,8 @@ class Simulation(SceneReadings):
         state = complete(snapshot.state, self.stepper)
         self._orders.require_own(snapshot)
         self.state, self.time, self.result = state, snapshot.time, None
-        self._joints, self._cuts = self._carriers.restored(snapshot.joints), {}
-        self._links = self._coupling.restored(snapshot.links)
+        self._joints, self._cuts = self._carriers.restore(snapshot.joints), {}
+        self._links = self._coupling.restore(snapshot.links)
         self.targets, self.commands = dict(snapshot.targets), dict(snapshot.commands)
 
     def warm_up(self) -> None:

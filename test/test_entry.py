@@ -93,14 +93,14 @@ def test_the_imports_are_kept_out_of_the_search_for_cycles() -> None:
     code = (
         "import gc\n"
         "from gdfe_ros import entry\n"
-        "entry.imported('gdfe_ros.commands.solve')\n"
+        "entry.import_uncollected('gdfe_ros.commands.solve')\n"
         "assert gc.isenabled() and gc.get_freeze_count() > 50_000\n"
         "count = gc.get_freeze_count()\n"
         "held = [[] for _ in range(1000)]\n"
-        "entry.imported('gdfe_ros.commands.solve')\n"
+        "entry.import_uncollected('gdfe_ros.commands.solve')\n"
         "assert gc.get_freeze_count() <= count\n"
         "try:\n"
-        "    entry.imported('gdfe_ros.nothing_like_it')\n"
+        "    entry.import_uncollected('gdfe_ros.nothing_like_it')\n"
         "except ModuleNotFoundError:\n"
         "    print(gc.isenabled())\n"
     )

@@ -21,7 +21,7 @@ from benchmarks.elasticity import law
 from benchmarks.elasticity.problem import DECREMENT, Array, Problem, run
 from gdfe_ros.mesh import bar
 from gdfe_ros.mesh.cells.tetrahedra import CORNER_SLOPES, POINTS, quadratic_slopes
-from gdfe_ros.mesh.tetmesh import corners_of_six, divided
+from gdfe_ros.mesh.tetmesh import corners_of_six, divide
 
 MOST, ARMIJO = 100, 1e-4
 """Limit of iterations, and constant of the line search."""
@@ -114,7 +114,7 @@ class Tetrahedra:
 
     def __init__(self, n: int, order: int) -> None:
         grid = bar([1.0, 1.0, 1.0], [n, n, n])
-        mesh = divided(grid) if order == 2 else None
+        mesh = divide(grid) if order == 2 else None
         self.points, self.cells = (
             (mesh.vertices, mesh.cells) if mesh is not None else (grid.vertices, corners_of_six(grid.cells))
         )

@@ -15,7 +15,7 @@ from gdfe_ros import Command, Simulation
 from gdfe_ros.constraints import Handle
 from gdfe_ros.materials.table import BULK, CARRIED, PENALTY
 from gdfe_ros.mesh import HexMesh, TetMesh, bar
-from gdfe_ros.mesh.tetmesh import divided
+from gdfe_ros.mesh.tetmesh import divide
 from gdfe_ros.results.element_fields import corner_forces
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.solver.body import Body
@@ -30,7 +30,7 @@ TOLERANCE = 1e-5
 def cube(n: int, *, tetrahedra: bool) -> HexMesh | TetMesh:
     """Return the mesh of n^3 hexahedra, or of six quadratic tetrahedra in each of n^3 cubes."""
     grid = bar([1.0, 1.0, 1.0], [n, n, n])
-    return divided(grid) if tetrahedra else grid
+    return divide(grid) if tetrahedra else grid
 
 
 def solve(problem: Problem, n: int, *, tetrahedra: bool, tolerance: float = TOLERANCE) -> dict[str, Any]:

@@ -23,7 +23,7 @@ from gdfe_ros.node.interface.topics import MESH, STEP_RECORD, STRAIN
 from gdfe_ros.recording.step import StepRecord
 from gdfe_ros.scene import load_scene
 from gdfe_ros.simulation import Command, Simulation
-from gdfe_ros.testing.process import NodeProcess
+from gdfe_ros.testing.node_process import NodeProcess
 
 _DT = 0.01
 _WARM, STEPS = 20, 300

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from numpy.typing import NDArray
 
-from gdfe_ros.analysis.picture import COLOURS, obstacle_collection, shaded
+from gdfe_ros.analysis.picture import COLOURS, obstacle_collection, shade
 from gdfe_ros.analysis.scenery import obstacle_faces
 from gdfe_ros.constraints import Pose
 from gdfe_ros.constraints.obstacle import Obstacle
@@ -113,7 +113,7 @@ def _draw(axes: Axes, simulation: Simulation, frame: Frame, things: list[NDArray
     """Draw body and obstacles. The body is drawn over the obstacles, unless it is cut open and contains them."""
     quads = frame.positions[simulation.mesh.surface()]
     colours = matplotlib.colormaps[COLOURS](np.clip(frame.strain / most, 0.0, 1.0))
-    faces = shaded(colours[simulation.mesh.boundary.cells], quads)
+    faces = shade(colours[simulation.mesh.boundary.cells], quads)
     if shot.cut:
         behind = quads[:, :, 1].mean(axis=1) > 0.0
         quads, faces = quads[behind], faces[behind]

@@ -116,7 +116,7 @@ class Differences:
     """Differences of two runs, collected step by step.
 
     Args:
-        scene: of the first run; `allowed` uses its tolerance, size, shortest edge and stiffness.
+        scene: of the first run; `bound_difference` uses its tolerance, size, shortest edge and stiffness.
 
     Attributes:
         fields: dict from topic and field to their difference, in the order of occurrence.
@@ -170,7 +170,7 @@ class Differences:
         """Number of arrays compared."""
         return sum(entry.compared for entry in self.fields.values())
 
-    def allowed(self, entry: FieldDifference, factor: float, tolerance: float | None = None) -> float:
+    def bound_difference(self, entry: FieldDifference, factor: float, tolerance: float | None = None) -> float:
         """Return the largest difference that an error of ``factor`` tolerances can cause, in the unit of the field.
 
         ``tolerance`` is the accuracy of the step: the solver's tolerance, or the largest error estimate of the first
@@ -214,11 +214,11 @@ class Differences:
 
     def _factor_of(self, entry: FieldDifference) -> float:
         needed = 0.0
-        if entry.resized and self.allowed(entry, 1.0) < np.inf:
+        if entry.resized and self.bound_difference(entry, 1.0) < np.inf:
             return np.inf
         for tolerance, gap in entry.gaps.items():
-            rounding = self.allowed(entry, 0.0, tolerance)
-            share = self.allowed(entry, 1.0, tolerance) - rounding
+            rounding = self.bound_difference(entry, 0.0, tolerance)
+            share = self.bound_difference(entry, 1.0, tolerance) - rounding
             if gap > rounding:
                 needed = max(needed, (gap - rounding) / share if share > 0.0 else np.inf)
         return needed

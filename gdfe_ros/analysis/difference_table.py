@@ -48,7 +48,7 @@ def difference_table(differences: Differences, *, factor: float) -> Table:
     for (topic, name), entries in groups.items():
         row = [topic, name, f"{max(e.differing for e in entries)} of {entries[0].compared}", *_figures(entries)]
         if factor > 0.0:
-            row.append(f"{max(differences.allowed(entry, factor) for entry in entries):.2e}")
+            row.append(f"{max(differences.bound_difference(entry, factor) for entry in entries):.2e}")
         table.add_row(*row)
     return table
 

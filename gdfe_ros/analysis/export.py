@@ -18,7 +18,7 @@ from gdfe_ros.analysis.bag_run import CONTACTS, RECORD, BagStep
 from gdfe_ros.analysis.difference_table import unit_of
 from gdfe_ros.mesh import Mesh
 from gdfe_ros.scene import Scene
-from gdfe_ros.untrusted.bounded_text import quoted
+from gdfe_ros.untrusted.bounded_text import quote_formula
 
 if TYPE_CHECKING:
     import meshio
@@ -71,7 +71,7 @@ class Columns:
             return ""
         return next((frame for topic, frame in self._frames.items() if column.startswith(f"{topic}.")), "")
 
-    def headed(self, column: str) -> str:
+    def make_heading(self, column: str) -> str:
         """Return the heading of a column: its name, unit and frame, e.g. ``time [s]``, ``x [m in base_link]``."""
         parts = [self.unit(column), *(["in", frame] if (frame := self.frame(column)) else [])]
         text = " ".join(part for part in parts if part)
@@ -120,14 +120,14 @@ def write_csv(rows: Iterable[Row], path: Path, known: Columns) -> None:
     """Write rows as CSV; missing values are empty.
 
     Headings are names with units and frames, e.g. ``time [s]``, ``probe/tip.pose.position.x [m in base_link]``. Texts
-    that a spreadsheet would execute are quoted (`quoted`).
+    that a spreadsheet would execute are quoted (`quote_formula`).
     """
     rows = list(rows)
     names = columns(rows)
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, names)
-        writer.writerow({name: quoted(known.headed(name)) for name in names})
-        writer.writerows({name: quoted(value) for name, value in row.items()} for row in rows)
+        writer.writerow({name: quote_formula(known.make_heading(name)) for name in names})
+        writer.writerows({name: quote_formula(value) for name, value in row.items()} for row in rows)
 
 
 def write_parquet(rows: Iterable[Row], path: Path, known: Columns | None = None) -> None:

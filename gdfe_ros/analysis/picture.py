@@ -72,7 +72,7 @@ def draw_body(
     faces = outside.at(positions)[outside.faces]
     colours = matplotlib.colormaps[COLOURS]
     norm = matplotlib.colors.Normalize(*colour_range(*(limits or (float(values.min()), float(values.max())))))
-    lit = shaded(colours(norm(face_values(mesh, values))), faces)
+    lit = shade(colours(norm(face_values(mesh, values))), faces)
     edges = lit if outside.skin else np.tile((0.0, 0.0, 0.0, 0.25), (len(lit), 1))
     scenery = scenery or Scenery()
     _draw_surfaces(axes, (faces, lit, edges), positions, scenery.obstacles)
@@ -115,7 +115,7 @@ def obstacle_collection(faces: NDArray[np.float64], *, zorder: float = 0.0) -> P
 
 def _looks(faces: NDArray[np.float64]) -> Surface:
     """Return the faces (f, k, 3) [m] of an obstacle with the colours of the faces and of their edges."""
-    colours = shaded(np.tile(OBSTACLE, (len(faces), 1)), faces)
+    colours = shade(np.tile(OBSTACLE, (len(faces), 1)), faces)
     return faces, colours, np.tile((0.0, 0.0, 0.0, 0.08), (len(faces), 1))
 
 
@@ -145,7 +145,7 @@ def _draw_inside(axes: Axes3D, scenery: Scenery, arrows: NDArray[np.float64]) ->
         axes.plot(*arrows[:, 1].T, linestyle="none", marker="o", markersize=2.5, color=FORCE, **over)
 
 
-def shaded(colours: NDArray[np.float64], faces: NDArray[np.float64]) -> NDArray[np.float64]:
+def shade(colours: NDArray[np.float64], faces: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the ``colours`` (q, 4) of triangles or quads (q, 3 or 4, 3), shaded by a light from the upper left."""
     normals = np.cross(faces[:, 2] - faces[:, 0], faces[:, -1] - faces[:, 1])
     normals /= np.linalg.norm(normals, axis=1, keepdims=True) + 1e-300
@@ -217,7 +217,7 @@ def draw_surface(path: Path | BinaryIO, found: SurfaceFindings, *, title: str) -
         bar.set_label("thickness of the wall [m]")
     cut = corners[found.cuts.cut]
     faces = np.concatenate([faces, cut])
-    colours = shaded(np.concatenate([colours, np.tile(DEFECT, (len(cut), 1))]), faces)
+    colours = shade(np.concatenate([colours, np.tile(DEFECT, (len(cut), 1))]), faces)
     axes.add_collection3d(Poly3DCollection(faces, facecolors=colours, edgecolors=colours, linewidths=0.3, zorder=1))
     over = {"color": DEFECT, "zorder": 4}
     wrong = found.wrong_edges

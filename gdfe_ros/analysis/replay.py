@@ -16,8 +16,8 @@ from gdfe_ros.analysis.difference import Difference, Differences
 from gdfe_ros.analysis.message_values import Values, record_values
 from gdfe_ros.checkpoint import load_state
 from gdfe_ros.errors import GdfeError, RecordingError
+from gdfe_ros.recording.message_tables import tables_of
 from gdfe_ros.recording.provenance import STATE_FILE
-from gdfe_ros.recording.published import tables_of
 from gdfe_ros.recording.step import OUTCOME, Begin, Step, StepRecord, observe
 from gdfe_ros.results.step_result import StepResult
 from gdfe_ros.scene import scene_from_text

@@ -51,7 +51,7 @@ def faces_of(simulation: Simulation) -> list[NDArray[np.float64]]:
     return [obstacle_faces(each, simulation.handle_pose(each.name), simulation.positions) for each in obstacles]
 
 
-def recorded_faces(
+def find_recorded_faces(
     scene: Scene, samples: Mapping[str, Mapping[str, NDArray]], positions: NDArray[np.float64]
 ) -> list[NDArray[np.float64]]:
     """Return the faces (f, k, 3) [m] of each obstacle and rigid body of a scene, at its pose in a recorded step.
@@ -132,7 +132,7 @@ class Scenery:
         return cls(faces_of(simulation), *_inside(simulation.scene, simulation.positions), *_pushes(points))
 
     @classmethod
-    def recorded(
+    def from_samples(
         cls, scene: Scene, samples: Mapping[str, Mapping[str, NDArray]], positions: NDArray[np.float64]
     ) -> Scenery:
         """Return the scenery of a recorded step.
@@ -144,12 +144,12 @@ class Scenery:
             samples: arrays of a step, by topic and field.
             positions: positions of the body's vertices (n, 3) [m].
         """
-        obstacles = recorded_faces(scene, samples, positions)
+        obstacles = find_recorded_faces(scene, samples, positions)
         return cls(obstacles, *_inside(scene, positions), *_pushes(samples.get(CONTACTS)))
 
     @staticmethod
     def topics(scene: Scene) -> Iterator[str]:
-        """Yield the topics that `recorded` reads."""
+        """Yield the topics that `Scenery.from_samples` reads."""
         yield CONTACTS
         yield from (pose_topic(handle) for handle in scene.handles if isinstance(handle, Obstacle))
 

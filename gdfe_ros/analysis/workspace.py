@@ -22,7 +22,7 @@ from gdfe_ros.errors import GdfeError, require_named
 from gdfe_ros.results.step_result import StepResult
 from gdfe_ros.scene import Scene, scene_from_text
 from gdfe_ros.simulation import Command, Simulation
-from gdfe_ros.untrusted.bounded_text import quoted
+from gdfe_ros.untrusted.bounded_text import quote_formula
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -224,7 +224,7 @@ def write_workspace(path: Path, found: ReachableSet) -> None:
         writer.writerow([*(f"command.{name}" for name in found.actuators), "x [m]", "y [m]", "z [m]", "message"])
         for command, point, message in zip(found.commands, found.points, found.messages, strict=True):
             places = ["" if np.isnan(value) else f"{value:.9g}" for value in point]
-            writer.writerow([*(f"{value:.9g}" for value in command), *places, quoted(message)])
+            writer.writerow([*(f"{value:.9g}" for value in command), *places, quote_formula(message)])
 
 
 def draw_workspace(path: Path, found: ReachableSet, *, title: str) -> None:

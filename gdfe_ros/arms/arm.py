@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from gdfe_ros.arms.description import Joint
 from gdfe_ros.arms.dynamics import LinkDynamics, LinkFrame
-from gdfe_ros.arms.limits import JointLimits, JointSprings
+from gdfe_ros.arms.joint_limits import JointLimits, JointSprings
 from gdfe_ros.constraints.obstacle import ArmLink
 from gdfe_ros.constraints.pose import Pose, nearest_turn, quaternion_of
 
@@ -108,7 +108,7 @@ class Arm:
             found[name] = Pose(tuple(shift.tolist()), rotation)
         return found
 
-    def known_poses(self, q: Vector, last: Mapping[str, Pose]) -> dict[str, Pose]:
+    def keep_poses(self, q: Vector, last: Mapping[str, Pose]) -> dict[str, Pose]:
         """Return the ``last`` poses of an arm that has not moved; if a pose is missing, return those of `poses`."""
         names = [name for name, *_ in self._carried]
         return {name: last[name] for name in names} if all(name in last for name in names) else self.poses(q, last)

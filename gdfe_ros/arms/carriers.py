@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from gdfe_ros.arms.arm import Arm
 from gdfe_ros.arms.dynamics import LinkFrame, Push
-from gdfe_ros.arms.limits import JointMotion
+from gdfe_ros.arms.joint_limits import JointMotion
 from gdfe_ros.constraints.pose import Pose
 from gdfe_ros.solver.contact.touch import Touch
 
@@ -73,7 +73,7 @@ class Carriers:
         return {arm.name: JointMotion.at(arm.start) for arm in self._arms}
 
     @staticmethod
-    def restored(motions: Mapping[str, Sequence[Vector]]) -> Motions:
+    def restore(motions: Mapping[str, Sequence[Vector]]) -> Motions:
         """Return the motion of the joints that a snapshot contains."""
         return {name: JointMotion(*parts) for name, parts in motions.items()}
 
@@ -104,7 +104,7 @@ class Carriers:
             wanted = np.array([goals.get(joint.name, goal) for joint, goal in pairs], dtype=np.float64)
             if before.arrived and np.array_equal(wanted, before.positions):
                 found[arm.name] = before
-                poses |= arm.known_poses(before.positions, last)
+                poses |= arm.keep_poses(before.positions, last)
                 continue
             found[arm.name], cut = arm.limits.advance(before, wanted, dt)
             poses |= arm.poses(found[arm.name].positions, last)
@@ -125,7 +125,7 @@ class Carriers:
         }
 
     @staticmethod
-    def arrived(motions: Motions) -> bool:
+    def have_arrived(motions: Motions) -> bool:
         """Return whether all joints are at their commanded positions and do not move."""
         return all(motion.arrived for motion in motions.values())
 

@@ -73,7 +73,7 @@ def _package(name: str, folder: Path, packages: Mapping[str, Path]) -> list[Path
     return [*named, *(Path(prefix) / "share" / name for prefix in prefixes), *above]
 
 
-def renamed_package(uri: str, path: Path, *, packages: Mapping[str, Path]) -> list[str]:
+def remark_on_package(uri: str, path: Path, *, packages: Mapping[str, Path]) -> list[str]:
     """Return a list with a remark if the ``path`` of a mesh is in no folder with the name of its package."""
     parts = urlparse(uri)
     if parts.scheme != "package" or parts.netloc in packages or parts.netloc in path.parts:

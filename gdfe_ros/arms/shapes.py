@@ -22,7 +22,7 @@ from gdfe_ros.mesh import HexMesh
 from gdfe_ros.mesh.surfaces.solid import Solid, make_solid
 
 if TYPE_CHECKING:
-    from gdfe_ros.constraints.overlap import Placed
+    from gdfe_ros.constraints.overlap_depths import Placed
 
 
 def touching_links(
@@ -126,15 +126,15 @@ def begins_inside(arm: Arm, handles: Sequence[Handle], mesh: HexMesh) -> Iterato
     """
     if not arm.links:
         return
-    from gdfe_ros.constraints.overlap import placed_at_rest  # loads numba
+    from gdfe_ros.constraints.overlap_depths import place_at_rest  # loads numba
 
     robot = arm.dynamics.description
     surface = mesh.vertices[np.unique(mesh.surface())]
     mounted = robot.rigid_with(robot.root)
     remedy = "remedy: another `start`, another place of the arm (`at`), or leave the link out of `links`"
-    things = placed_at_rest([each for each in handles if not isinstance(each, ArmLink)])
-    for piece in placed_at_rest(arm.links):
-        depth = -float(piece.seen_from(surface)[0].min(initial=0.0))
+    things = place_at_rest([each for each in handles if not isinstance(each, ArmLink)])
+    for piece in place_at_rest(arm.links):
+        depth = -float(piece.measure_points(surface)[0].min(initial=0.0))
         if depth > TOUCHING:
             yield f"link {piece.thing.link!r} begins {depth:.3g} m inside of the soft body; {remedy}"
         for other in things if piece.thing.link not in mounted else ():
@@ -146,4 +146,4 @@ def begins_inside(arm: Arm, handles: Sequence[Handle], mesh: HexMesh) -> Iterato
 
 def _depth(one: Placed, other: Placed) -> float:
     """Return the largest depth [m] of surface points of ``one`` obstacle inside the ``other``; 0 if none is inside."""
-    return -float(other.seen_from(one.world(one.thing.form.skin))[0].min(initial=0.0))
+    return -float(other.measure_points(one.world(one.thing.form.skin))[0].min(initial=0.0))

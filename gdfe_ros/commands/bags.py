@@ -152,7 +152,7 @@ def add_report(parser: argparse.ArgumentParser) -> None:
 def write_page(arguments: argparse.Namespace) -> int:
     """Write the HTML page, the PNG and, on request, the animation; return 0."""
     from gdfe_ros.analysis.report.pictures import draw_steps, write_gif, write_mp4, write_png
-    from gdfe_ros.analysis.report.writer import write_report
+    from gdfe_ros.analysis.report.report_writer import write_report
 
     if arguments.mp4:
         import_module("av")  # missing, it is named before anything is written

@@ -49,7 +49,7 @@ def calibrate(steps: int) -> list[CalibrationPoint]:
     return [_point(ratio, steps) for ratio in RATIOS]
 
 
-def published_ratio(geometric: float) -> float:
+def find_published_ratio(geometric: float) -> float:
     """Return the ratio of moduli R_M that Eq. 7 assigns to a ratio of shape factors R_G >= 1.
 
     Eq. 7 gives R_G as a function of R_M >= 1. For R_G below its value at R_M = 1, the result is 1.
@@ -69,7 +69,7 @@ def _point(ratio: float, steps: int) -> CalibrationPoint:
     squares = [float(np.average(values**2)) for values in (strain[left], strain[~left])]
     return CalibrationPoint(
         ratio,
-        published_ratio(ratio),
+        find_published_ratio(ratio),
         means[1] / means[0],
         squares[1] / squares[0],
         all(result.converged for result in results),

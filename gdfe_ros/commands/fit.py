@@ -126,7 +126,7 @@ def _fit_scene(arguments: argparse.Namespace) -> int:
     from gdfe_ros.analysis.difference_table import wide_console
     from gdfe_ros.fitting.fit import fit_scene, read_recordings, split_held_out
     from gdfe_ros.fitting.fit_report import write_fit
-    from gdfe_ros.fitting.parameter import read_parameters
+    from gdfe_ros.fitting.fitted_parameter import read_parameters
     from gdfe_ros.scene import load_scene
 
     started = time.perf_counter()

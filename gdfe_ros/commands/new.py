@@ -14,7 +14,7 @@ from gdfe_ros.actuators.embedding import embed
 from gdfe_ros.commands.options import require_folder, require_number
 from gdfe_ros.errors import GdfeError, MeshError
 from gdfe_ros.materials.presets import LIBRARY, PRESETS
-from gdfe_ros.mesh.cavities import NO_CAVITY, find_cavities, misplaced_cavities
+from gdfe_ros.mesh.cavities import NO_CAVITY, find_cavities, find_misplaced_cavities
 from gdfe_ros.mesh.files.importer import read_mesh
 from gdfe_ros.mesh.files.mesh_input import require_file
 from gdfe_ros.mesh.mesh import Mesh
@@ -120,7 +120,7 @@ def _join(arguments: argparse.Namespace) -> Path:
         surfaces.append((vertices, triangles))
         defects += [f"{path}: {text}" for text in found]
     if not defects:
-        texts = misplaced_cavities(*surfaces[0], surfaces[1:])
+        texts = find_misplaced_cavities(*surfaces[0], surfaces[1:])
         defects = [f"{paths[1 + number]}: {text}" for number, text in texts.items()]
     whole = trimesh.util.concatenate([trimesh.Trimesh(*surface, process=False) for surface in surfaces])
     if defects:

@@ -69,7 +69,7 @@ def run(arguments: argparse.Namespace) -> int:
         _draw(arguments.picture, simulation, last)
     print_failures(results)
     if not last.converged and not arguments.keep_going:
-        text = stopped(results, beyond=_is_withdrawn(simulation, last))
+        text = describe_stop(results, beyond=_is_withdrawn(simulation, last))
         PlainConsole(stderr=True, soft_wrap=True).print(text, style="red", highlight=False)
     if interrupted:
         print(f"gdfe solve: interrupted after t = {last.time:.4g} s", file=sys.stderr)
@@ -77,7 +77,7 @@ def run(arguments: argparse.Namespace) -> int:
     return 0 if all(result.converged for result in results) else NOT_CONVERGED
 
 
-def stopped(results: list[StepResult], *, beyond: bool = False) -> str:
+def describe_stop(results: list[StepResult], *, beyond: bool = False) -> str:
     """Return a line about a run that a failed step ended: the last equilibrium and its commands, and a remedy.
 
     Args:

@@ -269,7 +269,7 @@ class LeaveOutReferences(AnalysisPass):
         if state.flags.auto_parallel.enabled:
             return False
         instructions = (each for block in state.func_ir.blocks.values() for each in block.body)
-        found = [variable for each in instructions for variable in self._made(each)]
+        found = [variable for each in instructions for variable in self._list_allocations(each)]
         kinds = [state.return_type, *(state.typemap[each.name] for each in found)]
         models = state.targetctx.data_model_manager
         if any(models[each].contains_nrt_meminfo() for each in kinds):
@@ -278,7 +278,7 @@ class LeaveOutReferences(AnalysisPass):
         return True
 
     @staticmethod
-    def _made(instruction: ir.Inst) -> tuple[ir.Var, ...]:
+    def _list_allocations(instruction: ir.Inst) -> tuple[ir.Var, ...]:
         """Return the variables for whose arrays the instruction may need memory."""
         if isinstance(instruction, (ir.SetItem, ir.StaticSetItem)):
             return (instruction.value,)
@@ -360,7 +360,7 @@ class LinkedEntry(CFunc):
             super().compile()
 
 
-def linked_entry(signature: Any, function: Callable[..., Any], *, cache: bool) -> LinkedEntry:
+def compile_linked_entry(signature: Any, function: Callable[..., Any], *, cache: bool) -> LinkedEntry:
     """Return numba's ``cfunc(signature, cache=cache)(function)``, as a `LinkedEntry` with a tested numba."""
     if not TESTED:
         return numba.cfunc(signature, cache=cache)(function)
@@ -371,7 +371,7 @@ def linked_entry(signature: Any, function: Callable[..., Any], *, cache: bool) -
     return entry
 
 
-def linked(*, cache: bool, **options: Any) -> Any:
+def compile_linked(*, cache: bool, **options: Any) -> Any:
     """Return a decorator that is numba's ``njit(cache=cache, **options)``, with a tested numba for linked kernels."""
     if not TESTED:
         return numba.njit(cache=cache, **options)

@@ -68,11 +68,11 @@ class RigidBody(Obstacle):
         """The body's mass, attached to its vertices."""
         return AttachedMass(name=self.name, points=Embedding.of_vertices(self.vertices), mass=self.mass)
 
-    def numbered(self, first: int) -> RigidBody:
+    def renumber(self, first: int) -> RigidBody:
         """Return the body with the vertex ids ``first`` .. ``first`` + 3."""
         return replace(self, vertices=np.arange(first, first + 4, dtype=np.int32))
 
-    def found(self, positions: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def find_frame(self, positions: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the origin (3,) [m] and the rotation (3, 3) of the body's frame.
 
         ``positions`` (n, 3) [m] are those of all vertices.
@@ -82,7 +82,7 @@ class RigidBody(Obstacle):
 
     def pose(self, commanded: Pose, positions: NDArray[np.float64]) -> Pose:
         """Return the body's pose relative to its rest pose; ``positions`` (n, 3) [m] are those of all vertices."""
-        origin, axes = self.found(positions)
+        origin, axes = self.find_frame(positions)
         turned = Rotation.from_matrix(axes) * Rotation.from_rotvec(self.turn).inv()
         return Pose(tuple(origin - self.origin), tuple(turned.as_rotvec()))
 

@@ -119,7 +119,7 @@ class FeedbackControl:
         Raises:
             CommandError: the shape is wrong, a value is not finite, or a command is missing.
         """
-        measured, given = self._stack.checked(values, "measured values"), self._sent
+        measured, given = self._stack.check_goals(values, "measured values"), self._sent
         if commands is not None:
             missing = [name for name in self.names if not np.isfinite(commands.get(name, np.nan))]
             if missing:
@@ -144,7 +144,7 @@ class FeedbackControl:
         Raises:
             CommandError: goals or time are not allowed; nothing has changed.
         """
-        wanted, stack = self._stack.checked(goals), self._stack
+        wanted, stack = self._stack.check_goals(goals), self._stack
         require_positive("the time of a command", dt, "s")
         self._goals, (commands, values) = wanted, self._known
         error, distance = stack.errors(wanted, values), stack.length(wanted, values)
@@ -153,13 +153,13 @@ class FeedbackControl:
         fraction = min(1.0, self._trust / max(distance, 1e-300))
         given = {"least": DAMPING, "costs": self._limits.costs(self._rows)}
         change = least_squares(self._rows, fraction * error, low + behind, high + behind, **given)
-        self._sent = np.clip(self._limits.changed(commands, change), self._sent + low, self._sent + high)
+        self._sent = np.clip(self._limits.apply_change(commands, change), self._sent + low, self._sent + high)
         left = error - self._rows @ (self._sent - commands)
         return Reach(
             commands=self.sent,
             distances=stack.distances(error),
-            reached=stack.reached(error),
-            message=stack.message(left, values, self._limits.ended(self._sent)),
+            reached=stack.has_reached(error),
+            message=stack.message(left, values, self._limits.list_limited(self._sent)),
             tries=1,
         )
 

@@ -117,10 +117,10 @@ class InverseControl:
             CommandError: the shape is wrong, or a value is not finite; the state is unchanged.
             GdfeError: the present state has no derivative, e.g. because it is a saddle; the state is unchanged.
         """
-        wanted, tries, stuck, reason = self._stack.checked(goals), 0, False, ""
+        wanted, tries, stuck, reason = self._stack.check_goals(goals), 0, False, ""
         with self._all_or_nothing():
             error = self._errors(wanted)
-            while tries < MOST_TRIES and not stuck and not self._stack.reached(error):
+            while tries < MOST_TRIES and not stuck and not self._stack.has_reached(error):
                 try:
                     moved, error, spent = self._approach(wanted, error)
                     reason = "" if moved else self._tell_idle()
@@ -143,11 +143,11 @@ class InverseControl:
             CommandError: goals or time are not allowed; the state is unchanged.
             GdfeError: the present state has no derivative; the state is unchanged.
         """
-        wanted, tries, reason = self._stack.checked(goals), 0, ""
+        wanted, tries, reason = self._stack.check_goals(goals), 0, ""
         require_positive("the time of a move", dt, "s")
         with self._all_or_nothing():
             error = self._errors(wanted)
-            if not self._stack.reached(error):
+            if not self._stack.has_reached(error):
                 moved, error, tries = self._approach(wanted, error, dt)
                 reason = "" if moved else self._tell_idle()
         return self._report(error, tries, reason)
@@ -200,7 +200,7 @@ class InverseControl:
 
     def _go(self, now: Array, change: Array, dt: float | None) -> bool:
         """Step the model to the commands after a change (n,); return whether it found an equilibrium."""
-        commands = dict(zip(self.names, self._limits.changed(now, change).tolist(), strict=True))
+        commands = dict(zip(self.names, self._limits.apply_change(now, change).tolist(), strict=True))
         time = self._limits.time(change) if dt is None else dt
         return self.simulation.step(Command(actuators=commands), dt=time).converged
 
@@ -223,11 +223,11 @@ class InverseControl:
 
     def _report(self, error: Array, tries: int, reason: str) -> Reach:
         now = self._now()
-        message = self._stack.message(error, self._stack.values(), self._limits.ended(now))
+        message = self._stack.message(error, self._stack.values(), self._limits.list_limited(now))
         return Reach(
             commands=dict(zip(self.names, now.tolist(), strict=True)),
             distances=self._stack.distances(error),
-            reached=self._stack.reached(error),
+            reached=self._stack.has_reached(error),
             message="; ".join(filter(None, (message, reason))),
             tries=tries,
         )

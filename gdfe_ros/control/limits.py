@@ -70,7 +70,7 @@ class CommandLimits:
         reach = np.full(len(now), np.inf) if dt is None else self.rates * dt
         return np.maximum(self.low - now, -reach), np.minimum(self.high - now, reach)
 
-    def changed(self, now: Array, change: Array) -> Array:
+    def apply_change(self, now: Array, change: Array) -> Array:
         """Return ``now + change`` (n,), clipped to the ranges; a command within `ROUNDING` of an end is set to it."""
         commands, rounding = now + change, ROUNDING * np.abs(change)
         commands = np.where(np.abs(commands - self.low) <= rounding, self.low, commands)
@@ -84,7 +84,7 @@ class CommandLimits:
             times = np.abs(change[limited]) / self.rates[limited]
         return (1.0 + ROUNDING) * float(times.max(initial=0.0))
 
-    def ended(self, commands: Array) -> list[str]:
+    def list_limited(self, commands: Array) -> list[str]:
         """Return the names of the actuators whose command in ``commands`` (n,) is at an end of its range."""
         inside = (self.low < commands) & (commands < self.high)
         return [name for name, free in zip(self._names, inside, strict=True) if not free]

@@ -48,7 +48,7 @@ class Stack:
         self._scales = [np.sqrt(t.weight) / size for t, size in zip(self.targets, self.tolerances, strict=True)]
         self._ends = np.cumsum([len(target.axes) for target in self.targets])[:-1]
 
-    def checked(self, goals: ArrayLike, what: str = "goals") -> Array:
+    def check_goals(self, goals: ArrayLike, what: str = "goals") -> Array:
         """Return ``goals`` as an array (t, 3) after a check.
 
         Args:
@@ -93,7 +93,7 @@ class Stack:
         parts = zip(self._scales, np.split(error, self._ends), strict=True)
         return np.array([np.linalg.norm(part) / scale for scale, part in parts])
 
-    def reached(self, error: Array) -> bool:
+    def has_reached(self, error: Array) -> bool:
         """Return whether all targets are within their tolerances, for scaled errors (m,)."""
         return bool((self.distances(error) <= self.tolerances).all())
 

@@ -12,7 +12,7 @@ from scipy.linalg import block_diag
 
 from gdfe_ros.arms.arm import Arm
 from gdfe_ros.arms.carriers import Motions, link_pushes
-from gdfe_ros.arms.limits import JointMotion
+from gdfe_ros.arms.joint_limits import JointMotion
 from gdfe_ros.constraints.pose import Pose
 from gdfe_ros.coupling.link_motion import LinkMotion
 from gdfe_ros.solver.contact.touch import Touch
@@ -61,7 +61,7 @@ class JointBalance:
     last: Mapping[str, Pose]
     wrenches: Wrenches
 
-    def predicted(self) -> Vector:
+    def predict_positions(self) -> Vector:
         """Return the positions (y,) by constant accelerations; without dynamics, the springs keep their stretch."""
         found = []
         for arm in self.arms:
@@ -117,7 +117,7 @@ class JointBalance:
             for arm, now in moves
         )
 
-    def moved(self, q: Vector, simulated: float | None) -> Links:
+    def move_links(self, q: Vector, simulated: float | None) -> Links:
         """Return the motion of the yielding joints after the step, or after the ``simulated`` part [s] of it."""
         found = {}
         for arm, own in self._split(q):

@@ -23,7 +23,7 @@ from gdfe_ros.solver.motion.time_path import reduction
 from gdfe_ros.solver.outcome import Deadline, join, past
 from gdfe_ros.solver.settings import Dynamics
 from gdfe_ros.solver.solution import March
-from gdfe_ros.solver.state import State, changed
+from gdfe_ros.solver.state import State, replace_fields
 from gdfe_ros.solver.stepping.path import on_path
 from gdfe_ros.solver.stepping.stepper import Stepper
 from gdfe_ros.solver.vectors import NEGLIGIBLE
@@ -117,7 +117,7 @@ class JointCoupling:
         return {arm.name: LinkMotion.at(arm.start[arm.springs.yielding]) for arm in self._arms}
 
     @staticmethod
-    def restored(links: Mapping[str, Sequence[Vector]]) -> Links:
+    def restore(links: Mapping[str, Sequence[Vector]]) -> Links:
         """Return the motion of the yielding joints that a snapshot contains."""
         return {name: LinkMotion(*parts) for name, parts in links.items()}
 
@@ -162,7 +162,7 @@ class JointCoupling:
         count, halvings = 1, HALVINGS
         if self._dynamics is not None:
             count, halvings = max(1, math.ceil(duration / self._dynamics.step - NEGLIGIBLE)), MOVING_HALVINGS
-        state = self._stepper.started(state, commands)
+        state = self._stepper.start_motion(state, commands)
         task = _Task(state=state, links=links, motors=motors, targets=targets, commands=commands)
         return self._step_in_parts(task, count, duration, deadline, halvings)
 
@@ -177,7 +177,7 @@ class JointCoupling:
             state = march.state
             if march.reached and number + 1 < count and past(deadline):
                 told = f"{number + 1} of {count} parts of the step are done: {deadline.reason}"
-                march = changed(_flaw(march, told), reached=False)
+                march = replace_fields(_flaw(march, told), reached=False)
             if not march.reached or (self._dynamics is None and not march.sound):
                 break
         return CoupledStep(march=march, links=links, poses=found.poses)
@@ -195,7 +195,7 @@ class JointCoupling:
         halves = self._step_in_parts(task, 2, h, deadline, halvings - 1)
         chosen = halves if halves.march.sound else found
         spent = found.march.iterations + halves.march.iterations
-        return changed(chosen, march=changed(chosen.march, iterations=spent))
+        return replace_fields(chosen, march=replace_fields(chosen.march, iterations=spent))
 
     def _balance(self, task: _Task, h: float, deadline: Deadline | None) -> CoupledStep:
         """Return body and joints in balance at the end of a task, or what is nearest to it."""
@@ -211,7 +211,7 @@ class JointCoupling:
             last=task.state.poses,
             wrenches=self._wrenches,
         )
-        q, near = balance.predicted(), self._allowed(balance, task.state)
+        q, near = balance.predict_positions(), self._bound_correction(balance, task.state)
         search = BalanceSearch(balance.first_derivative(q))
         spent, stale, least, best = 0, 0, math.inf, None
         for _ in range(SOLVES):
@@ -232,15 +232,15 @@ class JointCoupling:
         balanced = least <= near or not march.converged
         if march.reached and not least <= near:
             march = _flaw(march, f"yielding joints are not in balance: the flange is {least:.3g} m away from it")
-        march = changed(march, iterations=spent)
-        moved = balance.moved(q, march.simulated)
+        march = replace_fields(march, iterations=spent)
+        moved = balance.move_links(q, march.simulated)
         return CoupledStep(march=march, links=moved, poses=balance.poses(q), balanced=balanced)
 
     def _wrenches(self, state: State) -> tuple[Mapping[str, Vector], Mapping[str, Touch]]:
         """Return dicts from handle or obstacle to its reaction, and from contact to its points, in a state."""
         return state.summary.reactions, find_touches(self._stepper.actuation.contacts, state, self._origin)
 
-    def _allowed(self, balance: JointBalance, start: State) -> float:
+    def _bound_correction(self, balance: JointBalance, start: State) -> float:
         """Return the largest correction [m] that may be left out.
 
         In a motion it is reduced as the tolerance of a free body (`reduction`), by the larger of the accelerations of
@@ -263,7 +263,7 @@ def _join(first: March | None, second: March) -> March:
         return second
     if not first.converged and first.message != second.message:
         second = _flaw(second, f"in an earlier part of the step: {first.message}")
-    return changed(
+    return replace_fields(
         second.counting(first),
         snapped=first.snapped or second.snapped,
         restarts=max(first.restarts, second.restarts),

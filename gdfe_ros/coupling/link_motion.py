@@ -60,7 +60,7 @@ class LinkMotion(NamedTuple):
             positions=positions,
             velocities=rule.velocity(positions),
             accelerations=rule.acceleration(positions),
-            balanced=rule.balanced(positions),
+            balanced=rule.find_force(positions),
             before=self.positions,
             velocities_before=self.velocities,
             step=np.array([h]),

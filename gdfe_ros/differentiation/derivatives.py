@@ -80,7 +80,7 @@ class Outputs:
         probes = (f"probes.{name}" for name in self._probes)
         return (*probes, *(f"reactions.{name}" for name in self._reacting), "positions")
 
-    def named(self, names: Sequence[str] | None) -> tuple[str, ...]:
+    def check_names(self, names: Sequence[str] | None) -> tuple[str, ...]:
         """Return ``names`` after a check; the names of all probes for None.
 
         Raises:
@@ -134,7 +134,7 @@ class Derivatives:
         self._tangents: dict[int, Tangents] = {}
         self._own = Tangents(stepper.equilibrium)
 
-    def found(
+    def derive_outputs(
         self,
         state: State,
         outputs: Sequence[str] | None,
@@ -143,18 +143,18 @@ class Derivatives:
         interrupted: Callable[[], bool] | None = None,
     ) -> Sensitivities:
         """Return d(output)/d(parameter) at an equilibrium. The arguments are those of `Simulation.sensitivities`."""
-        names, chosen = self._outputs.named(outputs), self.named(parameters)
+        names, chosen = self._outputs.check_names(outputs), self.choose_parameters(parameters)
         reacting = any(name.startswith("reactions.") for name in names)
-        columns = self._own.found(state, chosen, reacting=reacting, interrupted=interrupted)
-        return joined(self._outputs, names, chosen, columns)
+        columns = self._own.derive_columns(state, chosen, reacting=reacting, interrupted=interrupted)
+        return join_columns(self._outputs, names, chosen, columns)
 
-    def named(self, parameters: Sequence[str] | None) -> list[Parameter]:
+    def choose_parameters(self, parameters: Sequence[str] | None) -> list[Parameter]:
         """Return the parameters with these names; None: those of all actuators."""
-        return self.parameters.named(self._usual if parameters is None else parameters)
+        return self.parameters.find_parameters(self._usual if parameters is None else parameters)
 
     def trail(self, state: State, parameters: Sequence[str] | None) -> Trail:
         """Return a `Trail`, which updates derivatives along a motion that starts at ``state``."""
-        return Trail(self._stepper, self.named(parameters), state, self._tangents)
+        return Trail(self._stepper, self.choose_parameters(parameters), state, self._tangents)
 
     def along(self, trail: Trail, outputs: Sequence[str] | None, parameters: Sequence[str] | None) -> Sensitivities:
         """Return d(output)/d(parameter) at the end of a motion, from the ``trail`` that observed it.
@@ -165,18 +165,18 @@ class Derivatives:
         """
         if trail.flaw:
             raise GdfeError(trail.flaw)
-        names = self._outputs.named(outputs)
+        names = self._outputs.check_names(outputs)
         known = {each.name: column for each, column in zip(trail.parameters, trail.columns, strict=True)}
-        chosen = list(trail.parameters) if parameters is None else self.named(parameters)
+        chosen = list(trail.parameters) if parameters is None else self.choose_parameters(parameters)
         for each in chosen:
             if each.name not in known:
                 raise CommandError(f"{each.name!r} is not followed; followed: {', '.join(known) or 'nothing'}")
         followed = (known[each.name] for each in chosen)
         columns = [(column.positions, column.reactions) for column in followed]
-        return joined(self._outputs, names, chosen, columns)
+        return join_columns(self._outputs, names, chosen, columns)
 
 
-def joined(
+def join_columns(
     outputs: Outputs,
     names: Sequence[str],
     parameters: Sequence[Parameter],

@@ -68,7 +68,7 @@ class Differentiator:
     def follow(self, state: State, parameters: Sequence[str] | None) -> None:
         """Update derivatives with respect to ``parameters`` in all further steps from ``state``."""
         self._require_rigid_joints()
-        if not self.derivatives.named(parameters):
+        if not self.derivatives.choose_parameters(parameters):
             known = ", ".join(self.derivatives.parameters.names)
             raise CommandError(f"nothing to follow; parameters of this scene: {known}")
 
@@ -85,7 +85,7 @@ class Differentiator:
         self._require_rigid_joints()
         if not solved:
             raise GdfeError("no derivative: the first commands, as of loads, are not solved yet; remedy: step first")
-        return self.derivatives.found(state, outputs, parameters, interrupted=interrupted)
+        return self.derivatives.derive_outputs(state, outputs, parameters, interrupted=interrupted)
 
     def jacobian(
         self,
@@ -117,7 +117,7 @@ class Differentiator:
         self, state: State, outputs: Sequence[str], parameters: Sequence[str], interrupted: Interruption
     ) -> Sensitivities:
         """Return d(output)/d(parameter) at ``state``, without the effects of steps before the last one."""
-        return self.derivatives.found(state, outputs, parameters, interrupted=interrupted)
+        return self.derivatives.derive_outputs(state, outputs, parameters, interrupted=interrupted)
 
     def _require_rigid_joints(self) -> None:
         """Raise `GdfeError` if an arm has yielding joints: derivatives assume that its flange does not move."""
@@ -141,7 +141,7 @@ class RelativeDifferentiator(Differentiator):
             for command in ends:
                 commands = {**state.commands, growth.name: command}
                 march = self._stepper.step(state, state.poses, commands, tolerance=TOLERANCE, deadline=deadline)
-                if deadline is not None and deadline.passed():
+                if deadline is not None and deadline.has_passed():
                     raise GdfeError(ENDED)
                 if not march.sound:
                     raise GdfeError(f"actuator {growth.name!r}: no equilibrium beside its command: {march.message}")
@@ -220,7 +220,7 @@ class MotionDifferentiator(Differentiator):
         deadline = Deadline(interrupted=interrupted) if interrupted else None
         given = {"duration": last.duration, "deadline": deadline, "observer": trail.observe}
         self._stepper.step(last.start, last.targets, last.commands, **given)
-        if deadline is not None and deadline.passed():
+        if deadline is not None and deadline.has_passed():
             raise GdfeError(ENDED)
         if not np.array_equal(trail.state.positions, state.positions):
             raise GdfeError("no derivative: the last step was cut by a deadline; remedy: step without one")

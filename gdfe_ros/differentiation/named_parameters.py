@@ -66,7 +66,7 @@ class Parameters:
         """Names of all parameters."""
         return tuple(self._made)
 
-    def named(self, names: Sequence[str]) -> list[Parameter]:
+    def find_parameters(self, names: Sequence[str]) -> list[Parameter]:
         """Return parameters by their names.
 
         Raises:

@@ -135,7 +135,7 @@ def soft_object(scene: Scene) -> tuple[float, NDArray[np.int32]]:
     return scene.materials[SOFT].density * float(np.prod(size)), corners
 
 
-def published_errors(scene: Scene, states: Sequence[PublishedState], *, soft: bool) -> NDArray[np.float64]:
+def find_published_errors(scene: Scene, states: Sequence[PublishedState], *, soft: bool) -> NDArray[np.float64]:
     """Return the result of `balance_errors` for the soft or the rigid object, from what the node published."""
     if soft:
         mass, corners = soft_object(scene)
@@ -152,7 +152,7 @@ def published_errors(scene: Scene, states: Sequence[PublishedState], *, soft: bo
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Pick, replay, report; return 0 if the replay is bit-identical."""
-    from gdfe_ros.analysis.report.writer import write_report
+    from gdfe_ros.analysis.report.report_writer import write_report
 
     parser = argparse.ArgumentParser(prog="pick", description=__doc__.partition("\n")[0])
     parser.add_argument("scene", nargs="?", default="pick_ur5e", help="pick_ur5e or pick_panda (default: pick_ur5e)")
@@ -180,7 +180,7 @@ def _table(scene: Scene, states: Sequence[PublishedState], strain: float, verdic
     table.add_row("steps, simulated time", f"{len(states)}, {states[-1].time:.4g} s")
     table.add_row("solve time of a step, median", f"{1e3 * np.median(times):.1f} ms")
     for name, soft in ((RIGID, False), ("cube", True)):
-        errors = published_errors(scene, states, soft=soft)
+        errors = find_published_errors(scene, states, soft=soft)
         value = f"{100.0 * errors.max():.2g} % in {len(errors)} steps" if len(errors) else "never lifted"
         table.add_row(f"{name}: largest error of the forces while lifted, over its weight", value)
     table.add_row("cube: largest strain, limit of the controller", f"{largest_strain(scene, states):.4f}, {strain:g}")

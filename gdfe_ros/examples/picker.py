@@ -22,7 +22,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from gdfe_ros.examples.soft_grip import GripSchedule
 from gdfe_ros.node.interface import FOLLOW_TRAJECTORY
 from gdfe_ros.node.messages import actuation
-from gdfe_ros.node.middleware.ros_types import installed, interface_class
+from gdfe_ros.node.middleware.ros_types import interface_class, is_installed
 from gdfe_ros.scene.program import Program
 from gdfe_ros.scene.scene import Scene
 
@@ -71,7 +71,7 @@ class Picker(Node):
             topic = f"{simulation}/sensors/{name}/wrench"
             self.create_subscription(WrenchStamped, topic, partial(self._feel, name), _STATES)
         self._action = None
-        if installed(FOLLOW_TRAJECTORY.type):
+        if is_installed(FOLLOW_TRAJECTORY.type):
             kind = interface_class(FOLLOW_TRAJECTORY.type)
             self._goal, self._action = kind.Goal, ActionClient(self, kind, f"{simulation}/follow_joint_trajectory")
         else:

@@ -108,10 +108,10 @@ class TipFollower(Node):
         if stamp != _nanoseconds(self._joints) or stamp == self._last:
             return
         dt, self._last = _PERIOD if self._last is None else 1e-9 * (stamp - self._last), stamp
-        position, applied = self._pose.pose.position, self._applied()
+        position, applied = self._pose.pose.position, self._read_applied()
         try:
             if self._control is None:
-                self._control = self._made(applied)
+                self._control = self._make_control(applied)
             self._control.observe([[position.x, position.y, position.z]], applied)
             found = self._control.command(self._goal, max(dt, 1e-6))
         except GdfeError as error:
@@ -126,14 +126,14 @@ class TipFollower(Node):
         actuators = {actuator.name: actuator for actuator in self._scene.actuators}
         self._commands.publish(actuation(actuators, found.commands))
 
-    def _made(self, applied: dict[str, float]) -> FeedbackControl:
+    def _make_control(self, applied: dict[str, float]) -> FeedbackControl:
         """Return the controller, with a model that has been solved at the commands in force."""
         model = Simulation(self._scene)
         model.step(Command(actuators=applied), dt=_ENOUGH)
         given = {"tolerance": self._tolerance, "learning": self._learning, "slew": self._slew}
         return FeedbackControl(model, [Target(probe=self._probe)], **given)
 
-    def _applied(self) -> dict[str, float]:
+    def _read_applied(self) -> dict[str, float]:
         """Return dict from actuator to the command in force."""
         joints, places = self._joints, {name: place for place, name in enumerate(self._joints.name)}
         return {

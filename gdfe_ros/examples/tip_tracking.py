@@ -88,12 +88,12 @@ class TipTracking(Node):
         ready = self._applied is not None and self._jacobian.service_is_ready()
         if self._tracker is None and ready and self._commands.get_subscription_count():
             self._waiting_since = time.monotonic()
-            self._jacobian.call_async(Trigger.Request()).add_done_callback(self._answered)
+            self._jacobian.call_async(Trigger.Request()).add_done_callback(self._warn_of_failure)
         elif self._tracker is not None:
             self.get_logger().warning(f"no pose for {waited:.0f} s; the last command is sent again")
             self._send(self._sent[-1][1])
 
-    def _answered(self, future: Any) -> None:
+    def _warn_of_failure(self, future: Any) -> None:
         response = future.result()
         if not response.success:
             self.get_logger().warning(f"no Jacobian: {response.message}")

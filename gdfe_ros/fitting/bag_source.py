@@ -10,7 +10,7 @@ from gdfe_ros.analysis.bag_run import BagRun, BagStep, BagSteps
 from gdfe_ros.analysis.replay import command_of
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.fitting.bag_topics import TopicValues
-from gdfe_ros.fitting.match import CommandModel, CompareModel, Source, along_of, matched_observable, scale_of
+from gdfe_ros.fitting.match import CommandModel, CompareModel, Source, along_of, match_observable, scale_of
 from gdfe_ros.fitting.recording import CLOUDS, Observable, QuantityKind, Schedule, Series, Track, constant
 from gdfe_ros.recording.foreign_bag import open_bag
 from gdfe_ros.recording.step import Begin
@@ -56,7 +56,7 @@ def read_bag(source: Source, scene: Scene) -> Bag:
 
 def _series(source: Source, scene: Scene, values: TopicValues, name: str, model: CompareModel, start: float) -> Series:
     where = f"recording {source.name}, {name}"
-    observable = matched_observable(model, scene, where)
+    observable = match_observable(model, scene, where)
     if not model.topic:
         raise GdfeError(f"{where}: no topic is named; topics: {', '.join(values.names)}")
     labels, along = along_of(model, observable, where)

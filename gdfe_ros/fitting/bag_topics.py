@@ -149,7 +149,7 @@ class TopicValues:
                 rows.append(numbers)
         if not rows:
             what = model.path or model.frame_id or model.marker or model.joint
-            raise GdfeError(f"{where}: topic {model.topic} never has {what!r}; it has {', '.join(self._known(model))}")
+            raise GdfeError(f"{where}: topic {model.topic} never has {what!r}; it has {', '.join(self._list(model))}")
         order = np.argsort(times, kind="stable")
         found, first = np.unique(np.array(times)[order], return_index=True)
         return found, np.array(rows, dtype=np.float64)[order][first]
@@ -180,7 +180,7 @@ class TopicValues:
         for message in self._reader.messages([topic]):
             yield 1e-9 * message.log_time, self._decode(message.type, message.data)
 
-    def _known(self, model: CompareModel | CommandModel) -> list[str]:
+    def _list(self, model: CompareModel | CommandModel) -> list[str]:
         """Return the names of all items in the messages of a topic, sorted."""
         found: set[str] = set()
         for _, message in self._messages(model.topic):

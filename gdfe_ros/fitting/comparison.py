@@ -18,7 +18,7 @@ Own = NDArray[np.float64]
 """Fitted unknowns (u,) of one recording: time shift [s], rotation vector [rad], translation [m]."""
 
 
-def predicted(
+def predict_series(
     recording: Recording, trajectory: Trajectory, own: Own, *, horizon: float = np.inf
 ) -> list[NDArray[np.float64]]:
     """Return simulated values at the measured times, (m, c) for each series; NaN beyond the horizon.
@@ -58,7 +58,7 @@ def residuals(
     """
     found = []
     for series, values, sigma in zip(
-        recording.series, predicted(recording, trajectory, own, horizon=horizon), sigmas, strict=True
+        recording.series, predict_series(recording, trajectory, own, horizon=horizon), sigmas, strict=True
     ):
         if series.observable.kind is QuantityKind.SURFACE:
             found.append(surface_distances(values, series.values, quads) / sigma)
@@ -91,7 +91,7 @@ def first_own(recording: Recording, trajectory: Trajectory) -> Own:
     start = np.zeros(recording.unknowns)
     start[: len(own)] = own
     ours, theirs = [], []
-    for series, values in zip(recording.series, predicted(recording, trajectory, start), strict=True):
+    for series, values in zip(recording.series, predict_series(recording, trajectory, start), strict=True):
         if series.observable.kind in POSITIONS and series.values.ndim == 2:
             points, given = values.reshape(-1, 3), series.values.reshape(-1, 3)
             sound = np.isfinite(points).all(axis=1) & np.isfinite(given).all(axis=1)

@@ -19,7 +19,7 @@ from gdfe_ros.fitting.match import (
     CompareModel,
     Source,
     along_of,
-    matched_observable,
+    match_observable,
     scale_of,
 )
 from gdfe_ros.fitting.recording import Series, Track, constant
@@ -142,7 +142,7 @@ class CsvSource:
 
     def series(self) -> tuple[Series, ...]:
         """Return the measured series."""
-        compared = self._source.match.compare or dict(self._named())
+        compared = self._source.match.compare or dict(self._find_probes())
         return tuple(self._series(name, model) for name, model in compared.items())
 
     def tracks(self) -> tuple[Track, ...]:
@@ -164,7 +164,7 @@ class CsvSource:
             raise GdfeError(f"{self._source.path}: times must ascend; row {row} of column {name!r} does not")
         return times
 
-    def _named(self) -> Iterator[tuple[str, CompareModel]]:
+    def _find_probes(self) -> Iterator[tuple[str, CompareModel]]:
         """Yield each probe whose position columns are in the file, with the names of these columns."""
         found = False
         for probe in self._scene.probes:
@@ -188,7 +188,7 @@ class CsvSource:
         where = f"recording {self._source.name}, {name}"
         if not model.column and not model.columns:
             raise GdfeError(f"{where}: no column is named; columns: {', '.join(self._table.names)}")
-        observable = matched_observable(model, self._scene, where)
+        observable = match_observable(model, self._scene, where)
         labels, along = along_of(model, observable, where)
         columns = [model.column] if model.column else [model.columns[axis] for axis in AXES if axis in model.columns]
         values = np.stack([self._mean(column, model.unit) for column in columns], axis=1)

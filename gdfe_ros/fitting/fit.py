@@ -15,8 +15,8 @@ from scipy.optimize import least_squares
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.fitting.comparison import first_own
 from gdfe_ros.fitting.csv_source import CsvSource
+from gdfe_ros.fitting.fitted_parameter import FittedParameter
 from gdfe_ros.fitting.match import Source, find_sources
-from gdfe_ros.fitting.parameter import FittedParameter
 from gdfe_ros.fitting.problem import FitPoint, FitProblem, Solved, require_motion, solve
 from gdfe_ros.fitting.recording import (
     ROW,
@@ -178,7 +178,7 @@ def fit_scene(
         held_out=other,
         prediction=point,
         matches=(*fitted, *predicted),
-        warnings=tuple([*warnings(fitted, predicted, known, parameters), *_unconverged(solved.point, problem)]),
+        warnings=tuple([*warnings(fitted, predicted, known, parameters), *_list_unconverged(solved.point, problem)]),
         simulations=simulations.count,
     )
 
@@ -199,12 +199,12 @@ def predict(problem: FitProblem, values: tuple[float, ...]) -> FitPoint:
             return [unknowns[first:last] for first, last in pairwise(counts)]
 
         start = np.clip(np.concatenate(own), low, high)
-        found = least_squares(lambda u: problem.stacked(trajectories, parts(u)), start, bounds=(low, high))
+        found = least_squares(lambda u: problem.stack_residuals(trajectories, parts(u)), start, bounds=(low, high))
         own = parts(found.x)
     return FitPoint(values, tuple(own), tuple(trajectories))
 
 
-def _unconverged(point: FitPoint, problem: FitProblem) -> list[str]:
+def _list_unconverged(point: FitPoint, problem: FitProblem) -> list[str]:
     pairs = zip(problem.recordings, point.trajectories, strict=True)
     return [
         f"{recording.name}: {item.not_converged} of {len(item.times)} steps did not converge"

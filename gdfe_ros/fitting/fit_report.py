@@ -18,13 +18,13 @@ from numpy.typing import NDArray
 from gdfe_ros.analysis.report.charts import numbers_of
 from gdfe_ros.analysis.report.template import build_page, tabulate
 from gdfe_ros.errors import show_point
-from gdfe_ros.fitting.comparison import predicted, split
+from gdfe_ros.fitting.comparison import predict_series, split
 from gdfe_ros.fitting.fit import Fit
 from gdfe_ros.fitting.problem import FitPoint, FitProblem
 from gdfe_ros.fitting.recording import ROW
 from gdfe_ros.fitting.statistics import percent
 from gdfe_ros.scene.report import unit_of
-from gdfe_ros.untrusted.bounded_text import quoted
+from gdfe_ros.untrusted.bounded_text import quote_formula
 
 RESIDUAL = "residual: simulated - measured"
 
@@ -157,7 +157,7 @@ def _parts(fit: Fit) -> list[tuple[FitProblem, FitPoint]]:
 def _curves(problem: FitProblem, point: FitPoint, held_out: bool) -> Iterator[ComparedColumn]:
     parts = problem.series_residuals(point)
     for number, recording in enumerate(problem.recordings):
-        values = predicted(recording, point.trajectories[number], point.own[number])
+        values = predict_series(recording, point.trajectories[number], point.own[number])
         for place, series in enumerate(recording.series):
             make = partial(
                 ComparedColumn,
@@ -245,7 +245,7 @@ def _write_residuals(path: Path, shown: Sequence[ComparedColumn]) -> None:
         for curve in shown:
             for time, measured, simulated in zip(curve.times, curve.measured, curve.simulated, strict=True):
                 numbers = (f"{value:.9g}" for value in (time, measured, simulated, simulated - measured))
-                texts = quoted(curve.recording), quoted(curve.series)
+                texts = quote_formula(curve.recording), quote_formula(curve.series)
                 writer.writerow([*texts, int(curve.held_out), *numbers, curve.unit])
 
 

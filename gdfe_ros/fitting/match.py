@@ -17,8 +17,8 @@ from gdfe_ros.fitting.recording import CLOUDS, POSITIONS, Observable, QuantityKi
 from gdfe_ros.mesh import select_vertices
 from gdfe_ros.mesh.selection import Where
 from gdfe_ros.quantity import Quantity, Vector
+from gdfe_ros.scene.base_entry import TAG, VALUE_ERROR, Choice, Entry
 from gdfe_ros.scene.document import parse_document
-from gdfe_ros.scene.entry import TAG, VALUE_ERROR, Choice, Entry
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.untrusted.bounded_text import LARGEST_TEXT
 from gdfe_ros.untrusted.regular_file import read_text
@@ -140,7 +140,7 @@ class MatchModel(RecordingModel):
     recordings: dict[str, RecordingModel] = Field({}, description="recordings by name; `--holdout` takes these names")
 
 
-def matched_observable(model: CompareModel, scene: Scene, where: str) -> Observable:
+def match_observable(model: CompareModel, scene: Scene, where: str) -> Observable:
     """Return the simulated quantity to which an entry refers.
 
     Raises:

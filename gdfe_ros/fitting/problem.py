@@ -12,7 +12,7 @@ from scipy.optimize import least_squares
 
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.fitting.comparison import Own, first_own, residuals
-from gdfe_ros.fitting.parameter import FittedParameter
+from gdfe_ros.fitting.fitted_parameter import FittedParameter
 from gdfe_ros.fitting.recording import POSITIONS, Recording
 from gdfe_ros.fitting.trajectory import (
     NotSimulatedError,
@@ -144,23 +144,23 @@ class FitProblem:
             count = sum(series.values[..., 0].size if series.values.ndim == 3 else series.values.size
                         for recording in self.recordings for series in recording.series)  # fmt: skip
             return np.full(count, FAILED)
-        return self.stacked(found, own)
+        return self.stack_residuals(found, own)
 
     def jacobian(self, unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return d(residual)/d(unknown), shape (values, unknowns)."""
         here = self.point(unknowns)
-        base = self.stacked(here.trajectories, here.own)
+        base = self.stack_residuals(here.trajectories, here.own)
         given = self._simulations, self.recordings, self.parameters, here.values, here.trajectories
         changes = trajectory_columns(*given, horizons=self.horizons)
         columns = []
         for change in changes:
-            moved = [item.moved(by, 1e-3) for item, by in zip(here.trajectories, change, strict=True)]
-            columns.append((self.stacked(moved, here.own) - base) / 1e-3)
+            moved = [item.move_along(by, 1e-3) for item, by in zip(here.trajectories, change, strict=True)]
+            columns.append((self.stack_residuals(moved, here.own) - base) / 1e-3)
         for place, recording in enumerate(self.recordings):
             for entry, size in enumerate(_nudges(recording)):
                 own = [item.copy() for item in here.own]
                 own[place][entry] += size
-                columns.append((self.stacked(here.trajectories, own) - base) / size)
+                columns.append((self.stack_residuals(here.trajectories, own) - base) / size)
         return np.stack(columns, axis=1)
 
     def series_residuals(self, point: FitPoint) -> list[list[NDArray[np.float64]]]:
@@ -171,7 +171,7 @@ class FitProblem:
             for recording, trajectory, own, sigmas, horizon in given
         ]
 
-    def stacked(self, trajectories: Sequence[Trajectory], own: Sequence[Own]) -> NDArray[np.float64]:
+    def stack_residuals(self, trajectories: Sequence[Trajectory], own: Sequence[Own]) -> NDArray[np.float64]:
         """Return the residuals of given trajectories in one vector; 0 for values that are not compared."""
         parts = self.series_residuals(FitPoint((), tuple(own), tuple(trajectories)))
         return np.nan_to_num(np.concatenate([part.ravel() for found in parts for part in found]), nan=0.0)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.stats import t as student
 
 from gdfe_ros.errors import GdfeError
-from gdfe_ros.fitting.parameter import FittedParameter
+from gdfe_ros.fitting.fitted_parameter import FittedParameter
 from gdfe_ros.fitting.problem import FitPoint, FitProblem, Solved
 from gdfe_ros.fitting.trajectory import NotSimulatedError
 
@@ -189,7 +189,7 @@ def _cost(problem: FitProblem, solved: Solved, place: int, value: float) -> floa
     trajectories = problem.trajectories(tuple(values))
     if any(isinstance(item, NotSimulatedError) for item in trajectories):
         return np.inf
-    residual = problem.stacked(trajectories, solved.point.own)
+    residual = problem.stack_residuals(trajectories, solved.point.own)
     return 0.5 * float(residual @ residual)
 
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from gdfe_ros.analysis.workers import map_tasks
 from gdfe_ros.errors import GdfeError
-from gdfe_ros.fitting.parameter import FittedParameter
+from gdfe_ros.fitting.fitted_parameter import FittedParameter
 from gdfe_ros.fitting.recording import Recording
 from gdfe_ros.scene import scene_from_text
 from gdfe_ros.simulation import Simulation
@@ -48,7 +48,7 @@ class Trajectory:
     outputs: tuple[NDArray[np.float64], ...]
     not_converged: int = 0
 
-    def moved(self, change: Trajectory, length: float) -> Trajectory:
+    def move_along(self, change: Trajectory, length: float) -> Trajectory:
         """Return this trajectory plus ``length`` times the trajectory ``change``."""
         pairs = zip(self.outputs, change.outputs, strict=True)
         return Trajectory(self.times, tuple(own + length * other for own, other in pairs), self.not_converged)

@@ -19,7 +19,7 @@ from gdfe_ros.live.interface import Ability, ShownRun, View
 from gdfe_ros.node.driving.orders import ActuatorOrder, Inbox, Order, PoseOrder, require_order
 from gdfe_ros.node.driving.pace import ClockMode, FastPace, Timing, WallPace
 from gdfe_ros.node.driving.remodelling import moduli_of, with_moduli
-from gdfe_ros.node.driving.stepper import SteppingThread
+from gdfe_ros.node.driving.stepping_thread import SteppingThread
 from gdfe_ros.node.refusals import RefusalLog
 from gdfe_ros.recording.bag_info import new_bag
 from gdfe_ros.recording.step import Begin, Step, to_nanoseconds

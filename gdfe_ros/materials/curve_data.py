@@ -97,7 +97,7 @@ class CurveData:
         end, slope = self._continuation()
         return np.where(e <= end, self._data_tangent(np.minimum(e, end)), slope)
 
-    def scaled(self, factor: float) -> CurveData:
+    def scale_stress(self, factor: float) -> CurveData:
         """Return the curve with every stress times a factor."""
         coefficients = tuple(factor * value for value in self.coefficients)
         return CurveData(coefficients, self.strain, tuple(factor * value for value in self.stress), self.strain_max)

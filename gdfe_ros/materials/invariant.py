@@ -18,8 +18,8 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
+from gdfe_ros.materials.drucker import drucker_remarks, invariant_hessian
 from gdfe_ros.materials.material import Coefficient, Law, Material, require_within
-from gdfe_ros.materials.stability import drucker_remarks, invariant_hessian
 from gdfe_ros.quantity import Quantity
 
 Vector = NDArray[np.float64]

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from gdfe_ros.keys import CheckedKeys
 from gdfe_ros.materials.curve_data import CurveData
-from gdfe_ros.materials.stability import drucker_remarks, separable_hessian
+from gdfe_ros.materials.drucker import drucker_remarks, separable_hessian
 from gdfe_ros.quantity import ANY, Quantity, quantities_of
 
 Modulus = Annotated[float, Quantity("Young's modulus", "Pa", above=0.0, below=1e13, remedy="in Pa: 1 MPa is 1.0e6")]

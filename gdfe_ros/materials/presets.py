@@ -136,4 +136,4 @@ def preset(
     }
     if law is Law.OGDEN:
         return Ogden(mu=tuple(scale * value for value in recipe.mu), alpha=recipe.alpha, **common)
-    return Curve(data=recipe.curve.scaled(scale), **common)
+    return Curve(data=recipe.curve.scale_stress(scale), **common)

@@ -162,7 +162,7 @@ PUBLISHED: dict[str, PublishedSet] = {
 """Dict from name to set."""
 
 
-def published(
+def make_published(
     name: str,
     *,
     scale: float = 1.0,

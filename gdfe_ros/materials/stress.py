@@ -55,7 +55,7 @@ def logarithmic_volume(j, lame):
 
 
 @inlined
-def corotated(f, r, lam, factor, slope, c):
+def corotated_stress(f, r, lam, factor, slope, c):
     """Return the stress ``factor`` (F - lam R) + ``slope`` cof F; ``c`` is cof F."""
     return (
         factor * (f[0] - lam * r[0]) + slope * c[0],
@@ -110,7 +110,7 @@ def neo_hookean(f, pressure, mu, lame, kappa):
     curvature = (mu + lame * (1.0 - log)) / (least * least)
     w = 0.5 * mu * (squared_norm(f) - 3.0) + (0.5 * lame * log - mu) * log + below * (rate + 0.5 * curvature * below)
     w += change * (pressure + 0.5 * kappa * change)
-    return w, corotated(f, f, 0.0, mu, pressure + kappa * change + rate + curvature * below, c)
+    return w, corotated_stress(f, f, 0.0, mu, pressure + kappa * change + rate + curvature * below, c)
 
 
 @inlined
@@ -123,7 +123,7 @@ def stable_neo_hookean(f, pressure, mu, kappa):
     first, change = squared_norm(f), determinant(f, c) - 1.0
     w = 2.0 / 3.0 * mu * (first - 3.0 - math.log(0.25 * (first + 1.0)))
     w += change * (pressure - mu + 0.5 * kappa * change)
-    return w, corotated(f, f, 0.0, 4.0 / 3.0 * mu * first / (first + 1.0), pressure - mu + kappa * change, c)
+    return w, corotated_stress(f, f, 0.0, 4.0 / 3.0 * mu * first / (first + 1.0), pressure - mu + kappa * change, c)
 
 
 @inlined

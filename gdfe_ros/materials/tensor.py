@@ -187,7 +187,7 @@ def times(f, v):
 
 
 @inlined
-def scaled(a, factor):
+def scale_vector(a, factor):
     """Return the vector a, multiplied by ``factor``."""
     return factor * a[0], factor * a[1], factor * a[2]
 
@@ -196,4 +196,4 @@ def scaled(a, factor):
 def perpendicular(a):
     """Return a unit vector normal to a unit vector a."""
     b = cross(a, (1.0, 0.0, 0.0)) if abs(a[0]) < 0.7 else cross(a, (0.0, 1.0, 0.0))
-    return scaled(b, 1.0 / math.sqrt(dot(b, b) + 1e-300))
+    return scale_vector(b, 1.0 / math.sqrt(dot(b, b) + 1e-300))

@@ -27,7 +27,7 @@ def assemble(parts: Mapping[str, MeshPart]) -> HexMesh:
     Args:
         parts: dict from name to mesh with its pose; ``first_vertex`` and ``first_cell`` are set here.
     """
-    meshes = [part.placed() for part in parts.values()]
+    meshes = [part.place() for part in parts.values()]
     vertices = np.cumsum([0, *(mesh.n_vertices for mesh in meshes)]).tolist()
     cells = np.cumsum([0, *(mesh.n_cells for mesh in meshes)]).tolist()
     numbered = {

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.errors import show_point
-from gdfe_ros.mesh.cells.faces import corners_of, enclosed_volume, turned, vertex_pieces
+from gdfe_ros.mesh.cells.faces import corners_of, enclosed_volume, reverse, vertex_pieces
 from gdfe_ros.mesh.cells.tetrahedra import flat_quads, six_node_volume
 from gdfe_ros.mesh.mesh import Mesh
 from gdfe_ros.mesh.overlap import find_self_cuts
@@ -51,7 +51,7 @@ def find_cavities(mesh: Mesh) -> list[Cavity]:
     found = []
     for number in range(int(piece.max(initial=-1)) + 1):
         own = piece == number
-        inner = turned(quads[own])
+        inner = reverse(quads[own])
         volume = inside_volume(mesh.vertices, inner)
         if volume > 0:
             center = mesh.vertices[np.unique(inner)].mean(axis=0)
@@ -140,7 +140,7 @@ Surface = tuple[NDArray[np.float64], NDArray[np.int64]]
 """Vertices (n, 3) [m] and triangles (t, 3) of a closed surface."""
 
 
-def misplaced_cavities(
+def find_misplaced_cavities(
     vertices: NDArray[np.float64], triangles: NDArray[np.int64], cavities: Sequence[Surface]
 ) -> dict[int, str]:
     """Return the text of a defect for the number of each cavity that is not inside of the body's material.

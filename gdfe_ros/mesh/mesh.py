@@ -165,7 +165,7 @@ class MeshPart:
     first_vertex: int = 0
     first_cell: int = 0
 
-    def placed(self) -> Mesh:
+    def place(self) -> Mesh:
         """Return the mesh in the assembly's frame; if the pose is zero, its coordinates stay bitwise equal."""
         vertices = self.mesh.vertices
         if not np.array_equal(self.rotation, np.eye(3)):

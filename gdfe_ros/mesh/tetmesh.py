@@ -39,7 +39,7 @@ class TetMesh(Mesh):
     faces: ClassVar[NDArray[np.int32]] = FACES
 
 
-def raised(
+def elevate(
     vertices: NDArray[np.float64],
     corners: NDArray[np.integer],
     cell_sets: Mapping[str, NDArray[np.integer]] | None = None,
@@ -68,13 +68,13 @@ def raised(
     return TetMesh(points, np.concatenate([corners, middles], axis=1), cell_sets or {}, sets, linear=linear)
 
 
-def divided(mesh: HexMesh) -> TetMesh:
+def divide(mesh: HexMesh) -> TetMesh:
     """Divide each hexahedron of a mesh into six quadratic tetrahedra; the vertices keep their ids, and their sets.
 
     A skin and the filling of cut cells are lost.
     """
     cells = {name: (6 * ids[:, None] + np.arange(6)).ravel() for name, ids in mesh.cell_sets.items()}
-    return replace(raised(mesh.vertices, corners_of_six(mesh.cells), cells, mesh.vertex_sets), hexahedra=mesh.n_cells)
+    return replace(elevate(mesh.vertices, corners_of_six(mesh.cells), cells, mesh.vertex_sets), hexahedra=mesh.n_cells)
 
 
 def corners_of_six(cells: NDArray[np.int32]) -> NDArray[np.int32]:

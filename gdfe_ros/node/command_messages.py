@@ -65,7 +65,7 @@ def put_order(message: PoseStamped, handle: Handle, *, size: float, frames: Fram
     return TeleportOrder(handle.name, *_read_place(message, handle, size, frames))
 
 
-def placed_order(handle: Handle, place: Placement, *, size: float, frames: Frames) -> PoseOrder:
+def make_pose_order(handle: Handle, place: Placement, *, size: float, frames: Frames) -> PoseOrder:
     """Return the order that moves a handle's frame to ``place`` in the node's frame; ``size`` is the body's size [m].
 
     Raises:

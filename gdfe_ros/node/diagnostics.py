@@ -15,7 +15,7 @@ from gdfe_ros.node.interface import topics
 from gdfe_ros.node.middleware.channel import Channel, Doubles
 from gdfe_ros.node.middleware.managed import ManagedNode
 from gdfe_ros.node.refusals import RefusalLog
-from gdfe_ros.node.session import SimulationSession
+from gdfe_ros.node.simulation_session import SimulationSession
 
 _LONG = 0.5
 """A task is reported if it takes longer than this time [s]."""
@@ -138,7 +138,7 @@ class Diagnostics:
 
 def _judge_obedience(session: SimulationSession) -> _Part:
     """Return the status of the accepted commands: whether they are heard, and whether the simulation reaches them."""
-    values: dict[str, object] = {f"{name} follows": leader for name, leader in session.inputs.led().items()}
+    values: dict[str, object] = {f"{name} follows": leader for name, leader in session.inputs.list_leaders().items()}
     reason = "ok"
     if session.mode is ClockMode.LOCKSTEP and session.run.pace is not None:
         values["waits for"] = reason = f"waits for {session.waiting()}"
@@ -204,7 +204,7 @@ def _solver(session: SimulationSession, last: _Mark, mark: _Mark) -> _Part:
         "policy": result.policy.value,
         **{f"skipped: {name}": count for name, count in result.skipped.items()},
     }
-    if result.converged or (result.cut_after is not None and session.arrived()):
+    if result.converged or (result.cut_after is not None and session.has_arrived()):
         return _Part(values)
     return _Part(values, _WARN, f"not converged: {result.message or 'no step was solved there'}")
 

@@ -23,7 +23,7 @@ from gdfe_ros.node.interface import TopicSpec, topics
 from gdfe_ros.node.middleware.managed import ManagedNode
 from gdfe_ros.node.middleware.ros_types import interface_class, subscribe
 from gdfe_ros.node.refusals import Freshness, Reason, Refusal, require_place, require_small
-from gdfe_ros.recording.published import material_pose
+from gdfe_ros.recording.message_tables import material_pose
 from gdfe_ros.recording.step import Step
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.simulation_parts.soft_places import fit_rigidly
@@ -106,7 +106,7 @@ class Transforms:
             self._node.destroy_subscription(subscription)
         self._subscriptions = []
 
-    def known(self) -> list[str]:
+    def list_received(self) -> list[str]:
         """Return the names of the received frames, sorted."""
         with self._lock:
             self._read()
@@ -334,7 +334,7 @@ class Frames:
         if found is None:
             text = (
                 f"header.frame_id is {frame!r}; allowed: empty, {self.frame_id!r}, {rest!r}, or a frame connected "
-                f"to them on /tf; frames on /tf: {', '.join(self.transforms.known()) or 'none'}"
+                f"to them on /tf; frames on /tf: {', '.join(self.transforms.list_received()) or 'none'}"
             )
             raise Refusal(Reason.FRAME, text)
         return found

@@ -23,7 +23,7 @@ from gdfe_ros.node.interface import TopicSpec, topics
 from gdfe_ros.node.interface.topics import put_key
 from gdfe_ros.node.middleware.ros_types import interface_class, subscribe, topic_info
 from gdfe_ros.node.refusals import Freshness, Reason, Refusal, require_small
-from gdfe_ros.node.run import Followers, Leader, Run, followed_order, refuse_followed
+from gdfe_ros.node.run import Followers, Leader, Run, make_follower_order, refuse_followed
 from gdfe_ros.recording.bag_info import TopicInfo
 from gdfe_ros.recording.recorder import Recorder
 from gdfe_ros.recording.step import Step
@@ -186,7 +186,7 @@ class Inputs:
         """Names of the inputs, as in ``command_set``."""
         return [*self._inputs, *(leader.key for leader in self._leaders.values() if leader.frame)]
 
-    def led(self) -> dict[str, str]:
+    def list_leaders(self) -> dict[str, str]:
         """Return a dict from follower to a text about its leader; the text states whether a pose was received."""
         leaders = self._leaders.items()
         return {name: f"{each}{'' if each.key in self._heard else ', not heard yet'}" for name, each in leaders}
@@ -341,7 +341,7 @@ def _handle_inputs(run: Run, leaders: Mapping[str, Leader]) -> Iterator[Input]:
                 take = partial(refuse_followed, leader=leader)
             yield Input(spec, take, spec.key(**{handle.noun: handle.name}))
         if leader is not None and leader.topic:
-            take = partial(followed_order, leader=leader, size=size, frames=frames)
+            take = partial(make_follower_order, leader=leader, size=size, frames=frames)
             yield Input(topics.FOLLOWED, take, leader.key, leader=leader.topic)
 
 

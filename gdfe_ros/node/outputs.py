@@ -90,10 +90,10 @@ class TopicOutputs:
         """Whether a subscriber or a bag needs a message of the next step."""
         return any(output.wanted for output in self._outputs)
 
-    def missed(self, *, thorough: bool = False) -> bool:
-        """Return whether a subscriber has not received the present state; ``thorough``: see `Channel.missed`."""
+    def look_for_newcomers(self, *, thorough: bool = False) -> bool:
+        """Return whether a subscriber lacks the present state; ``thorough``: see `Channel.look_for_newcomers`."""
         # Ask every channel, without stopping at the first: each one notes its new subscribers.
-        return any([channel.missed(thorough=thorough) for channel in self.channels])
+        return any([channel.look_for_newcomers(thorough=thorough) for channel in self.channels])
 
     def attach(self, recorder: Recorder | None) -> None:
         """Record all topics that bags contain, from now on; None ends the recording."""

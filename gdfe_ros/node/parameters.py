@@ -65,7 +65,7 @@ class NodeParameters:
 
     def _warn_of_unknown(self) -> None:
         """Warn of unknown parameters that were given at start, e.g. those of other nodes in a file for ``/**``."""
-        for name in sorted(self._node.unknown_parameters()):
+        for name in sorted(self._node.list_unknown_parameters()):
             text = f"parameter {name!r} is unknown and does nothing; {did_you_mean(name, self._specs)}"
             self._node.get_logger().warning(text.rstrip("; "))
 
@@ -184,7 +184,7 @@ class Moduli:
             self._changed(moduli)
 
 
-def given_moduli(parameters: Mapping[str, object], scene: Scene) -> dict[str, float]:
+def read_moduli(parameters: Mapping[str, object], scene: Scene) -> dict[str, float]:
     """Return the moduli [Pa] among the given parameters, by parameter name, as overrides of the scene.
 
     Raises:

@@ -16,10 +16,10 @@ from rclpy.duration import Duration
 from gdfe_ros.command import require_movable
 from gdfe_ros.constraints import Handle
 from gdfe_ros.errors import CommandError, GdfeError
-from gdfe_ros.node.command_messages import placed_order, require_pose
+from gdfe_ros.node.command_messages import make_pose_order, require_pose
 from gdfe_ros.node.driving.orders import PoseOrder
 from gdfe_ros.node.driving.pace import ExternalPace, Pace, Timing
-from gdfe_ros.node.driving.stepper import SteppingThread
+from gdfe_ros.node.driving.stepping_thread import SteppingThread
 from gdfe_ros.node.frames import Frames, Placement, Transforms
 from gdfe_ros.node.middleware.managed import ManagedNode
 from gdfe_ros.node.parameters import NodeParameters
@@ -122,7 +122,7 @@ class Run:
 
         def set_by_another(jump: TimeJump) -> None:
             if isinstance(self.pace, ExternalPace):
-                self.pace.jumped(jump.delta.nanoseconds)
+                self.pace.record_jump(jump.delta.nanoseconds)
             wake()
 
         return self.node.get_clock().create_jump_callback(any_jump, post_callback=set_by_another)
@@ -256,7 +256,7 @@ def refuse_followed(message: object, leader: Leader) -> PoseOrder:
     raise Refusal(Reason.FOLLOWS, f"{handle.noun} {handle.name!r} follows {leader} and takes no commands")
 
 
-def followed_order(message: PoseStamped, leader: Leader, *, size: float, frames: Frames) -> PoseOrder:
+def make_follower_order(message: PoseStamped, leader: Leader, *, size: float, frames: Frames) -> PoseOrder:
     """Return the order for a handle from a message on its leader's topic; ``size`` is the body's size [m].
 
     Raises:
@@ -266,7 +266,7 @@ def followed_order(message: PoseStamped, leader: Leader, *, size: float, frames:
     place = frames.place(message.header.frame_id)
     if place is None:
         raise Refusal(Reason.FRAME, f"no transforms lead from {message.header.frame_id!r} to {frames.frame_id!r}")
-    return placed_order(leader.handle, place @ require_pose(message.pose), size=size, frames=frames)
+    return make_pose_order(leader.handle, place @ require_pose(message.pose), size=size, frames=frames)
 
 
 class Followers:
@@ -295,7 +295,7 @@ class Followers:
             if place is None:
                 continue
             try:
-                order = placed_order(leader.handle, place, size=size, frames=frames)
+                order = make_pose_order(leader.handle, place, size=size, frames=frames)
                 if order != self._last.get(leader.key):
                     self._put(leader.key, order)
                     self._last[leader.key] = order

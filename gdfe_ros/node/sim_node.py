@@ -19,12 +19,12 @@ from gdfe_ros.node.driving.remodelling import build_simulation, take_over
 from gdfe_ros.node.interface import NODE_NAME, PARAMETERS, topics
 from gdfe_ros.node.messages import pack_refusal
 from gdfe_ros.node.middleware.channel import Channel
-from gdfe_ros.node.parameters import NodeParameters, given_moduli
+from gdfe_ros.node.parameters import NodeParameters, read_moduli
 from gdfe_ros.node.refusals import Refusal, RefusalLog
 from gdfe_ros.node.requests.entities import Entities, EntityQueries, SceneExchange
 from gdfe_ros.node.requests.services import Services, SessionNode, Worlds
 from gdfe_ros.node.requests.standard import StandardServices, TrajectoryAction
-from gdfe_ros.node.session import SimulationSession
+from gdfe_ros.node.simulation_session import SimulationSession
 from gdfe_ros.recording.step import Begin
 from gdfe_ros.scene.loader import load_scene
 from gdfe_ros.scene.override import read_overrides
@@ -134,7 +134,7 @@ class SimNode(SessionNode):
         )
         overrides = read_overrides(self._settings.entries("scene_overrides"), "parameter scene_overrides")
         scene = load_scene(name, overrides=overrides)
-        if moduli := given_moduli(self.given_parameters, scene):
+        if moduli := read_moduli(self.given_parameters, scene):
             scene = load_scene(name, overrides={**overrides, **moduli})
         return build_simulation(scene)
 

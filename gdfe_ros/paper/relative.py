@@ -212,7 +212,7 @@ class RelativeEquilibrium:
         found = solution.state
         return found.with_(motion=self._predictor.motion(previous, found, previous.change_to(found.commands)))
 
-    def skipped(self) -> dict[str, int]:
+    def count_skipped(self) -> dict[str, int]:
         """Return no counts: every iteration compares every element with its desired shape."""
         return {}
 
@@ -246,7 +246,7 @@ class RelativeEquilibrium:
             self.matrix.solve(gradient[:count], step[:count])
             close_coupling(gradient.reshape(-1), self.matrix.coupling, step.reshape(-1))
             estimate = float(largest(step.reshape(-1))) / (self.SAFETY * body.size)
-            late = iteration > 0 and problem.deadline is not None and problem.deadline.passed()
+            late = iteration > 0 and problem.deadline is not None and problem.deadline.has_passed()
             if estimate <= problem.tolerance or late or iteration == problem.limit:
                 break
             u = anderson.next(u.ravel(), -step.ravel()).reshape(u.shape)

@@ -24,7 +24,7 @@ together may expand by the first factor, or to four times the second number.
 ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 
 
-def allowed(size: int, largest: int = LARGEST) -> int:
+def limit_expansion(size: int, largest: int = LARGEST) -> int:
     """Return the largest number of bytes to which ``size`` compressed bytes may expand."""
     return min(max(LEAST, RATIO * size), largest)
 
@@ -49,7 +49,7 @@ def expand_zstd(data: bytes, size: int = 0) -> bytes:
     Raises:
         ValueError, zstandard.ZstdError: the frame expands too far, or is damaged.
     """
-    most = min(allowed(len(data)), size or LARGEST)
+    most = min(limit_expansion(len(data)), size or LARGEST)
     if size > most or zstandard.frame_content_size(data) > most:
         raise _excess(most)
     return zstandard.ZstdDecompressor().decompress(data, max_output_size=most)
@@ -127,11 +127,11 @@ class _Bounded:
 
 def _room(size: int) -> int:
     place = os.statvfs(os.environ.get("TMPDIR", "/tmp"))
-    return allowed(size, largest=place.f_bavail * place.f_frsize // 2)
+    return limit_expansion(size, largest=place.f_bavail * place.f_frsize // 2)
 
 
 def _expand_whole(stream: Any, data: bytes) -> bytes:
-    most = allowed(len(data))
+    most = limit_expansion(len(data))
     found = stream.decompress(data, max_length=most)
     if not stream.eof:
         raise _excess(most)

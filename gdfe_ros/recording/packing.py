@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Messages with a header, written as bytes (CDR) from the tables of `published`; without ROS.
+"""Messages with a header, written as bytes (CDR) from the tables of `message_tables`; without ROS.
 
 Filling a message object of ROS and serialising it takes 20 to 40 us, and milliseconds for lists of points. Writing
 stamp and numbers into the bytes of an earlier message takes 2 to 5 us.
@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.recording.published import IMU, JOINTS, PLACE, POSE, WRENCH, Table, tables_of
+from gdfe_ros.recording.message_tables import IMU, JOINTS, PLACE, POSE, WRENCH, Table, tables_of
 from gdfe_ros.recording.step import Step
 from gdfe_ros.scene.scene import Scene
 
@@ -74,7 +74,7 @@ class Packer:
     """Serialises tables of numbers into messages of a topic.
 
     Args:
-        kind: columns of the tables, one of those in `gdfe_ros.recording.published`, but not `JOINTS`.
+        kind: columns of the tables, one of those in `gdfe_ros.recording.message_tables`, but not `JOINTS`.
         frame_id: frame in the header.
         count: rows of each table.
     """

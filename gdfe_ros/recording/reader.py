@@ -30,8 +30,8 @@ from gdfe_ros.recording.bag_info import (
     storage_files,
 )
 from gdfe_ros.recording.decoding import array_decoder, require_bounded
-from gdfe_ros.recording.frames import DAMAGE as UNREADABLE
-from gdfe_ros.recording.frames import chunk_size, require_sound_summary
+from gdfe_ros.recording.mcap_records import DAMAGE as UNREADABLE
+from gdfe_ros.recording.mcap_records import chunk_size, require_sound_summary
 from gdfe_ros.recording.provenance import RunInfo
 from gdfe_ros.untrusted.bounded_text import load_yaml
 from gdfe_ros.untrusted.regular_file import read_text
@@ -170,7 +170,7 @@ def _bag_files(path: Path) -> list[Path]:
     metadata = path / METADATA_FILE
     if metadata.is_file():
         try:
-            return _listed_files(metadata)
+            return _list_files(metadata)
         except DAMAGE as error:
             cause = " ".join(str(error).split()) or repr(error)
             raise RecordingError(f"{metadata} is damaged: {cause}. Repair the bag: gdfe recover {path}") from error
@@ -183,7 +183,7 @@ def _bag_files(path: Path) -> list[Path]:
     raise RecordingError(f"{path} is neither a bag directory nor an MCAP file")
 
 
-def _listed_files(metadata: Path) -> list[Path]:
+def _list_files(metadata: Path) -> list[Path]:
     """Return the paths of the MCAP files that metadata.yaml lists.
 
     Raises:

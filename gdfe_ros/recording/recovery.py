@@ -15,7 +15,7 @@ from mcap.records import Attachment, Channel, McapRecord, Message, Metadata, Sch
 
 from gdfe_ros.errors import RecordingError
 from gdfe_ros.recording.bag_info import RUN_RECORD, TopicInfo, bag_directory, require_mcap, storage_files
-from gdfe_ros.recording.frames import Damage, declarations, records
+from gdfe_ros.recording.mcap_records import Damage, declarations, records
 from gdfe_ros.recording.provenance import SCENE_FILE, RunInfo
 from gdfe_ros.recording.reader import DAMAGE, topic_of
 from gdfe_ros.recording.writer import BagWriter

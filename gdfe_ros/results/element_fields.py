@@ -17,7 +17,7 @@ from gdfe_ros.solver.elements.blocks import Operators
 from gdfe_ros.solver.elements.cell_type import volume_ratio
 from gdfe_ros.solver.elements.measures import softened_scale, strain_state, update_hourglass_scales
 from gdfe_ros.solver.elements.response import evaluate
-from gdfe_ros.solver.forces.pressures import store_energies, uncounted
+from gdfe_ros.solver.forces.pressures import store_energies, uncounted_energy
 
 
 @dataclass(frozen=True)
@@ -111,13 +111,13 @@ def corner_forces(
 
 @kernel
 def _element_states(x, shape, material, table, values, centroids, scale, missing):
-    """Write, in one pass, the values of `strain_states`, centroids [m], scales and the results of `uncounted` [J]."""
+    """Write, in one pass, the values of `strain_states`, centroids [m], scales and the `uncounted_energy` [J]."""
     corners = 8 if shape.cells.shape[1] == 8 else 4
     for e in range(len(material)):
         k = material[e]
         strain, j, secant, tangent = strain_state(x, shape, e, table, k)
         values[0, e], values[1, e], values[2, e], values[3, e] = strain, j, secant, tangent
-        missing[e] = uncounted(j, 0.0, shape.volume[e], table, k, False) if table.parameters[k, CARRIED] != 0.0 else 0.0
+        missing[e] = uncounted_energy(j, 0.0, shape.volume[e], table, k, False) if table.parameters[k, CARRIED] else 0.0
         if table.law[k] != Law.LINEAR:
             scale[e] = softened_scale(tangent, table, k)
         for i in range(3):

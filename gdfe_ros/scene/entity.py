@@ -17,8 +17,8 @@ from scipy.spatial.transform import Rotation
 from gdfe_ros.arms.description import Geometry, Link
 from gdfe_ros.arms.urdf import parse_urdf
 from gdfe_ros.errors import ArmError, MeshError, SceneError
+from gdfe_ros.scene.base_entry import VALUE_ERROR
 from gdfe_ros.scene.document import parse_document
-from gdfe_ros.scene.entry import VALUE_ERROR
 from gdfe_ros.scene.loader import scene_from_text
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.scene.schemas.mesh_schema import MeshModel

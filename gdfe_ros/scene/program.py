@@ -14,7 +14,7 @@ from pydantic import Field, PrivateAttr
 from gdfe_ros.arms.spline import spline
 from gdfe_ros.constraints import Pose
 from gdfe_ros.quantity import Quantity, Vector
-from gdfe_ros.scene.entry import Entry
+from gdfe_ros.scene.base_entry import Entry
 
 TIME = Quantity("time", "s", least=0.0, most=1e6)
 

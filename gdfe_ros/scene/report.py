@@ -15,15 +15,15 @@ from pydantic.fields import FieldInfo
 from gdfe_ros.errors import DefectsError, SceneError
 from gdfe_ros.keys import FieldError, Keys, Meaning
 from gdfe_ros.quantity import Quantity, find_quantity
+from gdfe_ros.scene.base_entry import TAG, VALUE_ERROR
 from gdfe_ros.scene.document import Document, KeyPath
-from gdfe_ros.scene.entry import TAG, VALUE_ERROR
 from gdfe_ros.scene.schemas.material_schema import LAWS
 from gdfe_ros.scene.schemas.scene_schema import SceneModel
 from gdfe_ros.untrusted.regular_file import NAME_RULE
 from gdfe_ros.untrusted.spelling import closest, did_you_mean
 
 
-def known_keys(location: KeyPath) -> list[str]:
+def list_keys(location: KeyPath) -> list[str]:
     """Return the allowed keys of the mapping at a location in pydantic's form; [] if any key is allowed."""
     return list(fields_of(_walk(location)))
 
@@ -96,12 +96,12 @@ def _child(annotation: Any, part: str | int) -> Any:
     if origin in (dict, list, tuple):
         return arguments[1 if origin is dict else 0]
     if origin in (Union, UnionType):
-        tagged = (choice for choice in arguments if _tagged(choice, part))
+        tagged = (choice for choice in arguments if _has_tag(choice, part))
         return next(tagged, None) or next(filter(None, (_child(choice, part) for choice in arguments)), None)
     return None
 
 
-def _tagged(annotation: Any, part: str | int) -> bool:
+def _has_tag(annotation: Any, part: str | int) -> bool:
     return any(isinstance(item, Tag) and item.tag == part for item in getattr(annotation, "__metadata__", ()))
 
 
@@ -206,7 +206,7 @@ class Defects:
         """Add every defect that pydantic found; return the key paths of these defects."""
         items = [(_keys_of(item["loc"]), item) for item in error.errors(include_url=False)]
         misspelt = {
-            (*path[:-1], closest(path[-1], known_keys(item["loc"][:-1])))
+            (*path[:-1], closest(path[-1], list_keys(item["loc"][:-1])))
             for path, item in items
             if item["type"] in _UNKNOWN
         }
@@ -232,7 +232,7 @@ class Defects:
         if kind == "missing":
             self.refuse(path, f"is missing; {describe_key(location)}")
         elif kind in _UNKNOWN:
-            self.refuse(path, f"unknown key{suggest(path[-1], known_keys(location[:-1]))}")
+            self.refuse(path, f"unknown key{suggest(path[-1], list_keys(location[:-1]))}")
         elif kind in ("union_tag_invalid", "union_tag_not_found"):
             self._add_law(path)
         elif location and location[-1] == "[key]":
@@ -285,7 +285,7 @@ def _short(value: Any) -> str:
 
 def _plain(kind: str, message: str, location: KeyPath) -> str:
     if kind in ("model_type", "dict_type", "dataclass_type"):
-        keys = known_keys(location)
+        keys = list_keys(location)
         return "must be a mapping (key: value)" + (f" with {', '.join(keys)}" if keys else "")
     if kind in ("tuple_type", "list_type"):
         return f"must be a list; {describe_key(location)}"

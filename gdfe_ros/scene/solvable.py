@@ -44,7 +44,7 @@ def refuse_unsolvable(scene: Scene, settings: SolverSettings) -> None:
 
 def remarks(scene: Scene, policy: Policy) -> list[str]:
     """Return remarks on a scene: unusual materials, unsuitable time schemes, missing contact, cells too coarse."""
-    notes = _converted(scene.mesh)
+    notes = _note_conversions(scene.mesh)
     notes += [f"material {key!r}: {text}" for key, item in scene.materials.items() for text in item.remarks()]
     notes += [f"material {key!r}: {item.caveat}" for key, item in scene.materials.items() if item.caveat]
     notes += [f"arm {arm.name!r}: {text}" for arm in scene.arms for text in arm.remarks]
@@ -99,7 +99,7 @@ def _slipping(scene: Scene) -> list[str]:
     ]
 
 
-def _converted(mesh: Mesh) -> list[str]:
+def _note_conversions(mesh: Mesh) -> list[str]:
     """Return remarks on meshes whose files were not read wholly, or whose cells became quadratic tetrahedra."""
     notes = []
     for key, each in ({f"meshes: {name}": part.mesh for name, part in mesh.parts.items()} or {"mesh": mesh}).items():
@@ -129,7 +129,7 @@ def unsolvable(scene: Scene, policy: Policy) -> list[tuple[tuple[str, ...], str]
     If ``cell_material`` is empty because of a defect, the ratios of moduli are not checked; the mesh may be None then.
     """
     mesh, moving = scene.mesh, scene.dynamics is not None
-    held = {item.name: _held(item, scene.handles) for item in scene.actuators}
+    held = {item.name: _note_held(item, scene.handles) for item in scene.actuators}
     cut = cut_key(mesh) if mesh is not None else ()
     found = [
         (("materials",), _contrast(scene.materials, scene.cell_material)),
@@ -214,9 +214,9 @@ def _inside(scene: Scene) -> str:
     """
     if not scene.rigid_bodies:
         return ""
-    from gdfe_ros.constraints.overlap import inside_surface, overlaps, placed_at_rest  # loads numba
+    from gdfe_ros.constraints.overlap_depths import inside_surface, overlaps, place_at_rest  # loads numba
 
-    placed, mesh = placed_at_rest(scene.handles), scene.mesh
+    placed, mesh = place_at_rest(scene.handles), scene.mesh
     found = list(overlaps(placed))
     if mesh is not None:
         rigid = [one for one in placed if isinstance(one.thing, RigidBody)]
@@ -248,7 +248,7 @@ def _touch_by_cut_faces(mesh: Mesh) -> bool:
     return any(each.filling is not None and each.touching is None for each in meshes)
 
 
-def _held(actuator: Actuator, handles: Sequence[Handle]) -> str:
+def _note_held(actuator: Actuator, handles: Sequence[Handle]) -> str:
     """Return a message if all vertices of a cable or chamber with a commanded length or volume are in fixed handles.
 
     Handles without free axes count as fixed. The message is empty if a vertex can move.

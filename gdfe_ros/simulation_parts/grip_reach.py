@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 from gdfe_ros.actuators.actuator import Grip
 from gdfe_ros.constraints import Handle
 from gdfe_ros.constraints.obstacle import Obstacle
-from gdfe_ros.constraints.overlap import Placed
+from gdfe_ros.constraints.overlap_depths import Placed
 from gdfe_ros.solver.forces.actuation import Actuation
 from gdfe_ros.solver.state import State
 
@@ -41,10 +41,10 @@ def measure_gap(grip: Grip, handles: Mapping[str, Handle], state: State) -> floa
     if isinstance(holder, Obstacle):
         there = Placed.now(holder, state.poses, x)
         if held is None:
-            return max(0.0, float(there.seen_from(x[grip.vertices])[0].min()))
+            return max(0.0, float(there.measure_points(x[grip.vertices])[0].min()))
         here, form = Placed.now(held, state.poses, x), held.form
-        corners = there.seen_from(here.world(form.corners))[0].min() - form.rounding
-        return max(0.0, min(float(corners), float(there.seen_from(here.world(form.skin))[0].min())))
+        corners = there.measure_points(here.world(form.corners))[0].min() - form.rounding
+        return max(0.0, min(float(corners), float(there.measure_points(here.world(form.skin))[0].min())))
     if held is None:
         return float(cKDTree(x[holder.vertices]).query(x[grip.vertices])[0].min())
-    return max(0.0, float(Placed.now(held, state.poses, x).seen_from(x[holder.vertices])[0].min()))
+    return max(0.0, float(Placed.now(held, state.poses, x).measure_points(x[holder.vertices])[0].min()))

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from gdfe_ros.constraints import Pose
-from gdfe_ros.constraints.overlap import inside_surface, overlaps, placed_now
+from gdfe_ros.constraints.overlap_depths import inside_surface, overlaps, place_now
 from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.errors import CommandError, OverlapError
 from gdfe_ros.mesh.cells.faces import vertex_pieces
@@ -20,7 +20,7 @@ from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.handle_motions import HandleMotions
 from gdfe_ros.solver.motion import inertia, viscosity
 from gdfe_ros.solver.motion.stepper import MotionStepper
-from gdfe_ros.solver.state import Saved, State, changed
+from gdfe_ros.solver.state import Saved, State, replace_fields
 
 UNTOLD = "bodies were moved to other places, and no step has been made since"
 
@@ -38,10 +38,10 @@ def put_rigid(stepper: MotionStepper, state: State, places: Mapping[str, Pose]) 
     vertices = np.concatenate([each.vertices for each in body.rigid_bodies if each.name in places])
     slides, turns = handles.put(state.slides, state.turns, places)
     positions = state.positions.copy()
-    positions[vertices] = handles.placed(state.base, slides, turns)[vertices]
+    positions[vertices] = handles.apply_free_motion(state.base, slides, turns)[vertices]
     found = _stop(stepper, state.with_(slides=slides, turns=turns), vertices, positions)
     require_free(body, found, places)
-    return stepper.carried(release(stepper, found, vertices), state)
+    return stepper.carry_energies(release(stepper, found, vertices), state)
 
 
 def carry_soft(
@@ -52,7 +52,7 @@ def carry_soft(
     The bodies have moved rigidly. The change of energy counts as work done on them.
     """
     found = _stop(stepper, state, vertices, positions)
-    return stepper.carried(release(stepper, found, vertices), state)
+    return stepper.carry_energies(release(stepper, found, vertices), state)
 
 
 def _stop(stepper: MotionStepper, state: State, vertices: NDArray[np.int32], positions: NDArray[np.float64]) -> State:
@@ -71,7 +71,7 @@ def _stop(stepper: MotionStepper, state: State, vertices: NDArray[np.int32], pos
         saved, cells = terms[viscosity.NAME], np.isin(stepper.body.cells[:, 0], vertices)
         rows = np.repeat(cells, len(saved["strain"]) // len(cells))
         terms[viscosity.NAME] = _with_rows(saved, rows, before=saved["strain"][rows])
-    ledger = changed(state.ledger, failure=None)
+    ledger = replace_fields(state.ledger, failure=None)
     return state.with_flaw(UNTOLD).with_(positions=positions, terms=terms, motion=None, tangent=None, ledger=ledger)
 
 
@@ -93,7 +93,7 @@ def release(stepper: MotionStepper, state: State, vertices: NDArray[np.int32]) -
 
 def require_free(body: Body, state: State, names: Collection[str]) -> None:
     """Raise OverlapError if a rigid body in ``names`` is inside of an obstacle, another body, or the soft body."""
-    placed = placed_now(body.handles, state.poses, state.positions)
+    placed = place_now(body.handles, state.poses, state.positions)
     surface = outline(flat_quads(body.cell_type.boundary(body.cells).quads), body.skin, state.positions)
     found = list(overlaps(placed, names))
     found += [inside_surface(one, *surface) for one in placed if one.thing.name in names]

@@ -83,8 +83,8 @@ class SceneReadings:
     @property
     def settled(self) -> bool:
         """Whether the state stays constant without a new command."""
-        still = self._carriers.arrived(self._joints) and self._coupling.rests(self._joints, self._links)
-        return still and self.stepper.settled(self.state, self.targets, self.commands)
+        still = self._carriers.have_arrived(self._joints) and self._coupling.rests(self._joints, self._links)
+        return still and self.stepper.is_settled(self.state, self.targets, self.commands)
 
     def remarks(self) -> list[str]:
         """Return remarks on the scene, e.g. on unstable materials or contrasts beyond the policy's calibration."""

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from gdfe_ros.constraints import Pose
-from gdfe_ros.constraints.overlap import TOUCHING, inside_surface, placed_now
+from gdfe_ros.constraints.overlap_depths import TOUCHING, inside_surface, place_now
 from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.errors import OverlapError
 from gdfe_ros.mesh.cells.tetrahedra import flat_quads
@@ -67,12 +67,12 @@ def require_soft_free(scene: Scene, poses: Mapping[str, Pose], positions: Array,
     parts = {
         name: replace(part.mesh, vertices=positions[_vertices(part)]) for name, part in parts_of(scene.mesh).items()
     }
-    placed = placed_now(scene.handles, poses, positions)
+    placed = place_now(scene.handles, poses, positions)
     for name in names:
         # Of this body only: a rigid body that rests elsewhere may press into another surface.
         surface = outline(flat_quads(parts[name].surface()), parts[name].touching, parts[name].vertices)
         for one in placed:
-            depth = -float(one.seen_from(parts[name].vertices)[0].min())
+            depth = -float(one.measure_points(parts[name].vertices)[0].min())
             if depth > TOUCHING * scene.mesh.parts[name].mesh.size:
                 text = f"soft body {name!r} is {depth:.3g} m inside of {one.thing.noun} {one.thing.name!r}"
                 raise OverlapError(f"{text}; remedy: put it where it is free")

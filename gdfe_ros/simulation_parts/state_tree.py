@@ -15,7 +15,7 @@ from gdfe_ros.actuators.actuator import ActuatorState, Mode
 from gdfe_ros.constraints import Pose
 from gdfe_ros.errors import CommandError
 from gdfe_ros.solver.elements.blocks import Operators
-from gdfe_ros.solver.matrix.assembly import Tangent
+from gdfe_ros.solver.matrix.tangent_assembly import Tangent
 from gdfe_ros.solver.motion.stepper import MotionStepper
 from gdfe_ros.solver.state import (
     Balance,
@@ -29,7 +29,7 @@ from gdfe_ros.solver.state import (
     State,
     Summary,
     Unfinished,
-    changed,
+    replace_fields,
 )
 from gdfe_ros.solver.stepping.stepper import Stepper
 
@@ -138,5 +138,5 @@ def complete(state: State, stepper: Stepper | MotionStepper) -> State:
     return state.with_(
         operators=growths.at(state.commands, growths.ungrown),
         anchor=state.anchor and complete(state.anchor, stepper),
-        summary=changed(state.summary, converged=near),
+        summary=replace_fields(state.summary, converged=near),
     )

@@ -59,7 +59,7 @@ class HandleMotions:
         for handle in moved:
             if not len(handle.vertices):  # an obstacle
                 continue
-            pose = self._commanded(handle, poses[handle.name])
+            pose = self._drop_free_turns(handle, poses[handle.name])
             placed[handle.vertices] = pose.apply(self._body.rest[handle.vertices], self._centres[handle.name])
         return placed
 
@@ -80,7 +80,7 @@ class HandleMotions:
         """Return the commanded positions ``base`` (n, 3) [m] and the handles' centres there, for the kernels."""
         return HandlePositions(base, handle_centres(base, self._body.unknowns))
 
-    def placed(self, base: Vectors, slides: Vectors, turns: Vectors) -> Vectors:
+    def apply_free_motion(self, base: Vectors, slides: Vectors, turns: Vectors) -> Vectors:
         """Return ``base`` (n, 3) [m] with ``slides`` and ``turns`` (p, 3) applied to the handles that rotate freely."""
         moved = base.copy()
         for p, handle in enumerate(self._loose):
@@ -109,7 +109,7 @@ class HandleMotions:
         if name not in self._row or not self._loose[self._row[name]].turning:
             return pose
         handle, turn = self._loose[self._row[name]], turns[self._row[name]]
-        commanded = self._commanded(handle, pose)
+        commanded = self._drop_free_turns(handle, pose)
         if not any(commanded.rotation):
             return Pose(pose.translation, tuple(turn))
         together = Rotation.from_rotvec(turn) * Rotation.from_rotvec(commanded.rotation)
@@ -144,7 +144,7 @@ class HandleMotions:
             slides[p, list(handle.free)] = shift[list(handle.free)]
         return slides, turns
 
-    def _commanded(self, handle: Handle, pose: Pose) -> Pose:
+    def _drop_free_turns(self, handle: Handle, pose: Pose) -> Pose:
         if not handle.turning:
             return pose
         rotation = np.array(pose.rotation)

@@ -125,19 +125,19 @@ class Deadline:
         self.after: int | None = None
         self.reason = ""
 
-    def passed(self, *, by_clock: bool = True) -> bool:
+    def has_passed(self, *, by_clock: bool = True) -> bool:
         """Return whether the deadline has passed; after the first True, the result stays True.
 
         If ``by_clock`` is False, the clock is ignored: only an interruption, or in a replay the recorded number of
         queries, makes the deadline pass.
         """
         if self.after is None:
-            self.reason = self._ended(by_clock)
+            self.reason = self._find_reason(by_clock)
             self.after = self._asked if self.reason else None
             self._asked += 1
         return self.after is not None
 
-    def _ended(self, by_clock: bool) -> str:
+    def _find_reason(self, by_clock: bool) -> str:
         """Return the reason to end the solve now, or an empty string."""
         if self._planned is not None:
             return "the deadline passed" if self._asked >= self._planned else ""
@@ -149,7 +149,7 @@ class Deadline:
     @property
     def interruption(self) -> Deadline:
         """A deadline without the clock; its queries are counted as queries of this one."""
-        return Deadline(interrupted=lambda: self.passed(by_clock=False))
+        return Deadline(interrupted=lambda: self.has_passed(by_clock=False))
 
     @classmethod
     def of(
@@ -172,4 +172,4 @@ class Deadline:
 
 def past(deadline: Deadline | None) -> bool:
     """Return whether ``deadline`` is not None and has passed."""
-    return deadline is not None and deadline.passed()
+    return deadline is not None and deadline.has_passed()

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from gdfe_ros.constraints import Pose
 from gdfe_ros.solver.elements.barrier import THRESHOLD
 from gdfe_ros.solver.outcome import Deadline, Outcome
-from gdfe_ros.solver.state import State, changed
+from gdfe_ros.solver.state import State, replace_fields
 from gdfe_ros.solver.vectors import largest_distance
 
 
@@ -183,12 +183,12 @@ class March(Found):
     def counting(self, other: March) -> March:
         """Return this outcome with the iterations and increments of another one added."""
         iterations, increments = self.iterations + other.iterations, self.increments + other.increments
-        return changed(self, iterations=iterations, increments=increments)
+        return replace_fields(self, iterations=iterations, increments=increments)
 
     def with_message(self, message: str, *, converged: bool) -> March:
         """Return this outcome with another message, and whether it has converged."""
-        summary = changed(self.state.summary, converged=converged, message=message)
-        return changed(self, state=self.state.with_(summary=summary))
+        summary = replace_fields(self.state.summary, converged=converged, message=message)
+        return replace_fields(self, state=self.state.with_(summary=summary))
 
 
 def is_crumpled(state: State) -> bool:

@@ -18,12 +18,12 @@ from numpy.typing import NDArray
 from gdfe_ros.actuators.actuator import ActuatorState
 from gdfe_ros.constraints import Pose
 from gdfe_ros.solver.elements.blocks import Operators
-from gdfe_ros.solver.matrix.assembly import Tangent
+from gdfe_ros.solver.matrix.tangent_assembly import Tangent
 
 Value = TypeVar("Value")
 
 
-def changed(value: Value, **changes: object) -> Value:
+def replace_fields(value: Value, **changes: object) -> Value:
     """Return a copy of a frozen dataclass with the named attributes replaced.
 
     ``__post_init__`` is not called again. `dataclasses.replace` takes ten times as long, which is a tenth of the time
@@ -73,9 +73,9 @@ class Bound:
     least: float
     most: float
 
-    def raised(self, energy: float) -> Bound:
+    def allow(self, energy: float) -> Bound:
         """Return extremes that allow an additional energy [J]."""
-        return changed(self, start=self.start + energy, least=self.least + energy)
+        return replace_fields(self, start=self.start + energy, least=self.least + energy)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -273,7 +273,7 @@ class State:
 
     def with_flaw(self, message: str, **changes: object) -> State:
         """Return a copy of the state that is not converged, with a message and other changes of the summary."""
-        return changed(self, summary=changed(self.summary, converged=False, message=message, **changes))
+        return replace_fields(self, summary=replace_fields(self.summary, converged=False, message=message, **changes))
 
     def with_(self, **changes: object) -> State:
         """Return a copy of the state with the named attributes replaced.
@@ -281,7 +281,7 @@ class State:
         Raises:
             TypeError: there is no such attribute.
         """
-        return changed(self, **changes)
+        return replace_fields(self, **changes)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

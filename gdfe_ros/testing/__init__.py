@@ -35,9 +35,9 @@ from gdfe_ros.installation import remedy
 
 if TYPE_CHECKING:
     from gdfe_ros.testing.environment import make_env, make_vector_env
-    from gdfe_ros.testing.process import NodeProcess
+    from gdfe_ros.testing.node_process import NodeProcess
+    from gdfe_ros.testing.published_state import PublishedState, TrackingError, tracking_error
     from gdfe_ros.testing.simulator import Simulator
-    from gdfe_ros.testing.state import PublishedState, TrackingError, tracking_error
 
 __all__ = [
     "NodeProcess",
@@ -50,13 +50,13 @@ __all__ = [
 ]
 
 _HOMES = {
-    "NodeProcess": "process",
+    "NodeProcess": "node_process",
     "Simulator": "simulator",
-    "PublishedState": "state",
-    "TrackingError": "state",
+    "PublishedState": "published_state",
+    "TrackingError": "published_state",
     "make_env": "environment",
     "make_vector_env": "environment",
-    "tracking_error": "state",
+    "tracking_error": "published_state",
 }
 
 

@@ -24,7 +24,7 @@ from gdfe_ros.node.interface.topics import DIAGNOSTICS, PROCESS, STEP_RECORD
 from gdfe_ros.node.middleware.channel import namesakes
 from gdfe_ros.node.middleware.process import LoneNode
 from gdfe_ros.recording.step import StepRecord
-from gdfe_ros.testing.process import NodeProcess
+from gdfe_ros.testing.node_process import NodeProcess
 
 _LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 

@@ -50,7 +50,7 @@ class Consumed:
         self._actuators = {item.name: item for item in run.scene.actuators if item.name in self._driven}
         self.inputs = [*map(target_key, handles), *([ACTUATION] if self._driven else [])]
         bodies = dict.fromkeys(name for record in run.records for name in record.bodies)
-        self._bodies = {name: (put_key(known[name]), _sent_turns(run, put_key(known[name]))) for name in bodies}
+        self._bodies = {name: (put_key(known[name]), _collect_turns(run, put_key(known[name]))) for name in bodies}
         self.puts = [key for key, _ in self._bodies.values()]
         self._handles = {handle.name: (target_key(handle), _SentTurns(run, handle)) for handle in handles}
         self._poses: dict[str, Pose] = {}
@@ -95,7 +95,7 @@ class _SentTurns:
 
     def __init__(self, run: BagRun, handle: Handle) -> None:
         self._handle = handle.name
-        self._sent = _sent_turns(run, target_key(handle))
+        self._sent = _collect_turns(run, target_key(handle))
         velocity = MOVED[handle.section].velocity.key(**{handle.noun: handle.name})
         twists = [message.twist for message in _messages(run, velocity)]
         rates = dict.fromkeys((twist.angular.x, twist.angular.y, twist.angular.z) for twist in twists)
@@ -117,7 +117,7 @@ class _SentTurns:
             yield tuple(map(float, turned.as_quat()))
 
 
-def _sent_turns(run: BagRun, key: str) -> dict[tuple[float, float, float], list[Quaternion]]:
+def _collect_turns(run: BagRun, key: str) -> dict[tuple[float, float, float], list[Quaternion]]:
     """Return a dict from translation to the quaternions that were sent with it on a topic."""
     sent: dict[tuple[float, float, float], list[Quaternion]] = {}
     for message in _messages(run, key):

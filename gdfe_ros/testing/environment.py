@@ -103,7 +103,7 @@ class SoftRobotEnv(Env):
             )
         self.simulation = Simulation(scene)
         self.goal: NDArray[np.float64] | None = None
-        self._observe, self._reward, self._ends = observation or self._seen, reward, terminated
+        self._observe, self._reward, self._ends = observation or self._read_default, reward, terminated
         self._dt, self._most, self._count = dt, steps, 0
         ranges = [(actuator.low, actuator.high) for actuator in scene.actuators]
         self._low, self._high = np.array(ranges, dtype=np.float64).T
@@ -210,7 +210,7 @@ class SoftRobotEnv(Env):
     def _observation(self) -> NDArray[np.float64]:
         return np.asarray(self._observe(self.simulation), dtype=np.float64)
 
-    def _seen(self, simulation: Simulation) -> NDArray[np.float64]:
+    def _read_default(self, simulation: Simulation) -> NDArray[np.float64]:
         """Return the default observation: probe positions [m], actuator commands, efforts [N] or [Pa], and goal [m].
 
         Numbers beyond the bounds of `default_space` are at the bounds.

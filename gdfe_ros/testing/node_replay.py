@@ -27,7 +27,7 @@ from gdfe_ros.scene.override import override_words
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.testing.client import PATIENCE, NodeConnection
 from gdfe_ros.testing.consumed import ACTUATION, Consumed
-from gdfe_ros.testing.process import NodeProcess
+from gdfe_ros.testing.node_process import NodeProcess
 
 
 def play_program(

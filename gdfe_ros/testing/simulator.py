@@ -35,8 +35,8 @@ from gdfe_ros.scene.override import override_words
 from gdfe_ros.simulation import Command
 from gdfe_ros.testing.client import PATIENCE, STATE_QOS, Client, Deadlock
 from gdfe_ros.testing.consumed import ACTUATION
-from gdfe_ros.testing.process import NodeProcess
-from gdfe_ros.testing.state import PublishedState, StepMessages, unpack
+from gdfe_ros.testing.node_process import NodeProcess
+from gdfe_ros.testing.published_state import PublishedState, StepMessages, unpack
 
 _numbers = itertools.count()
 
@@ -193,7 +193,7 @@ class Simulator:
             deadlock.progress()
             states.append(state)
 
-        def ended() -> bool:
+        def has_ended() -> bool:
             if len(states) < steps and self._refusals:
                 raise CommandError(self._refusals[0])
             if len(states) < steps and (reason := deadlock.reason()):
@@ -204,7 +204,7 @@ class Simulator:
         self._spinning = True
         self._client.executor.add_node(node)
         try:
-            self._wait(ended, f"{steps} steps")
+            self._wait(has_ended, f"{steps} steps")
         finally:
             self._client.executor.remove_node(node)
             self._listeners.remove(take)

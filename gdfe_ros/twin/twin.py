@@ -26,7 +26,7 @@ from gdfe_ros.untrusted.bounded_text import Throttle
 from gdfe_ros.untrusted.spelling import did_you_mean
 
 if TYPE_CHECKING:
-    from gdfe_ros.twin.bag import TwinBag
+    from gdfe_ros.twin.twin_bag import TwinBag
 
 SMALLEST = 0.005
 """Least correction of a modulus, as a fraction, for which the simulation is built anew."""
@@ -224,7 +224,7 @@ class Twin:
 
 
 def _begin(path: Path, scene: Scene) -> TwinBag:
-    from gdfe_ros.twin.bag import TwinBag  # imported here, because it needs an extra, and only for recordings
+    from gdfe_ros.twin.twin_bag import TwinBag  # imported here, because it needs an extra, and only for recordings
 
     return TwinBag(path, scene)
 

@@ -238,7 +238,7 @@ _FORMULAS = ("=", "+", "-", "@", "\t", "\r")
 """Beginnings of cells that spreadsheets execute."""
 
 
-def quoted(value: Any) -> Any:
+def quote_formula(value: Any) -> Any:
     """Return a cell: a text that a spreadsheet would take for a formula gets a leading quote; numbers stay."""
     if not isinstance(value, str) or not value.startswith(_FORMULAS):
         return value

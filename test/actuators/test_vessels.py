@@ -15,7 +15,7 @@ from gdfe_ros.actuators import Chamber, Mode
 from gdfe_ros.errors import CommandError, SceneError
 from gdfe_ros.simulation import Command
 from gdfe_ros.solver.solution import Increment
-from gdfe_ros.solver.state import changed
+from gdfe_ros.solver.state import replace_fields
 from gdfe_ros.solver.stepping.path import Attempt, LoadPath, Verdict
 from test.written import advance, scene_of
 
@@ -194,7 +194,7 @@ def test_the_cause_is_named_if_only_a_longer_increment_inflated_the_chamber() ->
     air = Chamber(name="air", mode=Mode.PRESSURE, quads=np.zeros((0, 4), np.int32))
     began = SimpleNamespace(sound=True, anchor=None, poses={}, commands={"air": 1e5})
     goal = Increment(poses={}, commands={"air": 2e5}, tolerance=1e-6, limit=1000)
-    path = changed(LoadPath.over(began, goal, 1, budget=1000), size=1, unstable=air)
+    path = replace_fields(LoadPath.over(began, goal, 1, budget=1000), size=1, unstable=air)
     folded = SimpleNamespace(
         converged=False, error_estimate=1.0, min_det=-0.1, entered=False, exhausted=True, lost=False, diverged=False,
         cut=False, message="elements folded",

@@ -13,7 +13,7 @@ import pytest
 from gdfe_ros.analysis.bag_run import BagRun, BagSteps
 from gdfe_ros.analysis.report.charts import all_charts
 from gdfe_ros.analysis.report.history import DIFFERENCE, EXPECTED, HAS, RunHistory, StrainHistogram, energy_balance
-from gdfe_ros.analysis.report.writer import write_report
+from gdfe_ros.analysis.report.report_writer import write_report
 from gdfe_ros.constraints import Pose
 from gdfe_ros.scene import load_scene
 

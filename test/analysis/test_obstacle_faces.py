@@ -12,7 +12,7 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 from gdfe_ros.analysis.picture import OBSTACLE, draw_body
-from gdfe_ros.analysis.scenery import Scenery, faces_of, obstacle_faces, recorded_faces
+from gdfe_ros.analysis.scenery import Scenery, faces_of, find_recorded_faces, obstacle_faces
 from gdfe_ros.constraints import Pose
 from gdfe_ros.constraints.form import Box, Capsule, Cylinder, Form, Plane, Sphere, TriangleMesh
 from gdfe_ros.constraints.obstacle import Obstacle
@@ -46,7 +46,7 @@ obstacles: {moved: {sphere: {radius: 0.02}, at: [0.3, 0, 0]}, still: {sphere: {r
     turn = Rotation.from_rotvec(POSE.rotation).as_quat()
     values = {f"pose.position.{axis}": np.array([POSE.translation[k]]) for k, axis in enumerate("xyz")}
     values |= {f"pose.orientation.{axis}": np.array([turn[k]]) for k, axis in enumerate("xyzw")}
-    moved, still = recorded_faces(scene, {"obstacles/moved/pose": values}, scene.mesh.vertices)
+    moved, still = find_recorded_faces(scene, {"obstacles/moved/pose": values}, scene.mesh.vertices)
     obstacle = {handle.name: handle for handle in scene.handles}
     np.testing.assert_allclose(moved, obstacle_faces(obstacle["moved"], POSE, scene.mesh.vertices), atol=1e-12)
     np.testing.assert_allclose(still, obstacle_faces(obstacle["still"], Pose(), scene.mesh.vertices), atol=1e-12)

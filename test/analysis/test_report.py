@@ -24,7 +24,7 @@ from gdfe_ros.analysis.bag_run import BagRun
 from gdfe_ros.analysis.report import pictures
 from gdfe_ros.analysis.report.history import StrainHistogram
 from gdfe_ros.analysis.report.pictures import write_png
-from gdfe_ros.analysis.report.writer import write_report
+from gdfe_ros.analysis.report.report_writer import write_report
 from gdfe_ros.analysis.scenery import face_values
 from gdfe_ros.cli import main
 from gdfe_ros.colour_map import NOISE

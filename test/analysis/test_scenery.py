@@ -59,9 +59,9 @@ def test_a_recorded_step_has_the_same_scenery(pressing: Simulation) -> None:
     """Recorded contact points give the same forces; a bag without contact points gives none."""
     points = contact_points(pressing.result.contacts)
     samples = {"contacts": {name: points[name] for name in points.dtype.names}}
-    found = Scenery.recorded(pressing.scene, samples, pressing.positions)
+    found = Scenery.from_samples(pressing.scene, samples, pressing.positions)
     assert np.array_equal(found.forces, Scenery.of(pressing).forces)
-    assert len(Scenery.recorded(pressing.scene, {}, pressing.positions).forces) == 0
+    assert len(Scenery.from_samples(pressing.scene, {}, pressing.positions).forces) == 0
     assert "contacts" in list(Scenery.topics(pressing.scene))
 
 

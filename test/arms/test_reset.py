@@ -28,10 +28,10 @@ def test_the_hand_moves_with_its_arm_and_keeps_its_shape(held_block: Path, dynam
     simulation = Simulation(load_scene(held_block))
     advance(simulation, Command(joints={"bend": 0.4}, loads={"weight": 3.0}), dt=0.02, count=30)
     before, time = simulation.positions.copy(), simulation.time
-    account = simulation.stepper.unbalanced(simulation.state) if dynamics else 0.0
+    account = simulation.stepper.find_imbalance(simulation.state) if dynamics else 0.0
     simulation.reset_arms()
     if dynamics:
-        assert simulation.stepper.unbalanced(simulation.state) == pytest.approx(account, abs=1e-12)
+        assert simulation.stepper.find_imbalance(simulation.state) == pytest.approx(account, abs=1e-12)
     np.testing.assert_allclose(pdist(simulation.positions), pdist(before), atol=1e-12)
     wrist = simulation.scene.handles[0]
     np.testing.assert_allclose(

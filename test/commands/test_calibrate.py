@@ -12,8 +12,8 @@ from gdfe_ros.paper.shape_factor import geometric_ratio
 def test_published_ratio_inverts_eq_7() -> None:
     """The published modulus ratio inverts R_G of Eq. 7."""
     for ratio in (1.5, 7.0, 59.4):
-        assert calibration.published_ratio(float(geometric_ratio(ratio))) == pytest.approx(ratio)
-    assert calibration.published_ratio(1.0) == 1.0
+        assert calibration.find_published_ratio(float(geometric_ratio(ratio))) == pytest.approx(ratio)
+    assert calibration.find_published_ratio(1.0) == 1.0
 
 
 def test_bars_follow_the_calibration(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -10,8 +10,8 @@ from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import PointCloud2
 
 from gdfe_ros.commands.remote.message_text import MOST_SHOWN, show
+from gdfe_ros.recording.message_tables import MESH, write_mesh
 from gdfe_ros.recording.packing import Packer
-from gdfe_ros.recording.published import MESH, write_mesh
 
 
 def _make_cloud(count: int) -> PointCloud2:

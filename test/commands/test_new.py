@@ -16,7 +16,7 @@ from gdfe_ros.cli import BAD_INPUT, main
 from gdfe_ros.commands import new as command
 from gdfe_ros.materials import PRESETS
 from gdfe_ros.mesh import bar
-from gdfe_ros.mesh.tetmesh import divided
+from gdfe_ros.mesh.tetmesh import divide
 from gdfe_ros.scene import load_scene
 
 
@@ -43,7 +43,7 @@ def test_a_cavity_from_a_second_surface_becomes_a_chamber(tmp_path: Path) -> Non
 
 def test_a_mesh_file_becomes_a_scene(tmp_path: Path) -> None:
     """A mesh of tetrahedra becomes a scene that holds it at the low end of its longest side."""
-    mesh = divided(bar([0.1, 0.02, 0.02], [3, 1, 1]))
+    mesh = divide(bar([0.1, 0.02, 0.02], [3, 1, 1]))
     meshio.Mesh(mesh.vertices, [("tetra10", mesh.cells)]).write(tmp_path / "bar.vtu")
     assert main(["new", str(tmp_path / "bar.yaml"), "--from", str(tmp_path / "bar.vtu")]) == 0
     scene = load_scene(tmp_path / "bar.yaml")

@@ -22,7 +22,7 @@ from gdfe_ros.cli import BAD_INPUT, main
 from gdfe_ros.commands.remote.message_text import fill, parse, show
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.interface.topics import TF
-from gdfe_ros.node.middleware.ros_types import installed
+from gdfe_ros.node.middleware.ros_types import is_installed
 from gdfe_ros.testing import NodeProcess
 
 
@@ -122,7 +122,7 @@ def test_frames_that_wheels_cannot_publish_are_explained(capsys: pytest.CaptureF
     """Without tf2_msgs, echo of /tf says why no node publishes it; with them, it prints the frames."""
     status = main(["echo", "/tf_static"])
     seen = capsys.readouterr()
-    if installed(TF.type):
+    if is_installed(TF.type):
         assert (status, seen.err) == (0, "")
     else:
         assert status == BAD_INPUT

@@ -10,7 +10,7 @@ from gdfe_ros import Command, Simulation, load_scene
 from gdfe_ros.control import ForceTarget, InverseControl, OrientationTarget, Target
 from gdfe_ros.control.stack import Stack
 from gdfe_ros.errors import CommandError
-from gdfe_ros.recording.published import material_pose
+from gdfe_ros.recording.message_tables import material_pose
 
 PITCH = OrientationTarget(probe="tip", axes=(1,))
 PLATE = {"obstacles": {"plate": {"plane": [0, 0, 1], "at": [0, 0, -0.03], "friction": 0.3}}, "solver.tolerance": 1e-4}

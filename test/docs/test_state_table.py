@@ -7,7 +7,7 @@ import re
 from dataclasses import fields
 from pathlib import Path
 
-from gdfe_ros.testing.state import PublishedState
+from gdfe_ros.testing.published_state import PublishedState
 
 PAGE = Path(__file__).parents[2] / "docs" / "controllers.md"
 

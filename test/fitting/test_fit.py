@@ -16,7 +16,7 @@ from selenium.webdriver.support.ui import WebDriverWait
 
 from docs.scripts.chromium import PATIENCE, start
 from gdfe_ros.cli import main
-from gdfe_ros.fitting.match import CompareModel, matched_observable
+from gdfe_ros.fitting.match import CompareModel, match_observable
 from gdfe_ros.fitting.statistics import percent
 from gdfe_ros.scene import load_scene
 from gdfe_ros.scene.report import unit_of
@@ -185,8 +185,8 @@ def test_pressures_and_volumes_have_units_of_their_own() -> None:
     """Efforts and extents of cables and chambers are weighted apart: N, m, Pa and m^3."""
     scene = load_scene("pneunet")
     chamber = next(iter(scene.actuators)).name
-    units = [matched_observable(CompareModel(**{key: chamber}), scene, "here").unit for key in ("effort", "extent")]
+    units = [match_observable(CompareModel(**{key: chamber}), scene, "here").unit for key in ("effort", "extent")]
     assert units == ["Pa", "m^3"]
     finger = load_scene("tendon_finger")
-    units = [matched_observable(CompareModel(**{key: "flexor"}), finger, "here").unit for key in ("effort", "extent")]
+    units = [match_observable(CompareModel(**{key: "flexor"}), finger, "here").unit for key in ("effort", "extent")]
     assert units == ["N", "m"]

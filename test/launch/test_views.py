@@ -14,7 +14,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from gdfe_ros.node.interface import NODE_NAME, Delivery
 from gdfe_ros.node.interface.topics import OUTPUTS
-from gdfe_ros.recording.published import MESH, STRAIN
+from gdfe_ros.recording.message_tables import MESH, STRAIN
 
 CONFIG = Path(__file__).parents[2] / "config"
 TYPES = {

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from gdfe_ros import Simulation
-from gdfe_ros.materials.published import PUBLISHED, published
+from gdfe_ros.materials.published import PUBLISHED, make_published
 from test.written import scene_of
 
 SCENE = """
@@ -32,7 +32,7 @@ def test_a_set_says_where_it_comes_from(name: str) -> None:
     told = " ".join(Simulation(scene).remarks())
     assert one.reference in told
     assert one.strain in told
-    scaled = published(name, scale=2.0, poisson=0.45, density=1100.0)
+    scaled = make_published(name, scale=2.0, poisson=0.45, density=1100.0)
     assert scaled.caveat == ""
     assert (scaled.poisson, scaled.density) == (0.45, 1100.0)
     strain = np.array([0.1, 1.0])
@@ -41,7 +41,7 @@ def test_a_set_says_where_it_comes_from(name: str) -> None:
 
 def test_contradicting_sets_are_told() -> None:
     """Ecoflex 00-30 has sets from 14 to 34 kPa, which each of them says."""
-    told = published("ecoflex_00_30_gent_membrane").caveat
+    told = make_published("ecoflex_00_30_gent_membrane").caveat
     assert "3 sets of ecoflex_00_30 have shear moduli from 14.3 to 34 kPa" in told
     assert "used by the authors for a membrane; range: biaxial, to about stretch 2" in told
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from gdfe_ros.mesh.cavities import Surface, misplaced_cavities
+from gdfe_ros.mesh.cavities import Surface, find_misplaced_cavities
 
 
 def _box(edge: float, x: float = 0.0) -> Surface:
@@ -20,7 +20,7 @@ BODY = _box(0.02)
 
 def test_air_inside_is_accepted() -> None:
     """Two separate pieces of air inside of a body have no defects."""
-    assert misplaced_cavities(*BODY, [_box(0.004, -0.005), _box(0.004, 0.005)]) == {}
+    assert find_misplaced_cavities(*BODY, [_box(0.004, -0.005), _box(0.004, 0.005)]) == {}
 
 
 @pytest.mark.parametrize(
@@ -34,7 +34,7 @@ def test_air_inside_is_accepted() -> None:
 )
 def test_air_outside_is_named_with_a_place(edge: float, x: float, told: str) -> None:
     """Air that crosses the body's surface, touches it from inside, is beside it or around it is a defect."""
-    found = misplaced_cavities(*BODY, [_box(0.002, -0.008), _box(edge, x)])
+    found = find_misplaced_cavities(*BODY, [_box(0.002, -0.008), _box(edge, x)])
     if edge < 0.02 and x != 0.015:
         assert list(found) == [1]
     assert told in found[1]
@@ -43,12 +43,12 @@ def test_air_outside_is_named_with_a_place(edge: float, x: float, told: str) -> 
 
 def test_air_in_air_is_a_defect() -> None:
     """Air within other air, and air in a hollow of the body itself, are defects."""
-    assert list(misplaced_cavities(*BODY, [_box(0.01), _box(0.004)])) == [1]
+    assert list(find_misplaced_cavities(*BODY, [_box(0.01), _box(0.004)])) == [1]
     outer, inner = BODY, _box(0.01)
     hollow = np.concatenate([outer[0], inner[0]]), np.concatenate([outer[1], inner[1] + len(outer[0])])
-    assert list(misplaced_cavities(*hollow, [_box(0.004)])) == [0]
+    assert list(find_misplaced_cavities(*hollow, [_box(0.004)])) == [0]
 
 
 def test_air_that_overlaps_other_air_is_a_defect() -> None:
     """Two pieces of air that cut each other are both named."""
-    assert list(misplaced_cavities(*BODY, [_box(0.006, -0.002), _box(0.005, 0.002)])) == [0, 1]
+    assert list(find_misplaced_cavities(*BODY, [_box(0.006, -0.002), _box(0.005, 0.002)])) == [0, 1]

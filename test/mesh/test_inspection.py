@@ -14,7 +14,7 @@ from gdfe_ros.mesh.files.mesh_input import guess_unit, unit_defects
 from gdfe_ros.mesh.generators import cut
 from gdfe_ros.mesh.inspection import inspect_file
 from gdfe_ros.mesh.selection import BoxSelection, Where
-from gdfe_ros.mesh.tetmesh import divided
+from gdfe_ros.mesh.tetmesh import divide
 
 
 def test_a_hollow_block_is_described(tmp_path: Path) -> None:
@@ -135,7 +135,7 @@ def test_a_step_file_of_implausible_size_is_told(walled: Path) -> None:
 
 def test_a_mesh_with_flat_cells_is_remarked(tmp_path: Path) -> None:
     """A mesh file with one layer of flat tetrahedra has a remark and no defect."""
-    body = divided(bar([0.1, 0.1, 0.001], [10, 10, 1]))
+    body = divide(bar([0.1, 0.1, 0.001], [10, 10, 1]))
     meshio.Mesh(body.vertices, [("tetra10", body.cells)]).write(tmp_path / "plate.vtu")
     found = inspect_file(tmp_path / "plate.vtu")
     assert found.defects == []

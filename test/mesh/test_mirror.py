@@ -12,7 +12,7 @@ from gdfe_ros.mesh import bar, check_mesh
 from gdfe_ros.mesh.assembly import mirror
 from gdfe_ros.mesh.generators import finger
 from gdfe_ros.mesh.quality import cell_volumes
-from gdfe_ros.mesh.tetmesh import divided
+from gdfe_ros.mesh.tetmesh import divide
 from gdfe_ros.scene import load_scene
 from gdfe_ros.scene.loader import scene_from_text
 
@@ -52,7 +52,7 @@ def test_a_reflected_mesh_is_sound(axis: int) -> None:
 @pytest.mark.parametrize("axis", [0, 1, 2])
 def test_reflected_tetrahedra_are_sound(axis: int) -> None:
     """Reflected tetrahedra keep edge nodes on their edges and no cell is inverted; two reflections give the first."""
-    mesh = divided(bar((0.1, 0.02, 0.03), (4, 2, 2)))
+    mesh = divide(bar((0.1, 0.02, 0.03), (4, 2, 2)))
     other = mirror(mesh, axis)
     assert not check_mesh(other).defects
     ends = other.vertices[other.cells[:, [[0, 1], [1, 2], [2, 0], [0, 3], [1, 3], [2, 3]]]]
@@ -79,7 +79,7 @@ def test_mirrored_loads_give_mirrored_shapes(hand: Path) -> None:
     count = right.mesh.n_vertices
     first, second = (result.positions[part.first_vertex : part.first_vertex + count] for part in (right, left))
     np.testing.assert_allclose(first, second * [1.0, -1.0, 1.0], atol=2e-5)
-    assert np.abs(first - right.placed().vertices).max() > 1e-3
+    assert np.abs(first - right.place().vertices).max() > 1e-3
     skin = right.mesh.skin.at(right.mesh.vertices), left.mesh.skin.at(left.mesh.vertices)
     np.testing.assert_allclose(skin[0], skin[1] * [1.0, -1.0, 1.0], atol=1e-12)
 

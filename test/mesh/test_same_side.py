@@ -12,7 +12,7 @@ import pytest
 from gdfe_ros.mesh import HexMesh, bar
 from gdfe_ros.mesh.files.importer import examine_mesh
 from gdfe_ros.mesh.quality import check_mesh
-from gdfe_ros.mesh.tetmesh import divided, raised
+from gdfe_ros.mesh.tetmesh import divide, elevate
 from gdfe_ros.scene import load_scene, scene_names
 
 CASES = Path(__file__).parents[1] / "data" / "cases" / "overlap"
@@ -35,7 +35,7 @@ def test_the_sound_pair() -> None:
 @pytest.mark.parametrize("seed", range(10))
 def test_a_folded_tetrahedron_is_found(seed: int) -> None:
     """One tetrahedron of a bar whose apex is mirrored at the face to a neighbour is found with this neighbour."""
-    mesh = divided(BAR)
+    mesh = divide(BAR)
     rng = np.random.default_rng(seed)
     corners = mesh.cells[:, :4].copy()
     faces = np.sort(corners[:, [[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]]], axis=2)
@@ -51,7 +51,7 @@ def test_a_folded_tetrahedron_is_found(seed: int) -> None:
     corners[cell, apex] = len(points) - 1
     swap = [k for k in range(4) if k != apex][:2]
     corners[cell, swap] = corners[cell, swap[::-1]]
-    wrong = [text for text in check_mesh(raised(points, corners)).defects if SAME in text]
+    wrong = [text for text in check_mesh(elevate(points, corners)).defects if SAME in text]
     assert len(wrong) == 1
     assert str(cell) in wrong[0]
 

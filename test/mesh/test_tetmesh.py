@@ -26,9 +26,9 @@ from gdfe_ros.mesh.cells.tetrahedra import (
 from gdfe_ros.mesh.files.importer import read_mesh
 from gdfe_ros.mesh.files.stored_mesh import pack_mesh, unpack_mesh
 from gdfe_ros.mesh.generators import sphere
-from gdfe_ros.mesh.tetmesh import divided
+from gdfe_ros.mesh.tetmesh import divide
 
-BAR = divided(bar([0.2, 0.05, 0.05], [4, 1, 1]))
+BAR = divide(bar([0.2, 0.05, 0.05], [4, 1, 1]))
 CORNERS = np.unique(BAR.cells[:, :4])
 GMSH = {"msh": {"file_format": "gmsh"}}
 LINEAR = np.searchsorted(CORNERS, BAR.cells[:, :4])
@@ -70,7 +70,7 @@ def test_faces_enclose_the_body() -> None:
 def test_a_cavity_is_found() -> None:
     """The cavity of a block with a hole is found, with faces directed into the material."""
     block = bar([0.3, 0.3, 0.3], [3, 3, 3])
-    hollow = divided(keep_cells(block, np.arange(27) != 13))
+    hollow = divide(keep_cells(block, np.arange(27) != 13))
     (cavity,) = find_cavities(hollow)
     assert cavity.volume == pytest.approx(1e-3)
     assert cavity.quads.shape == (12, 6)
@@ -145,7 +145,7 @@ def test_a_mesh_survives_as_text() -> None:
 def test_the_volume_of_a_ball_has_an_error_of_straight_edges() -> None:
     """Tetrahedra of a hollow ball match at all inner faces; with straight edges its volume is up to 10 % too small."""
     ball = sphere(0.05, 0.1, [4, 1])
-    mesh = divided(ball)
+    mesh = divide(ball)
     assert len(mesh.surface()) == 2 * len(ball.surface())
     exact = 4.0 / 3.0 * np.pi * (0.1**3 - 0.05**3)
     assert 0.9 * exact < check_mesh(mesh).volume < exact

@@ -17,7 +17,7 @@ from std_srvs.srv import Trigger
 
 from gdfe_ros.errors import CommandError, GdfeError, RecordingError
 from gdfe_ros.node.driving.orders import PoseOrder
-from gdfe_ros.node.driving.stepper import SteppingThread
+from gdfe_ros.node.driving.stepping_thread import SteppingThread
 from gdfe_ros.node.middleware.process import make_executor
 from gdfe_ros.node.sim_node import SimNode
 from gdfe_ros.recording.reader import BagReader

@@ -11,7 +11,7 @@ from rcl_interfaces.srv import DescribeParameters, ListParameters
 from docs.scripts.node_reference import markdown
 from gdfe_ros.node.interface import NODE_NAME, PARAMETERS, SERVICES
 from gdfe_ros.node.interface.topics import COMMANDS, OUTPUTS
-from gdfe_ros.node.middleware.ros_types import installed
+from gdfe_ros.node.middleware.ros_types import is_installed
 
 _OTHERS = ("/rosout", "/parameter_events", f"/{NODE_NAME}/transition_event")
 
@@ -34,7 +34,7 @@ def test_a_node_offers_what_the_table_says(client: Any, launch: Callable, coarse
     absent = tuple(spec.name for spec in (*COMMANDS, *OUTPUTS) if any(owner in spec.name for owner in owners))
     absent += ("~/probe/{probe}", "~/probe/{probe}/imu", "~/velocity", "~/joint_states", "~/jacobian")
     absent += ("~/actuation", "~/commands", "~/trajectory", "~/attach", "~/release")
-    outputs = {_full(spec.name): [spec.type] for spec in OUTPUTS if spec.name not in absent and installed(spec.type)}
+    outputs = {_full(spec.name): [spec.type] for spec in OUTPUTS if spec.name not in absent and is_installed(spec.type)}
     inputs = {_full(spec.name): [spec.type] for spec in COMMANDS if spec.name not in absent}
     services = {_full(spec.name): [spec.type] for spec in SERVICES}.items()
     # The graph fills by and by; what it shows for longer than it should not is found by the wait's end.

@@ -18,8 +18,7 @@ from sensor_msgs.msg import Imu, PointCloud2, PointField
 
 from gdfe_ros.constraints import Pose
 from gdfe_ros.node import messages
-from gdfe_ros.recording.packing import Packer
-from gdfe_ros.recording.published import (
+from gdfe_ros.recording.message_tables import (
     IMU,
     MESH,
     POSE,
@@ -33,6 +32,7 @@ from gdfe_ros.recording.published import (
     write_velocity,
     write_wrench,
 )
+from gdfe_ros.recording.packing import Packer
 from gdfe_ros.results.inertial_units import ImuReading
 from gdfe_ros.scene import load_scene
 from gdfe_ros.simulation import Command, Simulation

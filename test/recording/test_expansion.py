@@ -18,7 +18,7 @@ from gdfe_ros.cli import BAD_INPUT, main
 from gdfe_ros.errors import RecordingError
 from gdfe_ros.recording.decoding import LEAST, expand_bz2, expand_lz4, expand_message, expand_zstd
 from gdfe_ros.recording.foreign_bag import open_bag
-from gdfe_ros.recording.frames import MAGIC
+from gdfe_ros.recording.mcap_records import MAGIC
 from gdfe_ros.recording.recovery import recover
 
 PATIENCE = 30.0

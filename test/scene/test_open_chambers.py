@@ -10,7 +10,7 @@ from gdfe_ros import Command, Pose, Simulation
 from gdfe_ros.errors import SceneError
 from gdfe_ros.mesh import bar
 from gdfe_ros.mesh.files.stored_mesh import pack_mesh
-from gdfe_ros.mesh.tetmesh import divided
+from gdfe_ros.mesh.tetmesh import divide
 from test.written import advance, scene_of
 
 BOX = """
@@ -74,7 +74,7 @@ def test_tetrahedra_bulge_as_hexahedra() -> None:
     )
     heights = []
     plate = bar([0.08, 0.08, 0.004], [8, 8, 1])
-    for mesh in (plate, divided(plate)):
+    for mesh in (plate, divide(plate)):
         simulation = Simulation(scene_of(f"{text}mesh: {{embedded: {pack_mesh(mesh)}}}\n"))
         assert simulation.commands["air"] == 0.0
         result = advance(simulation, Command(actuators={"air": 1e3}))

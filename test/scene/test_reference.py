@@ -11,8 +11,8 @@ from pydantic import TypeAdapter
 from docs.scripts.scene_examples import EXAMPLES, SCENE
 from docs.scripts.scene_reference import markdown, meaning_of, models
 from gdfe_ros.scene import scene_from_text
+from gdfe_ros.scene.base_entry import Entry
 from gdfe_ros.scene.document import parse_value
-from gdfe_ros.scene.entry import Entry
 from gdfe_ros.scene.report import fields_of
 
 

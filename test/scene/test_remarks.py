@@ -11,7 +11,7 @@ import pytest
 from gdfe_ros import Command, Pose, Simulation, load_scene
 from gdfe_ros.mesh import bar
 from gdfe_ros.mesh.files.stored_mesh import pack_mesh
-from gdfe_ros.mesh.tetmesh import divided
+from gdfe_ros.mesh.tetmesh import divide
 from test.written import scene_of
 
 BLOCK = """
@@ -105,7 +105,7 @@ def test_a_thick_ball_of_few_cells_is_remarked(inner: float, cells: list[int], t
 @pytest.mark.parametrize(("cells", "told"), [(10, False), (8, False), (6, True), (4, True)])
 def test_a_thin_strip_of_flat_tetrahedra_is_remarked(cells: int, told: bool) -> None:
     """For a clamped strip of one layer under pressure, the deflection is right within 6 % where there is no remark."""
-    mesh = divided(bar([0.02, 0.005, 0.001], [cells, max(1, round(cells / 4)), 1]))
+    mesh = divide(bar([0.02, 0.005, 0.001], [cells, max(1, round(cells / 4)), 1]))
     simulation = Simulation(
         scene_of(f"""
 mesh: {{embedded: {pack_mesh(mesh)}}}

@@ -16,7 +16,7 @@ from gdfe_ros.errors import SceneError
 from gdfe_ros.mesh import HexMesh, TetMesh, bar
 from gdfe_ros.mesh.assembly import keep_cells
 from gdfe_ros.mesh.files.stored_mesh import pack_mesh
-from gdfe_ros.mesh.tetmesh import divided, raised
+from gdfe_ros.mesh.tetmesh import divide, elevate
 from gdfe_ros.scene import Scene
 from gdfe_ros.scene.loader import scene_from_text
 from gdfe_ros.scene.solvable import remarks
@@ -46,7 +46,7 @@ def scene_of(mesh: HexMesh | TetMesh, **entries: Any) -> Any:
 def test_a_plate_presses_evenly() -> None:
     """A slab of nu = 0 compressed by a tenth has the exact uniaxial force and no lateral displacement, to 1e-3."""
     plate = {"plate": {"plane": [0, 0, -1], "at": [0.05, 0.0, 0.02]}}
-    simulation = Simulation(scene_of(divided(SLAB), obstacles=plate, solver={"tolerance": 1e-5}))
+    simulation = Simulation(scene_of(divide(SLAB), obstacles=plate, solver={"tolerance": 1e-5}))
     for down in (0.001, 0.002, 0.003, 0.004):
         result = advance(simulation, Command(handles={"plate": Pose((0.0, 0.0, -down))}))
     stretch = 0.9
@@ -60,7 +60,7 @@ def test_a_plate_presses_evenly() -> None:
 def test_a_chamber_pushes_as_its_pressure_says() -> None:
     """The forces on a closed chamber balance, and its volume grows with the pressure."""
     block = bar([0.09, 0.09, 0.09], [3, 3, 3])
-    hollow = divided(keep_cells(block, np.arange(27) != 13))
+    hollow = divide(keep_cells(block, np.arange(27) != 13))
     air = {"air": {"chamber": {"cavity": 0, "command": "pressure", "range": [0, 2e4]}}}
     simulation = Simulation(scene_of(hollow, actuators=air))
     at_rest = simulation.step(Command(actuators={"air": 0.0}))
@@ -79,7 +79,7 @@ def test_weight_and_cable_reach_the_handle() -> None:
     }
     ends = [[0.01, 0.0, 0.005], [0.05, 0.01, 0.015], [0.09, 0.0, 0.005]]
     cable = {"tendon": {"cable": {"points": ends, "command": "tension", "range": [0, 5]}}}
-    simulation = Simulation(scene_of(divided(SLAB), loads=loads, actuators=cable, probes={"top": [0.05, 0.0, 0.02]}))
+    simulation = Simulation(scene_of(divide(SLAB), loads=loads, actuators=cable, probes={"top": [0.05, 0.0, 0.02]}))
     result = advance(simulation, Command(actuators={"tendon": 0.3}))
     weight = 1000 * 9.81 * 0.1 * 0.1 * 0.04
     np.testing.assert_allclose(result.reactions["base"][:3], [-0.5, -0.1, weight], atol=2e-3 * weight)
@@ -87,7 +87,7 @@ def test_weight_and_cable_reach_the_handle() -> None:
 
 def test_a_body_falls_as_it_should() -> None:
     """A free body falls by g t^2 / 2 without strain, and viscosity does not resist rigid motion."""
-    mesh = divided(bar([0.1, 0.1, 0.1], [1, 1, 1]))
+    mesh = divide(bar([0.1, 0.1, 0.1], [1, 1, 1]))
     dynamics = {"scheme": "newmark", "step": 0.01, "damping": {"viscosity": 50.0}}
     loads = {"weight": {"gravity": [0, 0, -9.81]}}
     simulation = Simulation(scene_of(mesh, handles={}, dynamics=dynamics, loads=loads))
@@ -98,7 +98,7 @@ def test_a_body_falls_as_it_should() -> None:
 
 def test_a_shaken_body_keeps_its_period_and_damps() -> None:
     """A bar held at one end swings about its static stretch with the period 4 L / c, and viscosity damps it."""
-    mesh = divided(bar([0.02, 0.02, 0.2], [1, 1, 6]))
+    mesh = divide(bar([0.02, 0.02, 0.2], [1, 1, 6]))
     period = 4.0 * 0.2 / np.sqrt(YOUNG / 1000.0)
     loads = {"pull": {"surface": {"where": {"face": "z+"}, "traction": [0, 0, 200.0]}}}
     heights = {}
@@ -116,7 +116,7 @@ def test_a_shaken_body_keeps_its_period_and_damps() -> None:
 def test_what_tetrahedra_lack_is_refused() -> None:
     """The policy `relative` is refused with a remedy."""
     with pytest.raises(SceneError, match="cannot take tetrahedra"):
-        scene_of(divided(SLAB), solver={"policy": "relative"})
+        scene_of(divide(SLAB), solver={"policy": "relative"})
 
 
 def _two(low: dict[str, Any], high: dict[str, Any], **entries: Any) -> Scene:
@@ -130,7 +130,7 @@ BLOCK = {"bar": {"size": [0.1, 0.1, 0.04], "cells": [2, 2, 1]}, "at": [0.0, 0.0,
 
 def test_hexahedra_press_on_tetrahedra() -> None:
     """In a scene that has tetrahedra, too, hexahedra are divided, told so, and bear the exact uniaxial force."""
-    scene = _two({"embedded": pack_mesh(divided(SLAB))}, BLOCK, solver={"tolerance": 1e-4})
+    scene = _two({"embedded": pack_mesh(divide(SLAB))}, BLOCK, solver={"tolerance": 1e-4})
     assert [text for text in remarks(scene, Policy.ENERGY) if "4 hexahedra were divided into 24 tetrahedra" in text]
     simulation = Simulation(scene)
     for down in (0.002, 0.004, 0.006, 0.008):
@@ -146,14 +146,14 @@ def test_a_skin_on_hexahedra_beside_tetrahedra_is_refused(tmp_path: Path) -> Non
     high = {"voxels": {"surface": str(surface), "cell": 0.015, "cells": "cut"}, "at": [0.0, 0.0, 0.1]}
     lost = "meshes.high .*: other meshes of this scene have tetrahedra, .* cut cells and a skin; remedy: tets"
     with pytest.raises(SceneError, match=lost):
-        _two({"embedded": pack_mesh(divided(SLAB))}, {**high, "skin": {"file": str(surface)}})
+        _two({"embedded": pack_mesh(divide(SLAB))}, {**high, "skin": {"file": str(surface)}})
 
 
 def test_raised_tetrahedra_are_told() -> None:
     """A remark says that linear tetrahedra of a file were converted to second order."""
-    tets = divided(SLAB)
+    tets = divide(SLAB)
     corners = np.unique(tets.cells[:, :4])
-    mesh = raised(tets.vertices[corners], np.searchsorted(corners, tets.cells[:, :4]), linear=True)
+    mesh = elevate(tets.vertices[corners], np.searchsorted(corners, tets.cells[:, :4]), linear=True)
     scene = scene_of(tets)
     object.__setattr__(scene, "mesh", mesh)
     assert any("got a node on each edge" in text for text in remarks(scene, Policy.ENERGY))

@@ -192,7 +192,7 @@ def test_a_soft_body_is_put_with_its_deformation() -> None:
     """All distances stay, the mean pose is the commanded one, strain energy stays, and the change is work."""
     simulation, gel = pressed()
     before, elastic = simulation.positions[gel].copy(), simulation.result.energies["elastic"]
-    account = simulation.stepper.unbalanced(simulation.state)
+    account = simulation.stepper.find_imbalance(simulation.state)
     others = simulation.positions[: gel.start].copy()
     place = Pose((0.1, 0.05, 0.5), (0.0, 0.3, 0.0))
     simulation.step(Command(bodies={"gel": place}), dt=0.0)
@@ -207,7 +207,7 @@ def test_a_soft_body_is_put_with_its_deformation() -> None:
     assert np.array_equal(simulation.positions[: gel.start], others)
     energies = simulation.stepper.energies(simulation.state)
     assert energies["elastic"] == pytest.approx(elastic, rel=1e-9)
-    assert simulation.stepper.unbalanced(simulation.state) == pytest.approx(account, abs=1e-12)
+    assert simulation.stepper.find_imbalance(simulation.state) == pytest.approx(account, abs=1e-12)
     assert not simulation.stepper.velocities(simulation.state)[gel].any()
 
 

@@ -23,7 +23,7 @@ from gdfe_ros.solver.outcome import Outcome
 from gdfe_ros.solver.settings import Policy, SolverSettings
 from gdfe_ros.solver.solution import Solution
 from gdfe_ros.solver.state import Balance, State
-from gdfe_ros.solver.stepping.path import jumped, work_between
+from gdfe_ros.solver.stepping.path import has_jumped, work_between
 from gdfe_ros.solver.stepping.stepper import Stepper
 from test.written import advance
 
@@ -58,9 +58,9 @@ def test_a_spring_keeps_its_energy(stepper: Stepper) -> None:
     work, doubt = work_between(begin, end.state, handles)
     assert work == pytest.approx(0.21)
     assert doubt == pytest.approx(0.01)
-    assert not jumped(begin, end, handles, 0.1)
-    assert jumped(begin, _spring(stepper, 1.1, lost=0.1), handles, 0.1)
-    assert not jumped(_spring(stepper, 0.0).state, _spring(stepper, 1.1, lost=0.1), handles, 0.1)
+    assert not has_jumped(begin, end, handles, 0.1)
+    assert has_jumped(begin, _spring(stepper, 1.1, lost=0.1), handles, 0.1)
+    assert not has_jumped(_spring(stepper, 0.0).state, _spring(stepper, 1.1, lost=0.1), handles, 0.1)
 
 
 def test_moments_work_on_turns_in_world_axes(stepper: Stepper) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from scipy import sparse
 
-from gdfe_ros.solver.matrix.assembly import Tangent
+from gdfe_ros.solver.matrix.tangent_assembly import Tangent
 from gdfe_ros.solver.minimise.level import TangentLevel
 
 

@@ -18,7 +18,7 @@ from gdfe_ros.mesh.files.importer import read_mesh
 from gdfe_ros.mesh.meshing.voxels import examine_surface
 from gdfe_ros.scene import load_scene, scene_from_text
 from gdfe_ros.simulation import Simulation
-from gdfe_ros.untrusted.bounded_text import quoted
+from gdfe_ros.untrusted.bounded_text import quote_formula
 from gdfe_ros.untrusted.regular_file import path_inside, read_bytes, read_text, require_regular
 
 
@@ -121,7 +121,7 @@ def test_a_state_overwrites_only_a_state(tmp_path: Path) -> None:
 @pytest.mark.parametrize("text", ["=1+1", "+cmd", "-cmd|x", "@SUM(A1)", "\t=1", "\r=1"])
 def test_a_cell_is_no_formula(tmp_path: Path, text: str) -> None:
     """A text that a spreadsheet would execute begins with a quote in CSV; numbers stay numbers."""
-    assert quoted(text) == f"'{text}"
+    assert quote_formula(text) == f"'{text}"
     write_csv([{"message": text, text: -1.5}], tmp_path / "a.csv", Columns(()))
     with (tmp_path / "a.csv").open(newline="") as file:
         assert list(csv.reader(file)) == [["message", f"'{text}"], [f"'{text}", "-1.5"]]
@@ -130,7 +130,7 @@ def test_a_cell_is_no_formula(tmp_path: Path, text: str) -> None:
 @pytest.mark.parametrize("value", [-1.5, "-1.5", "+1e-3", "", "a=b", None, True])
 def test_a_number_is_no_formula(value: object) -> None:
     """Numbers with a sign, and other texts, stay as they are."""
-    assert quoted(value) == value
+    assert quote_formula(value) == value
 
 
 @pytest.mark.parametrize("name", ["a\\0b", 300 * "a", 5000 * "a/" + "b"], ids=["null", "long name", "long path"])

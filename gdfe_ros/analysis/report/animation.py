@@ -65,7 +65,7 @@ class Surroundings:
         self._scene = scene
         self._points: dict[str, list[NDArray[np.float64]]] = {kind: [] for kind in KINDS}
         self._pushes: list[tuple[NDArray[np.float64], NDArray[np.float64]]] = []
-        at_rest = Scenery.recorded(scene, {}, scene.mesh.vertices)
+        at_rest = Scenery.from_samples(scene, {}, scene.mesh.vertices)
         self._cables = [len(cable) for cable in at_rest.cables]
         points = sum(map(len, _shapes(at_rest).values()))
         touches = scene.self_contact is not None or any(isinstance(handle, Obstacle) for handle in scene.handles)
@@ -73,7 +73,7 @@ class Surroundings:
 
     def add(self, step: BagStep, positions: NDArray[np.float64]) -> None:
         """Add a frame with the body's vertices at ``positions`` (n, 3) [m]."""
-        around = Scenery.recorded(self._scene, step.samples, positions)
+        around = Scenery.from_samples(self._scene, step.samples, positions)
         for kind, points in _shapes(around).items():
             self._points[kind].append(points)
         forces = np.linalg.norm(around.forces, axis=1)

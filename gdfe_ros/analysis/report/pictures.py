@@ -138,7 +138,7 @@ def _gather(step: BagStep, scene: Scene, field: str) -> Shown:
     if field not in strain:
         raise RecordingError(f"the bag has no field {field!r} of the cells; it has {', '.join(strain)}")
     positions = np.stack([step.samples["mesh"][axis] for axis in "xyz"], axis=1).astype(np.float64)
-    scenery = Scenery.recorded(scene, step.samples, positions)
+    scenery = Scenery.from_samples(scene, step.samples, positions)
     mark = "" if step.record.converged else ", not converged"
     return Shown(step.record.time, mark, positions, strain[field].astype(np.float64), scenery)
 

@@ -90,7 +90,7 @@ def wall_stamped(run: BagRun) -> bool:
     return isinstance(node, dict) and not node.get("publish_clock") and node.get("clock") != "external"
 
 
-def paced_by_wall(run: BagRun) -> bool:
+def is_paced_by_wall(run: BagRun) -> bool:
     """Return whether a node made the steps of a run at a rate of wall time; only such steps can be late."""
     return wall_stamped(run) and run.reader.run.settings.get("node", {}).get("clock") == "wall"
 
@@ -102,7 +102,7 @@ def _wall_time(run: BagRun, history: RunHistory) -> str:
         return ""
     text = f"{wall:.6g} s for {span:.6g} s of simulation time: {span / wall:.3g} of real time"
     late = float(np.max(history.lateness()))
-    return f"{text}, late by up to {late:.3g} s" if paced_by_wall(run) and late > 0.0 else text
+    return f"{text}, late by up to {late:.3g} s" if is_paced_by_wall(run) and late > 0.0 else text
 
 
 def _convergence(history: RunHistory) -> str:

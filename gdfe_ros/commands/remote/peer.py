@@ -19,7 +19,7 @@ from gdfe_ros.commands.remote.message_text import fill
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.interface.topics import TF
 from gdfe_ros.node.middleware.process import LoneNode
-from gdfe_ros.node.middleware.ros_types import installed, interface_class
+from gdfe_ros.node.middleware.ros_types import interface_class, is_installed
 from gdfe_ros.untrusted.bounded_text import load_json_object, shorten
 from gdfe_ros.untrusted.spelling import did_you_mean
 
@@ -268,7 +268,7 @@ class Peer(LoneNode):
         return interface_class(found[0])
 
     def _nobody(self, text: str, given: str, names: Sequence[str], kind: str) -> str:
-        if given in FRAMES and not installed(TF.type):
+        if given in FRAMES and not is_installed(TF.type):
             text += ": the simulation publishes frames only with tf2_msgs, which ROS from Python wheels lacks"
         listed = ", ".join(shorten(name, _LONGEST) for name in names) or "none"
         return f"{text} in ROS domain {self._domain}; {did_you_mean(given, names)}{kind}: {listed}"

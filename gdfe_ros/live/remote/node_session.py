@@ -28,7 +28,7 @@ from gdfe_ros.recording.step import Begin, StepRecord
 from gdfe_ros.scene.building.arms import joint_starts
 from gdfe_ros.scene.loader import scene_from_text
 from gdfe_ros.scene.scene import Scene
-from gdfe_ros.testing.state import PublishedState
+from gdfe_ros.testing.published_state import PublishedState
 
 PATIENCE = 5.0
 """Longest wait for a node's scene [s]."""

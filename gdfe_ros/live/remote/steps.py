@@ -27,10 +27,10 @@ from gdfe_ros.node.interface import topics
 from gdfe_ros.node.interface.topics import state_topics
 from gdfe_ros.node.middleware.channel import namesakes
 from gdfe_ros.node.middleware.ros_types import interface_class
-from gdfe_ros.recording.published import STRAIN
+from gdfe_ros.recording.message_tables import STRAIN
 from gdfe_ros.recording.step import StepRecord
 from gdfe_ros.scene.scene import Scene
-from gdfe_ros.testing.state import PublishedState, StepMessages, unpack
+from gdfe_ros.testing.published_state import PublishedState, StepMessages, unpack
 
 _LOST = 2.0
 """Time after which a request is repeated [s]. A node that has not discovered the client yet cannot answer it."""

@@ -59,7 +59,7 @@ def boundary_faces(cells: NDArray[np.int32], table: NDArray[np.int32] = HEX_FACE
         quads=np.ascontiguousarray(faces[single]),
         cells=owners[single],
         crowded=np.unique(owners[sharing > 2]),
-        folded=folded_cells(corners_of(faces), group, owners),
+        folded=find_folded_cells(corners_of(faces), group, owners),
     )
 
 
@@ -68,7 +68,7 @@ def corners_of(faces: NDArray[np.int32]) -> NDArray[np.int32]:
     return faces if faces.shape[1] == 4 else faces[:, :3]
 
 
-def folded_cells(
+def find_folded_cells(
     corners: NDArray[np.int32], group: NDArray[np.integer], owners: NDArray[np.int32]
 ) -> NDArray[np.int32]:
     """Return the sorted cells, int32, whose common face has not the opposite order of corners in the two cells.
@@ -129,7 +129,7 @@ def enclosed_volume(vertices: NDArray[np.float64], quads: NDArray[np.int32]) -> 
     return float(sum(np.einsum("ij,ij", p, np.cross(q, r)) for p, q, r in cuts) / 12)
 
 
-def turned(faces: NDArray[np.int32]) -> NDArray[np.int32]:
+def reverse(faces: NDArray[np.int32]) -> NDArray[np.int32]:
     """Return faces (q, 4) or (q, 6) with the opposite orientation."""
     return np.ascontiguousarray(faces[:, ::-1] if faces.shape[1] == 4 else faces[:, [0, 2, 1, 5, 4, 3]])
 

@@ -120,7 +120,7 @@ def _hourglass_vectors(corners: NDArray[np.float64], gradient: NDArray[np.float6
     return np.ascontiguousarray(vectors / np.linalg.norm(vectors, axis=2, keepdims=True))
 
 
-def grown_operators(shape: ShapeOperators, cells: NDArray[np.intp], stretch: NDArray[np.float64]) -> ShapeOperators:
+def grow_operators(shape: ShapeOperators, cells: NDArray[np.intp], stretch: NDArray[np.float64]) -> ShapeOperators:
     """Return the operators of cells whose rest shape is mapped by G.
 
     The gradients of a cell become G^-T g_a, its volume becomes det G V, and its edges become G d. Its hourglass vectors

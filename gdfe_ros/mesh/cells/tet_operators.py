@@ -49,8 +49,8 @@ def tet_operators(vertices: NDArray[np.float64], cells: NDArray[np.int32]) -> Te
     )
 
 
-def grown_tet_operators(shape: TetOperators, cells: NDArray[np.intp], stretch: NDArray[np.float64]) -> TetOperators:
-    """Return the operators of cells whose rest shape is mapped by G; arguments as for `grown_operators`."""
+def grow_tet_operators(shape: TetOperators, cells: NDArray[np.intp], stretch: NDArray[np.float64]) -> TetOperators:
+    """Return the operators of cells whose rest shape is mapped by G; arguments as for `grow_operators`."""
     inverse, ratio = np.linalg.inv(stretch), np.linalg.det(stretch)
     return shape._replace(
         volume=with_rows(shape.volume, cells, shape.volume[cells] * ratio),

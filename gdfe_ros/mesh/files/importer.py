@@ -22,11 +22,11 @@ import numpy as np
 from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh.assembly import keep_cells, merge_vertices
 from gdfe_ros.mesh.files.abaqus_file import read_abaqus
-from gdfe_ros.mesh.files.mesh_input import limited_time, require_file, run_mesher, unit_defects
-from gdfe_ros.mesh.files.raw_mesh import CellBlock, RawMesh, named_sets
+from gdfe_ros.mesh.files.mesh_input import limit_time, require_file, run_mesher, unit_defects
+from gdfe_ros.mesh.files.raw_mesh import CellBlock, RawMesh, read_sets
 from gdfe_ros.mesh.mesh import HexMesh, Mesh
 from gdfe_ros.mesh.quality import check_mesh, list_ids
-from gdfe_ros.mesh.tetmesh import TetMesh, raised
+from gdfe_ros.mesh.tetmesh import TetMesh, elevate
 
 #: Suffixes that the tests cover; meshio reads more.
 SUFFIXES = (".msh", ".vtk", ".vtu", ".inp")
@@ -91,7 +91,7 @@ def _by_meshio(path: Path, kind: str | None, heading: str) -> RawMesh | None:
     if kind is None and path.suffix.lower() not in library.extension_to_filetypes:
         raise MeshError(heading, [f"unknown kind of file {path.suffix!r}; allowed: {', '.join(SUFFIXES)}"])
     try:
-        with redirect_stdout(StringIO()), redirect_stderr(StringIO()), np.errstate(all="ignore"), limited_time(path):
+        with redirect_stdout(StringIO()), redirect_stderr(StringIO()), np.errstate(all="ignore"), limit_time(path):
             raw = library.read(path, file_format=_FORMATS.get(kind))
     except TimeoutError as error:
         raise MeshError(heading, [f"cannot be read: {error}; remedy: export it again"]) from error
@@ -205,7 +205,7 @@ def examine_mesh(
     path = Path(path)
     heading = f"mesh {path}"
     raw = read_file(path, heading)
-    defects = [*_wrong_kinds(raw, first_order), *_nothing_solid(raw), *_damaged(raw)]
+    defects = [*_wrong_kinds(raw, first_order), *_nothing_solid(raw), *_find_damage(raw)]
     if defects:
         raise MeshError(heading, defects)
     mesh = _solid_mesh(raw, heading)
@@ -251,7 +251,7 @@ def _nothing_solid(raw: RawMesh) -> Iterator[str]:
         yield f"there are no hexahedra and no tetrahedra, only: {found}; remedy: {_FILL if flat else 'mesh it'}"
 
 
-def _damaged(raw: RawMesh) -> Iterator[str]:
+def _find_damage(raw: RawMesh) -> Iterator[str]:
     """Yield a line if cells have too few vertices, and a line if the points do not have three coordinates."""
     least = [(8, block.data) for block in _blocks(raw, "hexahedron").values()]
     least += [(int(block.type[5:] or 4), block.data) for block in _blocks(raw, "tetra").values()]
@@ -280,7 +280,7 @@ def _solid_mesh(raw: RawMesh, heading: str) -> Mesh:
         text = f"{len(wrong)} cells name vertices outside 0 to {len(raw.points) - 1}: {list_ids(wrong)}"
         raise MeshError(heading, [f"{text}; remedy: repair the file"])
     starts = np.cumsum([0, *(len(block.data) for block in blocks.values())]).tolist()
-    sets = named_sets(raw, dict(zip(blocks, starts, strict=False)))
+    sets = read_sets(raw, dict(zip(blocks, starts, strict=False)))
     if cells.shape[1] == 4:
-        return raised(raw.points, cells, *sets, linear=True)
+        return elevate(raw.points, cells, *sets, linear=True)
     return (TetMesh if tets else HexMesh)(raw.points, cells, *sets)

@@ -52,7 +52,7 @@ LEAST, EACH_MEGABYTE = 5.0, 5.0
 
 
 @contextmanager
-def limited_time(path: Path) -> Iterator[None]:
+def limit_time(path: Path) -> Iterator[None]:
     """Raise an error inside of the ``with`` block, at its next call of a function, after the time for a file is over.
 
     Raises:

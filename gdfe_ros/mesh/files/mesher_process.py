@@ -36,14 +36,14 @@ _FIRST = {"TETRAHEDRON4": "tetra", "HEXAHEDRON8": "hexahedron", "WEDGE6": "wedge
 """Dict from cells of any order, with their number of points, to the cells of first order that are the same."""
 
 
-def expected_cells(volume: float | np.ndarray, size: float | np.ndarray) -> float | np.ndarray:
+def estimate_cells(volume: float | np.ndarray, size: float | np.ndarray) -> float | np.ndarray:
     """Return the expected number of cells: ``volume`` [m^3] / volume of a regular tetrahedron of edge ``size`` [m]."""
     return volume / (2.0**0.5 / 12.0 * size**3)
 
 
 def too_many(volume: float, size: float) -> str:
     """Return the text of a defect if a mesh would have too many cells; an empty text if not."""
-    count = expected_cells(volume, size)
+    count = estimate_cells(volume, size)
     if count <= MOST_CELLS:
         return ""
     fitting = size * (count / MOST_CELLS) ** (1.0 / 3.0)

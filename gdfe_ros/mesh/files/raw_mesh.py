@@ -58,7 +58,7 @@ MOST_GROUPS = 256
 _PHYSICAL = "gmsh:physical"
 
 
-def named_sets(raw: RawMesh, starts: dict[int, int]) -> tuple[Sets, Sets]:
+def read_sets(raw: RawMesh, starts: dict[int, int]) -> tuple[Sets, Sets]:
     """Return the cell sets and the vertex sets of a file.
 
     Args:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from gdfe_ros.errors import show_point
 from gdfe_ros.mesh.contact_skin import out_of_material
-from gdfe_ros.mesh.files.mesher_process import MOST_CELLS, expected_cells
+from gdfe_ros.mesh.files.mesher_process import MOST_CELLS, estimate_cells
 from gdfe_ros.mesh.meshing.walls import (
     FLATTEST,
     LEAST_FRACTION,
@@ -18,7 +18,7 @@ from gdfe_ros.mesh.meshing.walls import (
     cells_at_walls,
     find_solid_walls,
     find_walls,
-    measured,
+    show_error,
 )
 from gdfe_ros.mesh.overlap import SelfCuts, find_self_cuts
 from gdfe_ros.mesh.surfaces.shells import cone_volumes, doubled_areas, shell_numbers
@@ -164,13 +164,13 @@ class SurfaceFindings:
         if self._has_thin_walls and self._cells <= MOST_CELLS:
             found.append(
                 f"{self._thin_fraction:.0%} of the surface is at walls that are thin for cells of {self.size:.3g} m. "
-                f"{measured(self.size / self._thinnest)}; remedy: for tetrahedra `least_size: {self._thinnest:.2g}` "
+                f"{show_error(self.size / self._thinnest)}; remedy: for tetrahedra `least_size: {self._thinnest:.2g}` "
                 "beside `size`, which makes small cells only at thin walls; for voxels a `cell` of at most "
                 f"{0.5 * self._thinnest:.2g} m"
             )
         if self.walls is not None:
             volume = abs(float(cone_volumes(self.vertices, self.triangles).sum()))
-            expected = float(expected_cells(volume, self.size))
+            expected = float(estimate_cells(volume, self.size))
             found += cheaper_hexahedra(self.vertices, self.triangles, tetrahedra=expected, thinnest=self._thinnest)
         return found
 

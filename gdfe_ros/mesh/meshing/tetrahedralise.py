@@ -22,7 +22,7 @@ from gdfe_ros.mesh.meshing.walls import Walls, find_solid_walls, find_walls, wal
 from gdfe_ros.mesh.overlap import find_self_cuts
 from gdfe_ros.mesh.surfaces.shells import cone_volumes, doubled_areas, shells
 from gdfe_ros.mesh.surfaces.surface_edges import is_closed, winding_defects
-from gdfe_ros.mesh.tetmesh import TetMesh, raised, scaled_jacobians
+from gdfe_ros.mesh.tetmesh import TetMesh, elevate, scaled_jacobians
 
 STEP_SUFFIXES = (".step", ".stp")
 FACETS_ALONG = 30.0
@@ -189,7 +189,7 @@ def from_surface(
     raw = run_mesher("surface", request, heading)
     if len(raw["cells"]) == 0:
         raise MeshError(heading, [_nothing_inside(vertices, triangles, request["epsilon"] * diagonal, closed)])
-    mesh = raised(raw["vertices"], raw["cells"])
+    mesh = elevate(raw["vertices"], raw["cells"])
     return _keep_mesh(key, keep_cells(mesh, np.ones(mesh.n_cells, dtype=bool)))
 
 

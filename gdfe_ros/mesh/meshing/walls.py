@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 
 from gdfe_ros.errors import show_point
 from gdfe_ros.mesh.cells.tetrahedra import facets
-from gdfe_ros.mesh.files.mesher_process import expected_cells
+from gdfe_ros.mesh.files.mesher_process import estimate_cells
 from gdfe_ros.mesh.overlap import TOUCH
 from gdfe_ros.mesh.surfaces.shells import BoxTree, doubled_areas
 from gdfe_ros.mesh.surfaces.surface_edges import refine
@@ -113,7 +113,7 @@ LEAST_FRACTION = 0.01
 """Least fraction of the surface for a remark on flat cells. At a sharp edge, the last cells are always flat."""
 
 
-def measured(ratio: float) -> str:
+def show_error(ratio: float) -> str:
     """Return a text about the error of walls whose cells are ``ratio`` times as long as the wall is thick."""
     return (
         f"Edges of cells there are up to {ratio:.2g} times as long as the wall is thick. Measured on a clamped strip "
@@ -133,7 +133,7 @@ def flat_walls(mesh: TetMesh) -> list[str]:
     thickness = walls.thickness[worst]
     return [
         f"{fraction:.0%} of the surface is at walls that are thin for their cells, the worst {thickness:.3g} m thick "
-        f"near {show_point(walls.places[worst])} m. {measured(float(flatness[worst]))}; remedy: a smaller `size`, or "
+        f"near {show_point(walls.places[worst])} m. {show_error(float(flatness[worst]))}; remedy: a smaller `size`, or "
         f"`least_size: {thickness:.2g}` beside `size`, which makes small cells only at thin walls"
     ]
 
@@ -220,4 +220,4 @@ def cells_at_walls(walls: Walls, *, size: float, least_size: float) -> float:
     target = np.clip(EDGES_ALONG * walls.thickness, least_size, size)
     thin = target < size
     volumes = 0.5 * walls.areas[thin] * np.maximum(walls.thickness, target)[thin]
-    return float(np.sum(expected_cells(volumes, target[thin])))
+    return float(np.sum(estimate_cells(volumes, target[thin])))

@@ -11,7 +11,7 @@ from gdfe_ros.compiled import inlined, internal, kernel
 
 
 @inlined
-def pierced(corners, x, y):
+def is_pierced(corners, x, y):
     """Return whether the column at (x, y) pierces a triangle (3, 3).
 
     It does if a ray from (x, y) to +x crosses the triangle's projected outline once.
@@ -70,7 +70,7 @@ def find_crossings(corners, size, column, height):
         high = min(math.floor(max(a[1], b[1], c[1])), ny - 1)
         for y in range(low, high + 1):
             for x in range(first, last + 1):
-                if pierced(corners[t], x, y):
+                if is_pierced(corners[t], x, y):
                     if found < len(column):
                         column[found] = y * nx + x
                         height[found] = min(max(height_at(corners[t], x, y), 0.0), float(nz))

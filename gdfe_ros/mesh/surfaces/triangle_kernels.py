@@ -38,7 +38,7 @@ def squared_distance(p, corners):
 
 
 @inlined
-def squared_away(point, box):
+def squared_box_distance(point, box):
     """Return the squared distance [m^2] from a point to a box, zero inside."""
     x = max(box[0, 0] - point[0], point[0] - box[1, 0], 0.0)
     y = max(box[0, 1] - point[1], point[1] - box[1, 1], 0.0)
@@ -67,7 +67,7 @@ def nearest_distances(points, corners, boxes, out):
         while depth > 0:
             depth -= 1
             node = stack[depth]
-            if squared_away(point, boxes[node]) >= least:
+            if squared_box_distance(point, boxes[node]) >= least:
                 continue
             if node < first_leaf:
                 stack[depth], stack[depth + 1] = 2 * node + 1, 2 * node + 2

@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 from gdfe_ros.constraints import Handle
 from gdfe_ros.constraints.rigid_body import rigid_among
 from gdfe_ros.solver.motion import inertia, viscosity
-from gdfe_ros.solver.state import ElementState, Saved, Snapshot, changed
+from gdfe_ros.solver.state import ElementState, Saved, Snapshot, replace_fields
 
 _Value = TypeVar("_Value")
 
 
-def carried(moving: Snapshot, fresh: Snapshot) -> Snapshot:
+def carry_motion(moving: Snapshot, fresh: Snapshot) -> Snapshot:
     """Return a snapshot that continues a motion with other materials and the same positions, velocities and commands.
 
     The states of elements and minimisations belong to the old materials. They are replaced by the states of ``fresh``.
@@ -33,8 +33,8 @@ def carried(moving: Snapshot, fresh: Snapshot) -> Snapshot:
         elements=new.elements,
         tangent=new.tangent,
         unfinished=None,
-        summary=changed(old.summary, converged=False),
-        ledger=changed(old.ledger, failure=None, bound=None),
+        summary=replace_fields(old.summary, converged=False),
+        ledger=replace_fields(old.ledger, failure=None, bound=None),
     )
     return replace(moving, state=state, scene=fresh.scene)
 
@@ -93,7 +93,7 @@ def with_bodies_of(moving: Snapshot, fresh: Snapshot, same: Correspondence) -> S
         unfinished=None,
         proved=None,
         anchor=None,
-        ledger=changed(before.ledger, failure=None, bound=None),
+        ledger=replace_fields(before.ledger, failure=None, bound=None),
     )
     return replace(moving, state=state, targets=_keep_known(moving.targets, fresh.targets), scene=fresh.scene)
 

@@ -188,7 +188,7 @@ class ExternalPace:
         """Time by which the clock is ahead of the end of the latest step [s]."""
         return 1e-9 * max(0, self._now() - self.moment - self._leapt) if self.moment else 0.0
 
-    def jumped(self, ahead: int) -> None:
+    def record_jump(self, ahead: int) -> None:
         """Record a jump of the clock by ``ahead`` [ns]; callable from any thread."""
         if ahead > round(1e9 * FARTHEST_JUMP) and self.moment:
             self._leapt += ahead

@@ -12,7 +12,7 @@ from gdfe_ros.constraints import Pose
 from gdfe_ros.errors import GdfeError, OverlapError
 from gdfe_ros.materials import Linear, NeoHookean
 from gdfe_ros.mesh.mesh import MeshPart
-from gdfe_ros.node.driving.carry import Correspondence, carried, match_loose, match_vertices, with_bodies_of
+from gdfe_ros.node.driving.carry import Correspondence, carry_motion, match_loose, match_vertices, with_bodies_of
 from gdfe_ros.node.interface import MODULUS
 from gdfe_ros.scene.building.soft_bodies import parts_of
 from gdfe_ros.scene.loader import scene_from_text
@@ -66,7 +66,7 @@ def with_moduli(
     """
     changed = Simulation(_with(old.scene, moduli))
     if old.scene.dynamics:
-        changed.restore(carried(old.snapshot(), changed.snapshot()))
+        changed.restore(carry_motion(old.snapshot(), changed.snapshot()))
         return changed
     if holding := old.stepper.actuation.holding(old.state):
         text = f"grips hold something where it was taken, not at rest: {', '.join(holding)}"
@@ -104,7 +104,7 @@ def take_over(old: Simulation, new: Simulation) -> None:
     except OverlapError:
         new.restore(fresh)
         raise
-    new.state = new.stepper.continued(new.state, old.stepper.unbalanced(old.state))
+    new.state = new.stepper.book_imbalance(new.state, old.stepper.find_imbalance(old.state))
 
 
 def _correspondence(old: Simulation, new: Simulation) -> Correspondence:

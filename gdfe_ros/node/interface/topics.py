@@ -357,7 +357,7 @@ def step_topic(key: str) -> TopicSpec:
 
 def state_topics(scene: Scene) -> dict[str, TopicSpec]:
     """Return a dict from key to topic of all recorded topics with the state after a step, first the step record."""
-    from gdfe_ros.recording.published import tables_of  # the terminal's commands for other nodes need no scene
+    from gdfe_ros.recording.message_tables import tables_of  # the terminal's commands for other nodes need no scene
 
     specs = {key: step_topic(key) for key in (STEP_RECORD.key(), *tables_of(scene))}
     return {key: spec for key, spec in specs.items() if spec.recorded}

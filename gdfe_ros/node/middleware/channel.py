@@ -36,7 +36,7 @@ class Channel:
     Args:
         node: publishing node.
         spec: description of the topic.
-        repeated: whether the last message of a step is published again for new subscribers, which `missed` detects.
+        repeated: whether the last message of a step is published again for new subscribers (`look_for_newcomers`).
         own: number of this node's own subscriptions to the topic; they do not count as subscribers.
         key: name of the topic relative to the node, e.g. ``probe/tip``; needed if the name in ``spec`` is a pattern,
             e.g. ``~/probe/{probe}``. Empty: the name in ``spec``.
@@ -84,7 +84,7 @@ class Channel:
             return untold and (step.stored or self._count() > self._own)
         return step.first or step.stored or self.wanted
 
-    def missed(self, *, thorough: bool = False) -> bool:
+    def look_for_newcomers(self, *, thorough: bool = False) -> bool:
         """Return whether there are new subscribers since the last call, or any that lack the last message.
 
         The ROS graph is read for those with volatile durability if there are more subscribers than at the last call, if

@@ -25,7 +25,7 @@ from rclpy.timer import Timer
 
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.interface import ServiceSpec
-from gdfe_ros.node.middleware.ros_types import LARGEST, available, bounded_service, interface_class, unread_size
+from gdfe_ros.node.middleware.ros_types import LARGEST, available, bound_service, interface_class, unread_size
 from gdfe_ros.node.refusals import answer, answer_after, fail
 from gdfe_ros.untrusted.bounded_text import PlainLog, Throttle
 
@@ -121,7 +121,7 @@ class ManagedNode(EventlessNode, LifecycleNode):
         # rclpy has no public interface for this.
         return {name: parameter.value for name, parameter in self._parameter_overrides.items()}
 
-    def unknown_parameters(self) -> set[str]:
+    def list_unknown_parameters(self) -> set[str]:
         """Return the names of parameters that were given at start and are not declared.
 
         Parameters of rclpy are excluded, and moduli, which are declared when a scene is configured.
@@ -221,7 +221,7 @@ class ManagedNode(EventlessNode, LifecycleNode):
         A request that is too large, or has a too long list, is refused. Exceptions are counted and logged as faults.
         """
         callback, send, place = service.callback, service.send_response, f"the service {service.srv_name}"
-        service.srv_type = bounded_service(service.srv_type, self.get_logger().warning)
+        service.srv_type = bound_service(service.srv_type, self.get_logger().warning)
 
         def answer(request: Any, response: Any) -> Any:
             if text := _describe_excess(request):

@@ -64,10 +64,10 @@ def topic_info(spec: TopicSpec, name: str, role: str) -> TopicInfo:
 def available(type_name: str) -> bool:
     """Return whether a ROS type, ``package/srv/Name``, is installed; a package's older versions may lack it."""
     package, kind, name = type_name.split("/")
-    return installed(type_name) and hasattr(import_module(f"{package}.{kind}"), name)
+    return is_installed(type_name) and hasattr(import_module(f"{package}.{kind}"), name)
 
 
-def installed(type_name: str) -> bool:
+def is_installed(type_name: str) -> bool:
     """Return whether the package of a ROS type, ``package/msg/Name``, is installed.
 
     A folder of that name, e.g. the package's sources in the working directory, does not count, although Python can
@@ -94,7 +94,7 @@ _CONVERSION = ctypes.PYFUNCTYPE(ctypes.py_object, ctypes.c_void_p)
 
 
 @cache
-def bounded(kind: type) -> type:
+def bound_request(kind: type) -> type:
     """Return a class that rclpy can read in place of the class ``kind`` of a request, see the module.
 
     The results are requests of class ``kind``. One that was too large is an instance of a class derived from it, whose
@@ -125,22 +125,22 @@ def bounded(kind: type) -> type:
     return meta("Bounded", (kind,), {})
 
 
-def bounded_service(kind: type, warn: Callable[[str], object]) -> Any:
+def bound_service(kind: type, warn: Callable[[str], object]) -> Any:
     """Return the type ``kind`` of a service with a bounded request, for the attribute ``srv_type`` of a service.
 
     Its service must exist already: only then the type support is loaded. Without the type support of Fast DDS, the
     result is ``kind``, and ``warn`` receives a text.
     """
     try:
-        return SimpleNamespace(Request=bounded(kind.Request), Response=kind.Response)
+        return SimpleNamespace(Request=bound_request(kind.Request), Response=kind.Response)
     except (OSError, AttributeError, ValueError) as error:
         warn(f"requests of {kind.__name__} of any size are read: {error}")
         return kind
 
 
-def bounded_action(kind: type, warn: Callable[[str], object]) -> type:
-    """Return the type ``kind`` of an action with bounded goals, as `bounded_service` does."""
-    services = type("Impl", (kind.Impl,), {"SendGoalService": bounded_service(kind.Impl.SendGoalService, warn)})
+def bound_action(kind: type, warn: Callable[[str], object]) -> type:
+    """Return the type ``kind`` of an action with bounded goals, as `bound_service` does."""
+    services = type("Impl", (kind.Impl,), {"SendGoalService": bound_service(kind.Impl.SendGoalService, warn)})
     return type("Bounded", (kind,), {"Impl": services})
 
 

@@ -32,8 +32,8 @@ from gdfe_ros.node.requests.things import (
     Thing,
     has_tags,
     inner_of,
+    list_poses,
     name_filter,
-    named_poses,
     names_of,
     new_message,
     placement_of,
@@ -43,7 +43,7 @@ from gdfe_ros.node.requests.things import (
     things_of,
     within,
 )
-from gdfe_ros.node.session import SimulationSession
+from gdfe_ros.node.simulation_session import SimulationSession
 from gdfe_ros.scene.entity import with_body, without_bodies
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.simulation import Simulation
@@ -78,7 +78,7 @@ class Entities:
 
     def all(self) -> list[Thing]:
         """Return the entities of the present scene; raise `Refused` if there is none."""
-        return things_of(self._node.configured().scene, self._inner)
+        return things_of(self._node.require_session().scene, self._inner)
 
     def find(self, name: str) -> Thing:
         """Return the entity of a name.
@@ -130,7 +130,7 @@ class Entities:
         Raises:
             Refused, Refusal: the request has a defect that shows at once.
         """
-        session, wanted = self._node.configured(), EntityRequest(request)
+        session, wanted = self._node.require_session(), EntityRequest(request)
         if session.scene.dynamics is None:
             raise Refused(ResultCode.FAILED, f"scene {session.scene.name!r} has no `dynamics`, which free bodies need")
         outer = placement_of(wanted.pose, session.run.frames)
@@ -170,7 +170,7 @@ class Entities:
 
         ``anew``: start again at rest at time 0.
         """
-        command_set = self._node.configured().run.parameters.entries("command_set")
+        command_set = self._node.require_session().run.parameters.entries("command_set")
         gone: list[str] = []
 
         def without(scene: Scene) -> Scene:
@@ -222,7 +222,7 @@ class EntityQueries:
         return self._after_step(write, chosen, request.filters)
 
     def _get_states(self, request: Any, response: Any) -> Future[None]:
-        session, kind = self._node.configured(), interface_class("simulation_interfaces/msg/EntityState")
+        session, kind = self._node.require_session(), interface_class("simulation_interfaces/msg/EntityState")
 
         def write(near: list[Thing]) -> None:
             response.entities, response.states = [each.name for each in near], [kind() for _ in near]
@@ -240,7 +240,7 @@ class EntityQueries:
 
     def _after_step(self, write: Callable[[list[Thing]], None], chosen: list[Thing], filters: Any) -> Future[None]:
         """Let ``write`` answer after the present step, with those bodies of ``chosen`` that are within the bounds."""
-        session = self._node.configured()
+        session = self._node.require_session()
 
         def look() -> None:
             near = chosen
@@ -252,11 +252,11 @@ class EntityQueries:
         return session.stepper.post(look)
 
     def _get_state(self, request: Any, response: Any) -> Future[None]:
-        session, thing = self._node.configured(), self._entities.find(request.entity)
+        session, thing = self._node.require_session(), self._entities.find(request.entity)
         return session.stepper.post(lambda: _write_state(response.state, session, thing))
 
     def _set_state(self, request: Any, response: Any) -> Future[None] | None:
-        session, thing = self._node.configured(), self._entities.find(request.entity)
+        session, thing = self._node.require_session(), self._entities.find(request.entity)
         twist = request.state.twist
         values = [getattr(part, axis) for part in (twist.linear, twist.angular) for axis in "xyz"]
         if getattr(request, "set_twist", any(values)) and any(values):
@@ -280,7 +280,7 @@ class EntityQueries:
         response.info.description, response.info.tags = thing.description, list(thing.tags)
 
     def _get_bounds(self, request: Any, response: Any) -> Future[None]:
-        session, thing = self._node.configured(), self._entities.find(request.entity)
+        session, thing = self._node.require_session(), self._entities.find(request.entity)
         response.bounds.type = BOX
 
         def look() -> None:
@@ -292,7 +292,7 @@ class EntityQueries:
     def _get_poses(self, request: Any, response: Any) -> None:
         import simulation_interfaces.msg
 
-        for name, kind, place in named_poses(self._node.configured().scene):
+        for name, kind, place in list_poses(self._node.require_session().scene):
             if not has_tags((kind,), request.tags):
                 continue
             message = simulation_interfaces.msg.NamedPose(name=name, tags=[kind])

@@ -26,7 +26,7 @@ from gdfe_ros.node.interface import ServiceSpec
 from gdfe_ros.node.middleware.managed import ManagedNode
 from gdfe_ros.node.parameters import NodeParameters
 from gdfe_ros.node.refusals import Refused, ResultCode
-from gdfe_ros.node.session import SimulationSession
+from gdfe_ros.node.simulation_session import SimulationSession
 from gdfe_ros.recording.step import Begin
 from gdfe_ros.scene.entity import LARGEST
 from gdfe_ros.scene.loader import load_scene, scene_from_text, scene_names
@@ -44,7 +44,7 @@ class SessionNode(ManagedNode):
 
     session: SimulationSession | None = None
 
-    def configured(self) -> SimulationSession:
+    def require_session(self) -> SimulationSession:
         """Return the session.
 
         Raises:
@@ -61,7 +61,7 @@ class SessionNode(ManagedNode):
         Raises:
             Refused: the node is not active.
         """
-        session = self.configured()
+        session = self.require_session()
         if not session.stepper.running:
             raise Refused(ResultCode.INCORRECT_STATE, "the node is not active; call the transition `activate` first")
         return session
@@ -93,12 +93,12 @@ class Services:
         node.offer({spec: lambda request, _, action=action: action(request) for spec, action in actions.items()})
 
     def _reset(self, request: Trigger.Request) -> Future[str]:
-        session = self._node.configured()
+        session = self._node.require_session()
         session.interrupt("~/reset ended it")
         return session.stepper.post(session.reset, urgent=True)
 
     def _post(self, reset: Callable[[SimulationSession], str]) -> Future[str]:
-        session = self._node.configured()
+        session = self._node.require_session()
         return session.stepper.post(partial(reset, session))
 
     def _reset_shape(self, request: Trigger.Request) -> Future[str]:
@@ -111,7 +111,7 @@ class Services:
 
     def _reset_part(self, spec: ServiceSpec, reset: Callable[[Simulation], None], why: str, done: str) -> Future[str]:
         """Reset a part between two steps, as soon as possible; the answer is the text ``done`` and the time."""
-        session = self._node.configured()
+        session = self._node.require_session()
         session.interrupt(f"{spec.name} ended it")
 
         def reset_now() -> str:
@@ -138,7 +138,7 @@ class Services:
         return session.stepper.post(lambda: session.record(request.data), "beginning or finishing a bag")
 
     def _save_state(self, request: Trigger.Request) -> Future[str]:
-        session, path = self._node.configured(), self._state_path()
+        session, path = self._node.require_session(), self._state_path()
 
         def save() -> str:
             data = save_state(session.simulation)
@@ -151,7 +151,7 @@ class Services:
         return session.stepper.post(save, "saving the state")
 
     def _load_state(self, request: Trigger.Request) -> Future[str]:
-        session, path = self._node.configured(), self._state_path()
+        session, path = self._node.require_session(), self._state_path()
         session.interrupt("~/load_state ended it")
 
         def load() -> str:

@@ -24,15 +24,15 @@ from gdfe_ros.node.messages import header
 from gdfe_ros.node.middleware.ros_types import (
     LARGEST,
     available,
-    bounded_action,
-    installed,
+    bound_action,
     interface_class,
+    is_installed,
     unread_size,
 )
 from gdfe_ros.node.refusals import Reason, Refusal, Refused, ResultCode, fail, succeed
 from gdfe_ros.node.requests.entities import Entities
 from gdfe_ros.node.requests.services import SessionNode, Worlds
-from gdfe_ros.node.session import SimulationSession
+from gdfe_ros.node.simulation_session import SimulationSession
 
 
 class _State(IntEnum):
@@ -92,7 +92,7 @@ class StandardServices:
     def __init__(self, node: SessionNode, entities: Entities, worlds: Worlds, quit: threading.Event | None) -> None:
         self._node, self._entities, self._worlds, self._quit = node, entities, worlds, quit
         self._at_start = False
-        if not installed(interface.STEP_SIMULATION.type):
+        if not is_installed(interface.STEP_SIMULATION.type):
             return
         offered = {
             interface.GET_FEATURES: self._features,
@@ -157,7 +157,7 @@ class StandardServices:
             raise Refused(ResultCode.INCORRECT_STATE, str(error)) from error
 
     def _reset(self, request: Any, response: Any) -> Future[Any] | None:
-        session, scope = self._node.configured(), request.scope or _ALL
+        session, scope = self._node.require_session(), request.scope or _ALL
         if scope != _ALL and scope & ~(_TIME | _STATE | _SPAWNED):
             raise Refused(ResultCode.UNSUPPORTED, f"scope {scope} has unknown bits; allowed: 1, 2, 4")
         whole = scope & (_TIME | _STATE)
@@ -239,7 +239,7 @@ class TrajectoryAction:
 
     def __init__(self, node: SessionNode) -> None:
         self._node = node
-        if not installed(FOLLOW_TRAJECTORY.type):
+        if not is_installed(FOLLOW_TRAJECTORY.type):
             return
         from rclpy.action import ActionServer, CancelResponse, GoalResponse
 
@@ -264,7 +264,7 @@ class TrajectoryAction:
             handle_accepted_callback=self._accept,
             cancel_callback=lambda goal: self._cancel(goal) or CancelResponse.ACCEPT,
         )
-        self._action._action_type = bounded_action(self._kind, node.get_logger().warning)
+        self._action._action_type = bound_action(self._kind, node.get_logger().warning)
 
     def _too_large(self) -> bool:
         """Return whether the goal that has come was too large to be read, and log that."""

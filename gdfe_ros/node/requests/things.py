@@ -73,7 +73,7 @@ class Thing:
         """Return the present placement of its frame; a soft body's is the rigid motion that fits its vertices best."""
         positions = simulation.state.positions + simulation.origin
         if self.rigid is not None:
-            origin, axes = self.rigid.found(positions)
+            origin, axes = self.rigid.find_frame(positions)
             return Placement(origin, Rotation.from_matrix(axes)) @ self.inner.inverse()
         origin, axes = fit_rigidly(self.part.mesh.vertices, positions[self.vertices])
         return Placement(origin, Rotation.from_matrix(axes))
@@ -101,7 +101,7 @@ class Thing:
         points = positions[self.vertices]
         if self.rigid is not None:
             corners = np.array(list(product((-1.0, 1.0), repeat=3))) * self.rigid.form.half
-            origin, axes = self.rigid.found(positions)
+            origin, axes = self.rigid.find_frame(positions)
             points = origin + corners @ axes.T
         seen = frame.turn.inv().apply(points - frame.origin)
         return np.stack([seen.min(axis=0), seen.max(axis=0)])
@@ -275,7 +275,7 @@ _ALL = 1
 """Mode of a filter that needs all tags."""
 
 
-def named_poses(scene: Scene) -> Iterator[tuple[str, str, Placement]]:
+def list_poses(scene: Scene) -> Iterator[tuple[str, str, Placement]]:
     """Yield name, kind (``handle``, ``obstacle`` or ``probe``) and initial placement in the node's frame."""
     for each in scene.handles:
         if isinstance(each, Obstacle) and not isinstance(each, RigidBody):

@@ -32,12 +32,12 @@ from gdfe_ros.constraints.rigid_body import RigidBody, rigid_among
 from gdfe_ros.errors import MeshError
 from gdfe_ros.materials import Material, cell_densities, lacks_density
 from gdfe_ros.mesh import HexMesh, select_cells, select_faces, select_vertices
-from gdfe_ros.mesh.cells.faces import turned
+from gdfe_ros.mesh.cells.faces import reverse
 from gdfe_ros.mesh.selection import select_skin
+from gdfe_ros.scene.base_entry import Entry
 from gdfe_ros.scene.building.builder import select
 from gdfe_ros.scene.building.chambers import build_chamber, on_skin
 from gdfe_ros.scene.building.simulated_mesh import require_part
-from gdfe_ros.scene.entry import Entry
 from gdfe_ros.scene.report import NO_VALUE, Defects, Unfit, require_known
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.scene.schemas.actuator_schema import (
@@ -239,7 +239,7 @@ def _pressure(name: str, value: PressureLoadModel, mesh: HexMesh) -> PressureLoa
         text = "faces of cut cells lie beside the surface; remedy: a `chamber` on the skin, or cells: whole"
         raise Unfit("where", text, value=NO_VALUE)
     faces = select(select_faces, mesh, value.where, "boundary face")
-    return PressureLoad(name=name, quads=turned(faces), pressure=value.pressure)
+    return PressureLoad(name=name, quads=reverse(faces), pressure=value.pressure)
 
 
 def _embed(mesh: HexMesh, part: str | None, points: object, key: str = "", *, reach: float = SLACK) -> Embedding:

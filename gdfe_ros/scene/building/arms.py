@@ -14,8 +14,8 @@ from scipy.spatial.transform import Rotation
 from gdfe_ros.arms.arm import Arm
 from gdfe_ros.arms.description import Description, Joint
 from gdfe_ros.arms.dynamics import LinkDynamics, LinkFrame
-from gdfe_ros.arms.limits import JointSprings
-from gdfe_ros.arms.meshes import find_mesh, read_surface, renamed_package
+from gdfe_ros.arms.joint_limits import JointSprings
+from gdfe_ros.arms.meshes import find_mesh, read_surface, remark_on_package
 from gdfe_ros.arms.shapes import begins_inside, touching_links, visuals
 from gdfe_ros.arms.urdf import parse_urdf
 from gdfe_ros.constraints import Handle
@@ -167,7 +167,7 @@ class _Builder:
                 if model.urdf is not None:
                     path = find_mesh(uri, folder=model.urdf.parent, packages=model.packages)
                     self._surfaces[uri] = read_surface(uri, path)
-                    remarks += renamed_package(uri, path, packages=model.packages)
+                    remarks += remark_on_package(uri, path, packages=model.packages)
                 elif uri not in self._surfaces:
                     raise ArmError(uri, ["it is not in the recorded scene"])
             except ArmError as error:

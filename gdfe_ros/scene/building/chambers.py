@@ -15,7 +15,7 @@ from gdfe_ros.constraints import Handle
 from gdfe_ros.errors import show_point
 from gdfe_ros.mesh import HexMesh, select_faces
 from gdfe_ros.mesh.cavities import Cavity, close_on, find_cavities, inside_volume, skin_cavities
-from gdfe_ros.mesh.cells.faces import turned
+from gdfe_ros.mesh.cells.faces import reverse
 from gdfe_ros.mesh.outside import Outside
 from gdfe_ros.mesh.quality import list_ids
 from gdfe_ros.scene.building.builder import select
@@ -34,16 +34,16 @@ def build_chamber(value: ChamberModel, mesh: HexMesh, handles: Sequence[Handle],
     part = None if value.mesh is None else mesh.parts[value.mesh]
     within, first = (mesh, 0) if part is None else (part.mesh, part.first_vertex)
     if within.filling is not None:
-        return _lined_chamber(value, within, first, common)
+        return _make_skin_chamber(value, within, first, common)
     if value.where is not None:
-        return _named_chamber(mesh, turned(select(select_faces, mesh, value.where, "boundary face")), handles, common)
+        return _make_chamber(mesh, reverse(select(select_faces, mesh, value.where, "boundary face")), handles, common)
     body = "the body" if part is None else f"mesh {value.mesh!r}"
     lack = f"{body} has no closed cavity; remedy: name its faces by `where`; `gdfe inspect` shows leaks"
     cavity = _choose(value, find_cavities(within), body, lack)
     return Chamber(quads=cavity.quads + np.int32(first), **common)
 
 
-def _lined_chamber(value: ChamberModel, mesh: HexMesh, first: int, common: dict) -> Chamber:
+def _make_skin_chamber(value: ChamberModel, mesh: HexMesh, first: int, common: dict) -> Chamber:
     """Return a chamber whose pressure acts on the skin, because the faces of cut cells are not on the surface."""
     if value.where is not None:
         text = "it would name faces of cut cells, which lie beside the surface; remedy: cavity, near, or cells: whole"
@@ -88,7 +88,7 @@ def _closes(handle: Handle) -> bool:
     return handle.section == Handle.section and (handle.slide is None or len(handle.free) == 2)
 
 
-def _named_chamber(mesh: HexMesh, quads: NDArray[np.int32], handles: Sequence[Handle], common: dict) -> Chamber:
+def _make_chamber(mesh: HexMesh, quads: NDArray[np.int32], handles: Sequence[Handle], common: dict) -> Chamber:
     """Return the chamber of given faces; edges of which all ends lie on one handle, or on fixed ones, are closed."""
     holder = np.full(len(mesh.vertices), -1, dtype=np.int32)
     for number, handle in enumerate(filter(_closes, handles)):

@@ -20,7 +20,7 @@ from gdfe_ros.mesh.files.stored_mesh import keep, key_of, mesh_arrays, mesh_of, 
 from gdfe_ros.mesh.mesh import MeshPart
 from gdfe_ros.mesh.outside import Outside
 from gdfe_ros.mesh.overlap import find_overlap
-from gdfe_ros.mesh.tetmesh import divided
+from gdfe_ros.mesh.tetmesh import divide
 from gdfe_ros.mesh.touching import Touching
 from gdfe_ros.scene.document import Carried, KeyPath, without
 from gdfe_ros.scene.report import Defects, Unfit, require_known
@@ -138,7 +138,7 @@ def of_tetrahedra(path: KeyPath, part: MeshPart, report: Defects) -> MeshPart:
             "remedy: tets: {surface: ..., size: ...} for this mesh"
         )
         report.refuse(path, text)
-    return replace(part, mesh=divided(mesh))
+    return replace(part, mesh=divide(mesh))
 
 
 def _body(
@@ -187,7 +187,7 @@ def require_apart(
 
     ``among``: only pairs whose second mesh is one of these are examined; None: all pairs.
     """
-    placed = {name: part.placed() for name, part in parts.items()}
+    placed = {name: part.place() for name, part in parts.items()}
     for first, second in combinations(placed, 2):
         if among is not None and second not in among:
             continue

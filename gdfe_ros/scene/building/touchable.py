@@ -39,7 +39,7 @@ def build_bodies(draft: Draft, mesh: HexMesh | None, carried: Carried, report: D
     """Return the valid rigid bodies; their vertices follow those of the mesh."""
     first = mesh.n_vertices if mesh is not None else 0
     made = enumerate(_make(draft.bodies, "bodies", mesh, carried, report))
-    return tuple(body.numbered(first + 4 * place) for place, body in made)
+    return tuple(body.renumber(first + 4 * place) for place, body in made)
 
 
 def _make(

@@ -11,7 +11,7 @@ from pydantic import Discriminator, Field, Tag, model_validator
 from gdfe_ros.actuators import Mode
 from gdfe_ros.mesh.selection import Where
 from gdfe_ros.quantity import Quantity, Vector
-from gdfe_ros.scene.entry import TAG, Choice, Entry, one_of
+from gdfe_ros.scene.base_entry import TAG, Choice, Entry, one_of
 
 _RANGE = Quantity("range [low, high] of the command", count=2, ascending=True, infinite=True)
 _RATE = Quantity("largest change of the command per second, in the command's unit", above=0.0, most=1e15)

@@ -8,7 +8,7 @@ from typing import Annotated
 from pydantic import Field
 
 from gdfe_ros.quantity import Quantity, RotationQuantity, Vector
-from gdfe_ros.scene.entry import Entry, one_of
+from gdfe_ros.scene.base_entry import Entry, one_of
 from gdfe_ros.scene.schemas.paths import FilePath
 
 _AT = Quantity("position of the origin of the root link [x, y, z]", "m", least=-1e3, most=1e3, count=3)

@@ -13,7 +13,7 @@ from gdfe_ros.mesh import HexMesh
 from gdfe_ros.mesh.generators import bar, cut, finger, grid, ring, sphere, tube
 from gdfe_ros.mesh.selection import Where
 from gdfe_ros.quantity import ANY, Quantity, Vector
-from gdfe_ros.scene.entry import Entry
+from gdfe_ros.scene.base_entry import Entry
 
 #: Limit of the number of cells; more cells need tens of gigabytes of memory and are probably a mistake.
 MOST_CELLS = 5_000_000

@@ -221,7 +221,7 @@ def read_stress_table(path: Path) -> StressTable:
 
 
 def _parse(text: str) -> StressTable:
-    rows = _numbered_rows(text)
+    rows = _number_rows(text)
     places = [place for place in range(len(rows)) if _columns_at(rows, place) is not None]
     if not places:
         titles = [cell.lower() for cell in rows[0][1]]
@@ -234,7 +234,7 @@ def _parse(text: str) -> StressTable:
     return _table(points, remarks)
 
 
-def _numbered_rows(text: str) -> list[tuple[int, list[str]]]:
+def _number_rows(text: str) -> list[tuple[int, list[str]]]:
     """Return the number and the cells of each line that is neither empty nor a comment."""
     numbered = [(i, line) for i, line in enumerate(text.splitlines(), 1) if line.strip() and line[0] != "#"]
     if not numbered:

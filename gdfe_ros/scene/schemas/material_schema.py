@@ -37,10 +37,10 @@ from gdfe_ros.materials import (
     preset,
 )
 from gdfe_ros.materials.material import Density, Omega
-from gdfe_ros.materials.published import PUBLISHED, published
+from gdfe_ros.materials.published import PUBLISHED, make_published
 from gdfe_ros.mesh.selection import Where
 from gdfe_ros.quantity import ANY, Quantity, Vector
-from gdfe_ros.scene.entry import TAG, Entry, belongs
+from gdfe_ros.scene.base_entry import TAG, Entry, belongs
 from gdfe_ros.scene.schemas.machine_table import StressTable, read_stress_table
 from gdfe_ros.scene.schemas.paths import resolve_path
 
@@ -182,7 +182,7 @@ class PublishedModel(Entry):
     def build(self) -> Material:
         """Return the material."""
         given = dict(self)
-        return published(given.pop("published"), **given)
+        return make_published(given.pop("published"), **given)
 
 
 def _tag(value: Any) -> str | None:

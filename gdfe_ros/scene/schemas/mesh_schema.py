@@ -16,7 +16,7 @@ from gdfe_ros.mesh import HexMesh, Mesh, TetMesh
 from gdfe_ros.mesh.assembly import mirror
 from gdfe_ros.mesh.contact_skin import touch_by_skin
 from gdfe_ros.mesh.files.importer import read_mesh
-from gdfe_ros.mesh.files.mesher_process import expected_cells
+from gdfe_ros.mesh.files.mesher_process import estimate_cells
 from gdfe_ros.mesh.files.stored_mesh import pack_surface, unpack_mesh, unpack_surface
 from gdfe_ros.mesh.mesh import MeshPart
 from gdfe_ros.mesh.meshing.tetrahedralise import from_step, from_surface, step_volume
@@ -25,7 +25,7 @@ from gdfe_ros.mesh.outside import carry_skin
 from gdfe_ros.mesh.surfaces.shells import shells
 from gdfe_ros.mesh.surfaces.surface_edges import is_closed
 from gdfe_ros.quantity import Quantity, RotationQuantity, Vector
-from gdfe_ros.scene.entry import Choice, Entry, belongs
+from gdfe_ros.scene.base_entry import Choice, Entry, belongs
 from gdfe_ros.scene.schemas.generator_schema import (
     BarModel,
     FingerModel,
@@ -142,7 +142,7 @@ class TetsModel(Choice):
     def count(self) -> float:
         """Approximate number of cells; raise `MeshError` if the file cannot be read."""
         volume = _volume(self.surface, self.scale) if self.step is None else step_volume(self.step)
-        return expected_cells(volume, self.size)
+        return estimate_cells(volume, self.size)
 
     def build(self) -> TetMesh:
         """Return the mesh."""

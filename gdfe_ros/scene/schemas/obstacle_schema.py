@@ -19,7 +19,7 @@ from gdfe_ros.mesh.selection import Where
 from gdfe_ros.mesh.surfaces.shells import inertia_of
 from gdfe_ros.mesh.surfaces.solid import make_solid, require_outward
 from gdfe_ros.quantity import Quantity, RotationQuantity, Vector
-from gdfe_ros.scene.entry import Choice, Entry, belongs, one_of
+from gdfe_ros.scene.base_entry import Choice, Entry, belongs, one_of
 from gdfe_ros.scene.schemas.mesh_schema import SurfaceModel
 
 _NORMAL = Quantity(

@@ -11,7 +11,7 @@ from pydantic import Field, StringConstraints, WrapValidator, model_validator
 
 from gdfe_ros.constraints import Axis
 from gdfe_ros.mesh.selection import Where
-from gdfe_ros.scene.entry import Entry, one_of
+from gdfe_ros.scene.base_entry import Entry, one_of
 from gdfe_ros.scene.program import Program
 from gdfe_ros.scene.schemas.actuator_schema import ActuatorModel, LoadModel, MassModel, Place
 from gdfe_ros.scene.schemas.arm_schema import ArmModel

@@ -17,8 +17,8 @@ from gdfe_ros.solver.contact.complementarity import HALF, row_product, solve_law
 from gdfe_ros.solver.contact.compliance import differentiate, find_compliance, project
 from gdfe_ros.solver.contact.contact_term import MARGIN
 from gdfe_ros.solver.contact.stencil import add_load, find_stencils, turn_shear
+from gdfe_ros.solver.descent.lbfgs_workspace import inner
 from gdfe_ros.solver.descent.loop import ENDLESS, MOST_FLAT, choose, move
-from gdfe_ros.solver.descent.workspace import inner
 from gdfe_ros.solver.matrix.unknowns import add_rows, gather_rigid_rows
 from gdfe_ros.solver.outcome import Outcome
 

@@ -18,8 +18,8 @@ from gdfe_ros.compiled import internal, kernel
 from gdfe_ros.mesh.triples import along
 from gdfe_ros.solver.contact.field import PointField
 from gdfe_ros.solver.contact.kept_columns import ConstantColumns, HalvedColumns, KeptColumns
+from gdfe_ros.solver.descent.lbfgs_workspace import MEMORY, Problem, Workspace, inner, numbers
 from gdfe_ros.solver.descent.loop import Metric, apply_initial
-from gdfe_ros.solver.descent.workspace import MEMORY, Problem, Workspace, inner, numbers
 from gdfe_ros.solver.matrix.rotation import left_jacobian_transposed
 from gdfe_ros.solver.matrix.unknowns import rigid_part
 

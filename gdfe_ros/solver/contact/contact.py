@@ -13,10 +13,10 @@ from gdfe_ros.constraints.distances import ORIGIN, form_numbers, measure
 from gdfe_ros.constraints.obstacle import ContactPoints, Obstacle
 from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.contact.contact_surface import TURNED, CarriedPoints, ContactSurface
 from gdfe_ros.solver.contact.contact_term import FAINT, ContactTerm
 from gdfe_ros.solver.contact.gap import find_close
 from gdfe_ros.solver.contact.stencil import NO_FACES, NOTHING_NEAR, Stencils, Surfaces, sum_wrench, take_frames
-from gdfe_ros.solver.contact.surface import TURNED, CarriedPoints, ContactSurface
 from gdfe_ros.solver.contact.touch import NOTHING, Touch
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.state import Saved, State
@@ -126,13 +126,13 @@ class Contact(ContactTerm):
 
     def room(self, positions: NDArray[np.float64]) -> float:
         """Return how far [m] vertices may move from ``positions`` (n, 3) [m] before other points may be near."""
-        room = max(self._clear, 0.5 * REACH * self._body.size) - self._moved(positions)
+        room = max(self._clear, 0.5 * REACH * self._body.size) - self._bound_motion(positions)
         return room / (self._points.reach + TURNED * isinstance(self._touched, RigidBody))
 
     def follow(self, positions: NDArray[np.float64], ahead: float) -> None:
         """Choose the points again at ``positions`` (n, 3) [m]; those that stay keep their forces."""
         press, shear = self._free["press"].copy(), self._free["shear"].copy()
-        press[self._chosen], shear[self._chosen] = self.stencils.held[:, 0], self.stored(self.stencils.shears)
+        press[self._chosen], shear[self._chosen] = self.stencils.held[:, 0], self.to_stored_axes(self.stencils.shears)
         if self._bounces:  # this force is what keeps a ball from entering
             self._entered[self._chosen] = np.where(self.stencils.held[:, :1] > 0.0, self.stencils.planes, 0.0)
         self._choose({**self._saved, "press": press, "shear": shear}, positions)
@@ -154,7 +154,7 @@ class Contact(ContactTerm):
             stencils.ends[:, own : own + 4] = self._touched.vertices
         stencils.areas[...] = self._points.areas[chosen] if len(self.faces[0]) else 0.0
 
-    def stored(self, vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+    def to_stored_axes(self, vectors: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return vectors (k, 3) in the obstacle's axes."""
         return vectors @ self._axes
 
@@ -164,7 +164,7 @@ class Contact(ContactTerm):
         Points that slip store none: in the next step, their anchors are their positions at its start.
         """
         sticks = kept["slips"][self._chosen] == 0.0
-        kept["anchor"][self._chosen[sticks]] = self._kept()[sticks]
+        kept["anchor"][self._chosen[sticks]] = self._pack_anchors()[sticks]
 
     def resume(self, commands: Mapping[str, float], saved: Saved, found: Saved, positions: NDArray[np.float64]) -> None:
         """Prepare the linearisation of a solve: choose the points in contact at its end, with their contact forces."""
@@ -197,7 +197,7 @@ class Contact(ContactTerm):
             forces = pushes + saved["rub"][self._chosen] @ self._axes.T
         return sum_wrench(positions, self.stencils, self._points.carriers.shape[1], self._origin, forces)
 
-    def led(self, positions: NDArray[np.float64], before: State) -> NDArray[np.float64]:
+    def find_led_motion(self, positions: NDArray[np.float64], before: State) -> NDArray[np.float64]:
         """Return the obstacle's displacement (k, 3) [m] at the chosen points since the state ``before``.
 
         The displacement of a touched rigid body is that of its vertices.
@@ -261,7 +261,7 @@ class Contact(ContactTerm):
         """Write the obstacle's present frame to the numbers of the term."""
         self.shape.frames[0] = self._others[...] = self._frame(positions, self._pose)
 
-    def _moved(self, positions: NDArray[np.float64]) -> float:
+    def _bound_motion(self, positions: NDArray[np.float64]) -> float:
         """Return an upper bound of the displacement [m] of any point since the distances were computed."""
         if not isinstance(self._touched, RigidBody):
             return self._points.reach * largest_distance(positions, self._seen)
@@ -326,6 +326,6 @@ class Contact(ContactTerm):
         self._anchors[:, :3] = np.where(np.isnan(anchors), self._began[self._chosen], anchors)
         self._anchors[:, 3:] = self._points.weights[self._chosen]
 
-    def _kept(self) -> NDArray[np.float64]:
+    def _pack_anchors(self) -> NDArray[np.float64]:
         """Return the anchors (k, 3) [m] that the state stores for the chosen points."""
         return self._anchors[:, :3]

@@ -22,8 +22,8 @@ from gdfe_ros.solver.contact.compliance import Compliance, project, pull
 from gdfe_ros.solver.contact.contact_term import FAINT, ROUNDING
 from gdfe_ros.solver.contact.field import HeldLoads, PointField
 from gdfe_ros.solver.contact.stencil import PLANES
+from gdfe_ros.solver.descent.lbfgs_workspace import Problem, Workspace, numbers
 from gdfe_ros.solver.descent.loop import Metric
-from gdfe_ros.solver.descent.workspace import Problem, Workspace, numbers
 from gdfe_ros.solver.matrix.unknowns import Unknowns
 
 Product = Callable[[NDArray[np.float64]], NDArray[np.float64]]

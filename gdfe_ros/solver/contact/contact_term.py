@@ -142,7 +142,7 @@ class ContactTerm(Term):
         """Return how far [m] vertices may move from ``positions`` (n, 3) [m] before `follow` has to choose points."""
         return 0.0
 
-    def led(self, positions: NDArray[np.float64], before: State) -> NDArray[np.float64]:
+    def find_led_motion(self, positions: NDArray[np.float64], before: State) -> NDArray[np.float64]:
         """Return the displacement (k, 3) [m] of what commanded poses move, at the near points, since ``before``."""
         return np.zeros((self.count, 3))
 
@@ -157,12 +157,12 @@ class ContactTerm(Term):
         slips = ~(press > 0.0)
         slips |= np.linalg.norm(shear, axis=1) >= (1.0 - ROUNDING) * self.friction * press
         kept = {name: array.copy() for name, array in self._free.items()}
-        kept["press"][chosen], kept["slips"][chosen], kept["shear"][chosen] = press, slips, self.stored(shear)
+        kept["press"][chosen], kept["slips"][chosen], kept["shear"][chosen] = press, slips, self.to_stored_axes(shear)
         self.keep_places(kept)
         return self.add_mean_forces(saved, kept, press * np.linalg.norm(self.stencils.axes[:, 0], axis=1), -shear)
 
     @abstractmethod
-    def stored(self, vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+    def to_stored_axes(self, vectors: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return vectors (k, 3) of the near points in the axes of the stored state."""
 
     @abstractmethod
@@ -178,7 +178,7 @@ class ContactTerm(Term):
         """
         slips = kept["slips"][self._chosen] > 0.0
         push, rub = self._free["push"].copy(), self._free["rub"].copy()
-        push[self._chosen], rub[self._chosen] = pushes, self.stored(shears)
+        push[self._chosen], rub[self._chosen] = pushes, self.to_stored_axes(shears)
         lost = saved["lost"] - np.einsum("ki,ki->", shears[slips], self.stencils.slips[slips])
         return {**kept, "push": push, "rub": rub, "lost": lost}
 

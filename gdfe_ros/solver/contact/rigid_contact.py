@@ -12,7 +12,7 @@ from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact.contact import Contact
-from gdfe_ros.solver.contact.surface import CarriedPoints
+from gdfe_ros.solver.contact.contact_surface import CarriedPoints
 from gdfe_ros.solver.state import Saved
 
 AT_EDGE, BESIDE, SMOOTH = 1e-3, 1e-5, 0.1
@@ -118,11 +118,11 @@ class RoundContact(RigidContact):
         normals = measure(centres, frame, self._form, self._touched.form.kind)[1]
         normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), np.finfo(float).tiny)
         arms, slid = -self._radius * normals, saved["anchor"][chosen]
-        own = arms @ self._rigid.found(before)[1] @ self._rigid.signs.T
+        own = arms @ self._rigid.find_frame(before)[1] @ self._rigid.signs.T
         self._anchors[:, 3:] = self._points.weights[chosen] + own
         began = (centres + arms - frame[ORIGIN:]) @ frame[:ORIGIN].reshape(3, 3)
         self._anchors[:, :3] = began - np.where(np.isnan(slid), 0.0, slid)
 
-    def _kept(self) -> NDArray[np.float64]:
+    def _pack_anchors(self) -> NDArray[np.float64]:
         """Return the slips (k, 3) [m] of the material points along the surface, in the obstacle's frame."""
-        return self.stored(self.stencils.slips)
+        return self.to_stored_axes(self.stencils.slips)

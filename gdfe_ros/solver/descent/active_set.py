@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from gdfe_ros.materials.material import Law
 from gdfe_ros.materials.table import CARRIED
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.descent.workspace import Workspace, allocate, numbers
+from gdfe_ros.solver.descent.lbfgs_workspace import Workspace, allocate, numbers
 from gdfe_ros.solver.elements.blocks import Blocks
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.matrix.unknowns import Unknowns

@@ -32,7 +32,7 @@ robots with contact end at other equilibria and are repeated.
 
 
 @inlined
-def stretched(x, end, shape, e):
+def decompose_motion(x, end, shape, e):
     """Return, for element ``e``, F (9,) at ``end`` (n, 3) [m], the columns of (I + S) F, and the rotation vector of W.
 
     W and S are the rotation and the strain from ``x`` to ``end``; they are zero if the element is inverted at ``x``.
@@ -59,7 +59,7 @@ def pull_to_arc(x, end, shape, weight, force):
     """
     most = 0.0
     for e in range(len(shape.cells)):
-        g, (p, q, s), turn = stretched(x, end, shape, e)
+        g, (p, q, s), turn = decompose_motion(x, end, shape, e)
         most = max(most, turn[0] * turn[0] + turn[1] * turn[1] + turn[2] * turn[2])
         r, scale = rotation_matrix(turn), weight[e] * shape.volume[e]
         # The columns of exp(W) (I + S) F

@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 
 from gdfe_ros.compiled import internal, kernel
 from gdfe_ros.solver.descent.arc import follow_arc
+from gdfe_ros.solver.descent.lbfgs_workspace import begin_recursion, end_recursion, inner, remember
 from gdfe_ros.solver.descent.search import advance
-from gdfe_ros.solver.descent.workspace import begin_recursion, end_recursion, inner, remember
 from gdfe_ros.solver.matrix.constant_matrix import Coupling, apply_inverse
 from gdfe_ros.solver.matrix.rotation import vertex_rotations
 from gdfe_ros.solver.matrix.substitution import Kept, solve_kept

@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 
 from gdfe_ros.compiled import internal, kernel, merged
-from gdfe_ros.solver.descent.workspace import inner
+from gdfe_ros.solver.descent.lbfgs_workspace import inner
 from gdfe_ros.solver.elements.response import evaluate, look
 from gdfe_ros.solver.matrix.unknowns import add_rows, gather_in_threads, gather_rigid_rows, gather_rows, place
 from gdfe_ros.solver.outcome import Outcome
@@ -103,7 +103,7 @@ def search(problem, work, first):
                 status.plateau = 0
             status.energy = found
             break
-        length = shortened(found, energy, length, slope)
+        length = shorten(found, energy, length, slope)
         if cut == MAX_CUTS - 1 or status.blocked > MOST_BLOCKED:
             length = 0.0
     status.absolute, problem.watch.room[0] = absolute_sum(work.energies), problem.watch.room[1]
@@ -127,7 +127,7 @@ def falls_enough(work, found, energy, length, flat):
 
 
 @internal
-def shortened(found, energy, length, slope):
+def shorten(found, energy, length, slope):
     """Return the next trial length: the minimum of a parabola, between a tenth and half of the last length."""
     curvature = found - energy - length * slope
     shorter = -0.5 * slope * length * length / curvature if math.isfinite(curvature) else 0.1 * length

@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 from gdfe_ros.compiled import INLINED
 from gdfe_ros.materials.table import MaterialTable, with_local_share
 from gdfe_ros.mesh.cells.faces import Faces, boundary_faces
-from gdfe_ros.mesh.cells.operators import ShapeOperators, grown_operators, shape_operators
-from gdfe_ros.mesh.cells.tet_operators import TetOperators, gradients, grown_tet_operators, tet_operators
+from gdfe_ros.mesh.cells.operators import ShapeOperators, grow_operators, shape_operators
+from gdfe_ros.mesh.cells.tet_operators import TetOperators, gradients, grow_tet_operators, tet_operators
 from gdfe_ros.mesh.cells.tetrahedra import EDGES, PARTS, tet_boundary
-from gdfe_ros.solver.elements import hexahedra, tetrahedra
+from gdfe_ros.solver.elements import hexahedra, quadratic_tetrahedra
 from gdfe_ros.solver.elements.blocks import Blocks, hex_geometry, make_blocks, tet_geometry
 
 
@@ -47,7 +47,7 @@ def _of(module) -> CellKernels:
     return CellKernels(*(getattr(module, name) for name in CellKernels._fields))
 
 
-KERNELS = {ShapeOperators: _of(hexahedra), TetOperators: _of(tetrahedra)}
+KERNELS = {ShapeOperators: _of(hexahedra), TetOperators: _of(quadratic_tetrahedra)}
 """The functions of each cell type, by the class of its operators."""
 
 
@@ -58,7 +58,7 @@ def _of_cell_type(name: str) -> Callable:
         return getattr(_kernels([type(each) for each in arguments]), name)(*arguments)
 
     @overload(call, jit_options=INLINED)
-    def _chosen(*arguments):
+    def _choose(*arguments):
         own = getattr(_kernels([getattr(kind, "instance_class", None) for kind in arguments]), name)
         return lambda *arguments: own(*arguments)
 
@@ -142,7 +142,7 @@ HEXAHEDRA = CellType(
     8,
     shape_operators,
     lambda table: table,
-    grown_operators,
+    grow_operators,
     hex_geometry,
     _hex_matrix,
     hexahedra.element_tangents,
@@ -155,10 +155,10 @@ TETRAHEDRA = CellType(
     10,
     lambda vertices, cells, filling=None: tet_operators(vertices, cells),
     with_local_share,
-    grown_tet_operators,
+    grow_tet_operators,
     tet_geometry,
     _tet_matrix,
-    tetrahedra.element_tangents,
+    quadratic_tetrahedra.element_tangents,
     False,
     tet_boundary,
     tuple((corner, middle) for middle, ends in enumerate(EDGES, start=4) for corner in ends),

@@ -14,7 +14,7 @@ import numpy as np
 from numpy import uint64
 
 from gdfe_ros.compiled import inlined, internal, kernel, vector_internal
-from gdfe_ros.materials.stress import corotated
+from gdfe_ros.materials.stress import corotated_stress
 from gdfe_ros.materials.table import LAME, PENALTY, POISSON, SHEAR, YOUNG
 from gdfe_ros.materials.tensor import cofactor, determinant
 from gdfe_ros.solver.elements.blocks import (
@@ -123,7 +123,7 @@ def hourglass_rows(b):
         coupling, (young, shear, poisson) = b[(GEOMETRY + COUPLING) * LANES + lane], load3(b, YOUNG_ROW, lane)
         energy, h, s = hourglass(f, q, axes, rates, coupling, volume * young, volume * shear, poisson)
         p = load9(b, STRESS, lane)
-        store9(b, STRESS, lane, corotated(p, p, 0.0, volume, 1.0, s))
+        store9(b, STRESS, lane, corotated_stress(p, p, 0.0, volume, 1.0, s))
         for mode in range(4):
             store3(b, FORCES + 3 * mode, lane, h[mode])
         b[ENERGY * LANES + lane] = volume * b[ENERGY * LANES + lane] + energy

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.compiled import inlined
-from gdfe_ros.materials.tensor import scaled, times
+from gdfe_ros.materials.tensor import scale_vector, times
 from gdfe_ros.mesh.triples import along, combine, dot
 
 OWN_SHEAR = (6.0 * 0.14057702, 0.37384848, 0.22901768, 0.15517115)
@@ -42,7 +42,7 @@ def hourglass(f, q, axes, rates, coupling, young, shear, poisson):
     """
     a0, a1, a2 = axes[:3], axes[3:6], axes[6:]
     (d0, l0), (d1, l1), (d2, l2) = edge_direction(f, a0), edge_direction(f, a1), edge_direction(f, a2)
-    w0, w1, w2 = scaled(rates, AMPLITUDE)
+    w0, w1, w2 = scale_vector(rates, AMPLITUDE)
     energy, t0, t1, t2 = mode_forces(q, d0, d1, d2, w0, w1, w2, coupling, young, shear, poisson)
     h = (
         combine(t0[0], d0, t1[0], d1, t2[0], d2),
@@ -96,14 +96,14 @@ def edge_direction(f, axis):
     """Return the current unit direction F d / |F d| of an edge and 1 / |F d|, kept finite."""
     d = times(f, axis)
     inverse = 1.0 / math.sqrt(dot(d, d) + LEAST_EDGE * LEAST_EDGE)
-    return scaled(d, inverse), inverse
+    return scale_vector(d, inverse), inverse
 
 
 @inlined
 def turning(t, q, d, inverse):
     """Return the part of dE / d(F d_i) that comes from the rotation of the unit direction ``d`` of F d_i."""
     m = along(1.0, combine(t[0], q[0], t[1], q[1], t[2], q[2]), t[3], q[3])
-    return scaled(along(1.0, m, -dot(m, d), d), inverse)
+    return scale_vector(along(1.0, m, -dot(m, d), d), inverse)
 
 
 def couplings(across: NDArray[np.int32]) -> NDArray[np.float64]:

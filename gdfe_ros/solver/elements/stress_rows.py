@@ -14,7 +14,7 @@ from gdfe_ros.compiled import inlined, internal
 from gdfe_ros.materials.material import Law
 from gdfe_ros.materials.stress import (
     CURVE_FACTOR,
-    corotated,
+    corotated_stress,
     curve_state,
     linear_factor,
     neo_hookean,
@@ -30,7 +30,7 @@ from gdfe_ros.materials.tensor import (
     off_diagonal,
     perpendicular,
     rotation_from_stretch_sum,
-    scaled,
+    scale_vector,
     squared_norm,
     stretch_sum_step,
     times,
@@ -148,7 +148,7 @@ def deviator_rows(b):
         c = cofactor(f)
         r, margin = rotation_from_stretch_sum(f, c, first, s, b[DETERMINANT * LANES + lane])
         lam = s / 3.0
-        deviator = corotated(f, r, lam, 1.0, 0.0, c)
+        deviator = corotated_stress(f, r, lam, 1.0, 0.0, c)
         exact, known = squared_norm(deviator), max(first - s * lam, 0.0)
         b[SIZE * LANES + lane] = exact if margin > UNIQUE else known
         store9(b, STRESS, lane, deviator)
@@ -163,7 +163,7 @@ def corotated_stress_rows(b):
         energy, slope = volumetric(j, b[PRESSURE * LANES + lane], b[PENALTY_ROW * LANES + lane])
         b[ENERGY * LANES + lane] = energy + b[STORED * LANES + lane]
         d = load9(b, STRESS, lane)
-        store9(b, STRESS, lane, corotated(d, d, 0.0, b[FACTOR * LANES + lane], slope, c))
+        store9(b, STRESS, lane, corotated_stress(d, d, 0.0, b[FACTOR * LANES + lane], slope, c))
 
 
 @inlined
@@ -188,15 +188,15 @@ def principal_rows(b):
             store9(b, LEFT, lane, v)
     for lane in range(LANES):
         a, v = load6(b, TENSOR, lane), load9(b, LEFT, lane)
-        e0, p, e1, q = ordered(a[0], (v[0], v[3], v[6]), a[3], (v[1], v[4], v[7]))
-        e1, q, _, _ = ordered(e1, q, a[5], (v[2], v[5], v[8]))
-        e0, p, e1, q = ordered(e0, p, e1, q)
+        e0, p, e1, q = sort_pair(a[0], (v[0], v[3], v[6]), a[3], (v[1], v[4], v[7]))
+        e1, q, _, _ = sort_pair(e1, q, a[5], (v[2], v[5], v[8]))
+        e0, p, e1, q = sort_pair(e0, p, e1, q)
         f, l0, l1 = load9(b, GRADIENT, lane), math.sqrt(max(e0, 0.0)), math.sqrt(max(e1, 0.0))
         b[STRETCHES * LANES + lane], b[(STRETCHES + 1) * LANES + lane] = l0, l1
         store3(b, LEFT, lane, p)
         store3(b, LEFT + 3, lane, q)
-        store3(b, RIGHT, lane, scaled(times(f, p), 1.0 / max(l0, 1e-150)))
-        store3(b, RIGHT + 3, lane, scaled(times(f, q), 1.0 / max(l1, 1e-150)))
+        store3(b, RIGHT, lane, scale_vector(times(f, p), 1.0 / max(l0, 1e-150)))
+        store3(b, RIGHT + 3, lane, scale_vector(times(f, q), 1.0 / max(l1, 1e-150)))
     for lane in range(LANES):
         if b[(STRETCHES + 1) * LANES + lane] <= 1e-9 * b[STRETCHES * LANES + lane]:
             store3(b, RIGHT + 3, lane, perpendicular(load3(b, RIGHT, lane)))
@@ -232,7 +232,7 @@ def stress_row(g, u, i, v, slope, c):
 
 
 @inlined
-def ordered(p, a, q, b):
+def sort_pair(p, a, q, b):
     """Return two eigenvalues with their eigenvectors, the larger one first; without a branch."""
     swap = p < q
     larger, smaller = q if swap else p, p if swap else q

@@ -27,7 +27,7 @@ from gdfe_ros.solver.minimise.level import TangentLevel
 from gdfe_ros.solver.minimise.minimiser import Minimiser, Observer
 from gdfe_ros.solver.settings import Skip
 from gdfe_ros.solver.solution import Increment, Solution
-from gdfe_ros.solver.state import State, Summary, changed
+from gdfe_ros.solver.state import State, Summary, replace_fields
 from gdfe_ros.threads import one_blas_thread
 
 
@@ -185,7 +185,7 @@ class EquilibriumSolver:
             return self._stability.judge(solve, found)
         if found.converged and self.minimiser.is_overdue(found.state.tangent):
             self.minimiser.renew(solve.task_at(found.state))
-            return changed(found, state=found.state.with_(tangent=self.minimiser.tangent))
+            return replace_fields(found, state=found.state.with_(tangent=self.minimiser.tangent))
         return found
 
     def accept(self, solution: Solution, previous: State) -> State:
@@ -202,7 +202,7 @@ class EquilibriumSolver:
         Solve.at(self.model, state).evaluate()
         return vertex_forces(self.body, vertices, work.force) + work.outside
 
-    def skipped(self) -> dict[str, int]:
+    def count_skipped(self) -> dict[str, int]:
         """Return a dict from kind of work to the count that each solve leaves out, as in `StepResult`."""
         counts = dict(self.whole.skipped)
         return counts if self.actuation.terms else {**counts, Skip.ACTUATORS.value: 1}

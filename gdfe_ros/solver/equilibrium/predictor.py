@@ -96,7 +96,7 @@ class Predictor:
             slides, turns = slides + ratio * last.slides, turns + ratio * last.turns
             start += ratio * last.move
         if self._handles.turn:
-            target = self._handles.placed(base, slides, turns)[held]
+            target = self._handles.apply_free_motion(base, slides, turns)[held]
             rest = np.where(self._turning[:, None], target - start[held], rest)
         if np.abs(rest).max(initial=0.0) > self.STILL * self._size:
             start[self._free] += self._extend(start, rest)

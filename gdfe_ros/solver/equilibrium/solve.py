@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.descent.active_set import ActiveSet
+from gdfe_ros.solver.descent.lbfgs_workspace import Problem, history, load_history
 from gdfe_ros.solver.descent.search import ROUNDING
-from gdfe_ros.solver.descent.workspace import Problem, history, load_history
 from gdfe_ros.solver.elements.barrier import tell_flat
 from gdfe_ros.solver.elements.measures import LEAST_SCALE, MOST_SCALE, update_hourglass_scales
 from gdfe_ros.solver.elements.response import Watch
@@ -125,11 +125,11 @@ class Solve:
 
     def evaluate(self) -> Task:
         """Set the unknowns to the start and evaluate all terms there; return the minimisation's task."""
-        task = self._placed()
+        task = self._set_start()
         task.evaluate()
         return task
 
-    def _placed(self) -> Task:
+    def _set_start(self) -> Task:
         """Set the unknowns to the start; return the minimisation's task."""
         active = self._active
         problem = Problem(
@@ -162,7 +162,7 @@ class Solve:
         """
         active, limit = self._active, self.problem.limit - spent
         self._begin_minimiser()
-        task = self._placed()
+        task = self._set_start()
         updates = bool(len(active.carried) or len(active.softening) or self._actuation.updates)
         self._present, self._finest = self._first_tolerance(updates=updates), self.aim
         self._settled, self._exact, self.iterations, self._cut = not updates, 0, 0, False
@@ -171,7 +171,7 @@ class Solve:
             aim, left = self.aim if confirms else self._present, limit - self.iterations
             went = self._minimiser.descend(task, tolerance=aim, limit=left, proven=confirms)
             self.iterations, self._cut = self.iterations + went, active.ended is Outcome.CUT
-            if not updates or self._failed():
+            if not updates or self._has_failed():
                 break
             if self._balance(aim <= self._present <= self.aim, still=went == 0) or self._actuation.wanders:
                 break
@@ -193,7 +193,7 @@ class Solve:
         if self._resumed is not None and not self.iterations:
             load_history(self._active.workspace, self._resumed.steps, self._resumed.changes)
 
-    def _failed(self) -> bool:
+    def _has_failed(self) -> bool:
         """Return whether the last minimisation was cut, ran away or was given up, so that updates are useless."""
         ended = self._active.ended
         if ended in (Outcome.STALLED, Outcome.EXHAUSTED):
@@ -271,7 +271,7 @@ class Solve:
                 operators=self._operators,
                 balance=self._actuation.balance(positions, problem.commands) if energetic else None,
                 tangent=self._minimiser.keep_tangent(),
-                unfinished=self._unfinished() if self._cut and not converged else None,
+                unfinished=self._keep_unfinished() if self._cut and not converged else None,
                 summary=summary,
             ),
             iterations=self.iterations,
@@ -334,7 +334,7 @@ class Solve:
             where=self._minimiser.contact_forces.tell_worst() if outcome is Outcome.PUSHED else "",
         )
 
-    def _unfinished(self) -> Unfinished:
+    def _keep_unfinished(self) -> Unfinished:
         done = self._resumed.iterations if self._resumed else 0
         steps, changes = history(self._active.workspace)
         return Unfinished(tolerance=self._present, iterations=done + self.iterations, steps=steps, changes=changes)

@@ -22,7 +22,7 @@ from gdfe_ros.solver.minimise.curvature import Lanczos, Lowest, TangentProducts
 from gdfe_ros.solver.minimise.minimiser import Minimiser, Task
 from gdfe_ros.solver.outcome import Outcome, join, past, tell
 from gdfe_ros.solver.solution import Solution
-from gdfe_ros.solver.state import changed
+from gdfe_ros.solver.state import replace_fields
 from gdfe_ros.solver.vectors import largest, largest_distance
 
 
@@ -126,7 +126,7 @@ class Stability:
             return known
         for count in range(self.ROUNDS):
             proof = self._factor(task)
-            found = changed(found, state=found.state.with_(tangent=self._minimiser.tangent))
+            found = replace_fields(found, state=found.state.with_(tangent=self._minimiser.tangent))
             near = proof.distance <= self._nearest * solve.aim
             late = past(solve.problem.deadline) or found.iterations >= solve.problem.limit
             if late or (near and proof.counts):
@@ -138,8 +138,8 @@ class Stability:
             again = solve.descend(spent=found.iterations)
             total = found.iterations + again.iterations
             if not (again.converged and again.min_det > 0.0):
-                return _tell(changed(found, iterations=total), stable=proof.stable)
-            found = changed(again, iterations=total, began=found.began)
+                return _tell(replace_fields(found, iterations=total), stable=proof.stable)
+            found = replace_fields(again, iterations=total, began=found.began)
             lasting = proof.distance <= Minimiser.SHARE * solve.aim and again.iterations <= self.NEAR
             if proof.stable and lasting:
                 return _tell(found, stable=True)
@@ -151,7 +151,7 @@ class Stability:
         if proof.measured and proof.distance <= tolerance:
             return _tell(found, stable=proof.stable, distance=proof.distance)
         state = found.state.with_flaw(tell(Outcome.NEUTRAL), error_estimate=proof.distance)
-        return changed(found, state=state, ended=Outcome.NEUTRAL)
+        return replace_fields(found, state=state, ended=Outcome.NEUTRAL)
 
     def _factor(self, task: Task) -> Proof:
         """Factor the tangent at the unknowns of ``task``; return what it shows."""
@@ -251,6 +251,6 @@ def _tell(
         return found
     message = join("" if stable is not False else tell(Outcome.UNSTABLE), found.message)
     estimate = found.error_estimate if distance is None else distance
-    summary = changed(found.state.summary, stable=stable, message=message, error_estimate=estimate)
+    summary = replace_fields(found.state.summary, stable=stable, message=message, error_estimate=estimate)
     proved = summary.energy if proved is None else proved
-    return changed(found, state=found.state.with_(summary=summary, proved=proved))
+    return replace_fields(found, state=found.state.with_(summary=summary, proved=proved))

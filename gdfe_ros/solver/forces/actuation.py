@@ -14,23 +14,23 @@ from gdfe_ros.compiled import kernel
 from gdfe_ros.constraints import Pose
 from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.constraints.rigid_body import rigid_pairs
-from gdfe_ros.materials.tensor import scaled
+from gdfe_ros.materials.tensor import scale_vector
 from gdfe_ros.mesh.triples import corner, cross, minus, plus
 from gdfe_ros.solver.body import Body, Growths
 from gdfe_ros.solver.contact.contact import Contact
+from gdfe_ros.solver.contact.contact_surface import ContactSurface
 from gdfe_ros.solver.contact.contact_term import ContactTerm
 from gdfe_ros.solver.contact.field import HeldLoads
 from gdfe_ros.solver.contact.rigid_contact import RigidContact, RoundContact
 from gdfe_ros.solver.contact.self_contact.own_contact import OwnContact
-from gdfe_ros.solver.contact.surface import ContactSurface
 from gdfe_ros.solver.elements.blocks import Operators
 from gdfe_ros.solver.forces.grip import GripTerm
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.matrix.unknowns import vertex_force
 from gdfe_ros.solver.state import Balance, Saved, State
+from gdfe_ros.solver.terms.applied_load import DeadLoadTerm, PressureTerm
 from gdfe_ros.solver.terms.cable import CableTerm
 from gdfe_ros.solver.terms.chamber import ChamberTerm
-from gdfe_ros.solver.terms.load import DeadLoadTerm, PressureTerm
 from gdfe_ros.solver.terms.term import Term, TermTable
 from gdfe_ros.solver.vectors import NEGLIGIBLE
 
@@ -166,7 +166,7 @@ class Actuation:
         ``base`` (n, 3) [m] has the commanded positions of the handles.
         """
         for term in self.strung:
-            least, wanted = term.shortest(base), term.wanted(commands[term.name])
+            least, wanted = term.shortest(base), term.find_target_length(commands[term.name])
             if wanted < least * (1.0 - NEGLIGIBLE):
                 return (
                     f"cable {term.name!r} is commanded to a length of {wanted:.6g} m, but the handles that it runs "
@@ -296,7 +296,7 @@ def _sum_wrench(x, vertices, forces, wrench):
     """Write the sum of ``forces`` (k, 3) [N] and their moment [N m] about the vertices' mean position to ``wrench``."""
     centre, force, moment = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     for v in vertices:
-        centre = plus(centre, scaled(corner(x, v), 1.0 / len(vertices)))
+        centre = plus(centre, scale_vector(corner(x, v), 1.0 / len(vertices)))
     for i in range(len(vertices)):
         f = corner(forces, i)
         force, moment = plus(force, f), plus(moment, cross(minus(corner(x, vertices[i]), centre), f))

@@ -170,7 +170,7 @@ class GripTerm(UpdatedTerm):
         self._hold, kept = Hold(int(saved["hold"][0])), dict(saved)
         if self._command > before and self._hold is not Hold.HOLDS:
             self._hold = Hold.HOLDS
-            kept.update(self.neutral(), **self._taken(self._last))
+            kept.update(self.neutral(), **self._take_points(self._last))
         elif self._command < before and self._hold is not Hold.OFF:
             self._hold = Hold.FADES if self._command > 0.0 else Hold.OFF
             kept["pull"] = saved["pull"] * (self._command / before)
@@ -190,11 +190,11 @@ class GripTerm(UpdatedTerm):
         """Set other poses or another stored state after `resume`; a grip does not depend on its command itself."""
         self.begin({**commands, self.name: self._command}, saved, positions, 0.0)
 
-    def _taken(self, last: State) -> Saved:
+    def _take_points(self, last: State) -> Saved:
         """Return weights and places of the points, where the state ``last`` has them."""
         points = last.positions[self._points]
         if self._carried:
-            origin, axes = self._holder.found(last.positions)
+            origin, axes = self._holder.find_frame(last.positions)
             return {"weights": 0.25 + ((points - origin) @ axes) @ self._holder.signs.T}
         pose, centre = last.poses[self._holder.name], self._holder.centre(self._body.rest)
         back = Rotation.from_rotvec(pose.rotation).inv().apply(points - centre - pose.translation)

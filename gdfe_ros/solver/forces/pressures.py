@@ -116,7 +116,7 @@ def at_rest(body: Body) -> ElementState:
 
 
 @internal
-def uncounted(j, pressure, volume, table, k, solved):
+def uncounted_energy(j, pressure, volume, table, k, solved):
     """Return the volume energy V U(J) [J] of an element with a pressure, minus the volume energy of the kernels.
 
     With ``solved``, U(J) is replaced by its tangent U(J*) + p (J - J*). Here p is the pressure of the solve, and U'(J*)
@@ -142,7 +142,7 @@ def store_energies(x, elements, shape, material, table, pressure, energies, stor
 
     The least volume ratio at a corner of each element is written to ``least`` (m,). For elements with a pressure, the
     kernels' ``energies`` (m,) [J] contain V (p_e (J - 1) + kappa/2 (J - 1)^2) instead. ``solved`` is True if the
-    pressures are the result of a solve (see `uncounted`).
+    pressures are the result of a solve (see `uncounted_energy`).
     """
     least_corners(x, shape, elements, least)
     for e in elements:
@@ -151,4 +151,4 @@ def store_energies(x, elements, shape, material, table, pressure, energies, stor
         if table.parameters[k, CARRIED] == 0.0:
             continue
         j = volume_ratio(x, shape, e)
-        stored[e] += uncounted(j, pressure[e], shape.volume[e], table, k, solved)
+        stored[e] += uncounted_energy(j, pressure[e], shape.volume[e], table, k, solved)

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.compiled import inlined, internal, kernel
-from gdfe_ros.materials.tensor import cofactor, determinant, rotation, scaled, times
+from gdfe_ros.materials.tensor import cofactor, determinant, rotation, scale_vector, times
 from gdfe_ros.mesh.triples import combine, corner, cross
 from gdfe_ros.solver.elements.corners import mean_gradient
 from gdfe_ros.solver.vectors import clear_part
@@ -146,6 +146,6 @@ def apply_left_jacobian(turns, vectors):
     """Return J_l(w) u (k, 3) of ``vectors`` u (k, 3), for rotation vectors w (k, 3) [rad], or for one of all (1, 3)."""
     found = np.empty_like(vectors)
     for k in range(len(vectors)):
-        against = scaled(corner(turns, k if len(turns) > 1 else 0), -1.0)
+        against = scale_vector(corner(turns, k if len(turns) > 1 else 0), -1.0)
         found[k, 0], found[k, 1], found[k, 2] = left_jacobian_transposed(against, corner(vectors, k))
     return found

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from gdfe_ros.compiled import inlined, internal, kernel, parallel_kernel
 from gdfe_ros.constraints import Handle
-from gdfe_ros.materials.tensor import scaled, times
+from gdfe_ros.materials.tensor import scale_vector, times
 from gdfe_ros.mesh.triples import corner, cross, minus, plus
 from gdfe_ros.solver.matrix.rotation import apply_left_jacobian, left_jacobian_transposed, rotation_matrix
 
@@ -238,7 +238,7 @@ def gather_rigid_rows(u, x, force, outside, pushed, frame, unknowns, gradient):
 @inlined
 def rigid_part(u, row, mask, p, scale):
     """Return a rigid row times ``scale``; components that are not free are zero."""
-    return scaled((mask[p, 0] * u[3 * row], mask[p, 1] * u[3 * row + 1], mask[p, 2] * u[3 * row + 2]), scale)
+    return scale_vector((mask[p, 0] * u[3 * row], mask[p, 1] * u[3 * row + 1], mask[p, 2] * u[3 * row + 2]), scale)
 
 
 @inlined

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from scipy.linalg import eigh_tridiagonal
 
 from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.descent.lbfgs_workspace import allocate, numbers
 from gdfe_ros.solver.descent.search import advance
-from gdfe_ros.solver.descent.workspace import allocate, numbers
 from gdfe_ros.solver.minimise.minimiser import Task
 from gdfe_ros.solver.vectors import largest
 

@@ -18,14 +18,14 @@ from numpy.typing import NDArray
 
 from gdfe_ros.compiled import kernel
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.descent.workspace import Problem
+from gdfe_ros.solver.descent.lbfgs_workspace import Problem
 from gdfe_ros.solver.elements.barrier import add_walls
 from gdfe_ros.solver.elements.hexahedra import SPACING
-from gdfe_ros.solver.matrix.assembly import Assembly, Tangent
 from gdfe_ros.solver.matrix.constant_matrix import eliminate_free
 from gdfe_ros.solver.matrix.fronts import Fronts, unturned_solutions
 from gdfe_ros.solver.matrix.rotation import make_unrotated, vertex_rotations
 from gdfe_ros.solver.matrix.substitution import Kept, solve_kept
+from gdfe_ros.solver.matrix.tangent_assembly import Assembly, Tangent
 from gdfe_ros.solver.matrix.unknowns import generalise, rigid_motion
 from gdfe_ros.solver.terms.term import Term
 
@@ -181,7 +181,7 @@ class TangentLevel:
         if self._loaded.springs is not tangent.springs:
             self._connect(tangent)
 
-    def outdated(self, tangent: Tangent | None) -> bool:
+    def is_outdated(self, tangent: Tangent | None) -> bool:
         """Return whether a term has come to another stage since a tangent was taken; None stands for stages of 0."""
         before = np.zeros(0, np.int32) if tangent is None else tangent.stages
         return not np.array_equal(before, self._stages())

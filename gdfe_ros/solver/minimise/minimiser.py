@@ -16,11 +16,11 @@ from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact.contact_forces import ContactForces
 from gdfe_ros.solver.descent.active_set import ActiveSet
 from gdfe_ros.solver.descent.arc import follow_arc_once
+from gdfe_ros.solver.descent.lbfgs_workspace import Problem, Workspace, numbers
 from gdfe_ros.solver.descent.loop import ENDLESS, Metric, descend, precondition
 from gdfe_ros.solver.descent.search import ROUNDING, advance
-from gdfe_ros.solver.descent.workspace import Problem, Workspace, numbers
-from gdfe_ros.solver.matrix.assembly import Tangent
 from gdfe_ros.solver.matrix.substitution import Kept
+from gdfe_ros.solver.matrix.tangent_assembly import Tangent
 from gdfe_ros.solver.minimise.level import TangentLevel
 from gdfe_ros.solver.outcome import Deadline, Outcome, past
 from gdfe_ros.solver.vectors import largest, largest_distance
@@ -152,7 +152,7 @@ class Minimiser:
             self._show(work, begins=False)
             begins, done = False, done + used
             self._spent += used
-            if task.active.ended is Outcome.WORN and self._renewed(task, fresh=not used):
+            if task.active.ended is Outcome.WORN and self._renew_tangent(task, fresh=not used):
                 continue
             if task.active.ended is Outcome.NONE and (done >= limit or past(task.deadline)):
                 task.active.status["ended"] = Outcome.CUT
@@ -162,7 +162,7 @@ class Minimiser:
     def _follow_terms(self, task: Task) -> None:
         """Take a new tangent if a term has come to another stage; otherwise connect its springs as they are now."""
         work = task.active.workspace
-        if self.level.outdated(self.tangent) and (self.tangent is not None or self.level.fits):
+        if self.level.is_outdated(self.tangent) and (self.tangent is not None or self.level.fits):
             self._adopt(task, self.level.take(task.problem, work.u, work.x))
         elif self.tangent is not None:
             self.tangent = self.level.reconnect(self.tangent, work.x)
@@ -266,7 +266,7 @@ class Minimiser:
             return self.UNSOLVED if self.level.fits else ENDLESS
         return max(self.LEAST_AGE, round(self.AGE * self.level.price))
 
-    def _renewed(self, task: Task, *, fresh: bool) -> bool:
+    def _renew_tangent(self, task: Task, *, fresh: bool) -> bool:
         """Renew the tangent within a solve; return whether that is possible and may help."""
         if fresh and task.active.status["since"] == 0:
             return False

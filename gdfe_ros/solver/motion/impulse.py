@@ -29,7 +29,7 @@ from gdfe_ros.solver.contact.stencil import add_loads, find_pressing
 from gdfe_ros.solver.motion.inertia import NAME, FreeMass
 from gdfe_ros.solver.motion.scheme import Kinematics, Rule
 from gdfe_ros.solver.settings import Dynamics
-from gdfe_ros.solver.state import State, changed
+from gdfe_ros.solver.state import State, replace_fields
 
 Array = NDArray[np.float64]
 
@@ -70,7 +70,7 @@ class Pressing(NamedTuple):
             if end > begin:
                 own, numbers = slice(begin, end), on[begin:end] - first
                 parts.append((contact, own, numbers))
-                led[own] = np.einsum("kai,ki->ka", axes[own], contact.led(positions, before)[numbers])
+                led[own] = np.einsum("kai,ki->ka", axes[own], contact.find_led_motion(positions, before)[numbers])
         more = field.stencils.soft[on], field.friction[on], field.restitution[on]
         return cls(parts, axes, field.stencils.ends[on], blocks, led, held_along, *more)
 
@@ -170,7 +170,7 @@ class ContactImpulses:
             names = ", ".join(contact.name for contact, _, _ in part.parts)
             texts.append(f"the impulses of the contacts {names} leave {left:.3g} m/s; remedy: a smaller dynamics.step")
         converged = now.summary.converged and not left
-        return now.with_(summary=changed(now.summary, converged=converged, message=outcome.join(*texts)))
+        return now.with_(summary=replace_fields(now.summary, converged=converged, message=outcome.join(*texts)))
 
     def _find_slip(self, contact: ContactTerm, part: Pressing, own: slice, impulses: Array, gained: Array) -> str:
         """Return a sentence if a rigid body slips out of a grip, with the friction that would hold it; else "".
@@ -210,5 +210,5 @@ def _publish(part: Pressing, forces: Array, before: State, now: State) -> State:
             reactions[name] = contact.wrench(now.positions, terms[name])
         else:
             work += float(np.vdot(forces[own], part.led[own]))
-    ledger = changed(now.ledger, work=work)
-    return now.with_(terms=terms, summary=changed(now.summary, reactions=reactions), ledger=ledger)
+    ledger = replace_fields(now.ledger, work=work)
+    return now.with_(terms=terms, summary=replace_fields(now.summary, reactions=reactions), ledger=ledger)

@@ -275,7 +275,7 @@ class Inertia(Term):
     def neutral(self) -> Saved:
         """Return the stored state before the first step."""
         none = np.zeros_like(self._rest)
-        return Kinematics.started(self._rest, none, none, 0.0).saved
+        return Kinematics.start(self._rest, none, none, 0.0).saved
 
     def begin(self, commands: Mapping[str, float], saved: Saved, positions: NDArray[np.float64], ratio: float) -> None:
         """Prepare a step; ``positions`` (n, 3) [m] have the handles at their targets.
@@ -308,7 +308,7 @@ class Inertia(Term):
             positions=positions,
             velocity=np.where(self._driven, given, velocity),
             acceleration=np.where(self._driven, change, acceleration),
-            balanced=np.where(self._driven, change, rule.balanced(positions)),
+            balanced=np.where(self._driven, change, rule.find_force(positions)),
             before=now.positions,
             velocity_before=now.velocity,
             pushed=np.zeros_like(velocity),

@@ -12,7 +12,7 @@ from gdfe_ros.solver.motion import inertia, viscosity
 from gdfe_ros.solver.motion.scheme import Kinematics
 from gdfe_ros.solver.outcome import join
 from gdfe_ros.solver.settings import Dynamics, Scheme
-from gdfe_ros.solver.state import Array, Bound, Ledger, State, changed
+from gdfe_ros.solver.state import Array, Bound, Ledger, State, replace_fields
 from gdfe_ros.solver.stepping.path import work_between
 from gdfe_ros.solver.vectors import NEGLIGIBLE
 
@@ -50,15 +50,15 @@ class Accounts:
         self._known: tuple[Array | None, float] = None, 0.0
         self._above_least = self.ABOVE_LEAST_BDF2 if dynamics.scheme is Scheme.BDF2 else self.ABOVE_LEAST
 
-    def opened(self) -> Ledger:
+    def open_ledger(self) -> Ledger:
         """Return the ledger of the undeformed body with the scene's initial velocities."""
         kinetic = self._kinetic(self.velocity_at_start(self._body.rest))
         return Ledger(work=0.0, lost=0.0, bound=Bound(start=kinetic, least=kinetic, most=kinetic))
 
-    def begun(self, ledger: Ledger, acceleration: Array, h: float) -> Ledger:
+    def begin_motion(self, ledger: Ledger, acceleration: Array, h: float) -> Ledger:
         """Return the ledger of a body that starts with an acceleration (n, 3) [m/s^2] in steps of ``h`` [s]."""
         swing = self._dynamics.swing * h * h * float(np.vdot(acceleration, self._mass @ acceleration))
-        return changed(ledger, bound=ledger.bound and ledger.bound.raised(swing))
+        return replace_fields(ledger, bound=ledger.bound and ledger.bound.allow(swing))
 
     def velocity_at_start(self, positions: Array) -> Array:
         """Return the initial velocity (n, 3) [m/s] of the scene at ``positions`` (n, 3) [m]; zero for handles."""
@@ -75,7 +75,7 @@ class Accounts:
         now = Kinematics.of(state.terms[inertia.NAME])
         if now.h:
             return now
-        return Kinematics.started(
+        return Kinematics.start(
             state.positions, self.velocity_at_start(state.positions), np.zeros_like(now.velocity), 0.0
         )
 
@@ -93,7 +93,7 @@ class Accounts:
             mean = 0.5 * (self.kinematics(before).velocity + self.kinematics(now).velocity)
             drag = self._dynamics.damping.mass * h * np.vdot(mean, self._mass @ mean)
         lost = ledger.lost + float(drag) + now.dissipated - before.dissipated
-        bound = ledger.bound.raised(doubt) if ledger.bound and now.operators is before.operators else None
+        bound = ledger.bound.allow(doubt) if ledger.bound and now.operators is before.operators else None
         ledger = Ledger(work=ledger.work + work, lost=lost)
         energies = self.energies(now.with_(ledger=ledger))
         stirred = energies["kinetic"] + energies["elastic"]
@@ -102,8 +102,8 @@ class Accounts:
         most = max(bound.most, stirred)
         ceiling = min(bound.start + self.ABOVE_START * most, bound.least + self._above_least * most)
         ceiling += self._noise + NEGLIGIBLE * sum(abs(energy) for energy in energies.values())
-        bound = changed(bound, least=min(bound.least, balance), most=most)
-        return now.with_(ledger=changed(ledger, bound=bound)), max(0.0, balance - ceiling)
+        bound = replace_fields(bound, least=min(bound.least, balance), most=most)
+        return now.with_(ledger=replace_fields(ledger, bound=bound)), max(0.0, balance - ceiling)
 
     def energies(self, state: State) -> dict[str, float]:
         """Return a dict from name to energy [J]; work and dissipated energy are totals since the start."""
@@ -133,4 +133,4 @@ def tell_excess(state: State, excess: float, h: float, scheme: Scheme) -> State:
         "dynamics.step, a start outside of all obstacles"
     ) + ("" if scheme == Scheme.BDF2 else ", or dynamics.scheme: bdf2")
     told = state.with_flaw(join(state.summary.message, text))
-    return told.with_(ledger=changed(state.ledger, bound=None))
+    return told.with_(ledger=replace_fields(state.ledger, bound=None))

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.solver.settings import Dynamics, Scheme
-from gdfe_ros.solver.state import Saved, changed
+from gdfe_ros.solver.state import Saved, replace_fields
 
 Vectors = NDArray[np.float64]
 
@@ -50,7 +50,7 @@ class Kinematics:
     first: bool = False
 
     @classmethod
-    def started(
+    def start(
         cls, positions: Vectors, velocity: Vectors, acceleration: Vectors, h: float, *, first: bool = False
     ) -> Kinematics:
         """Return kinematics at positions (n, 3) [m]; velocity and acceleration define the previous step."""
@@ -94,8 +94,8 @@ class Kinematics:
         The acceleration becomes the acceleration by the forces. The scheme's own acceleration may oscillate from step
         to step, and a much longer step would turn this oscillation into energy.
         """
-        fresh = self.started(self.positions, self.velocity, self.balanced + self.pushed, h, first=True)
-        return changed(fresh, balanced=self.balanced, pushed=self.pushed)
+        fresh = self.start(self.positions, self.velocity, self.balanced + self.pushed, h, first=True)
+        return replace_fields(fresh, balanced=self.balanced, pushed=self.pushed)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -143,7 +143,7 @@ class Rule:
         """Return the acceleration (n, 3) [m/s^2] at new positions."""
         return self.kappa_a * (x - self.rest)
 
-    def balanced(self, x: Vectors) -> Vectors:
+    def find_force(self, x: Vectors) -> Vectors:
         """Return f (n, 3) [m/s^2] at new positions."""
         return self.kappa * (x - self.aim)
 
@@ -151,7 +151,7 @@ class Rule:
 def stiffness(dynamics: Dynamics, h: float) -> tuple[float, float]:
     """Return kappa [1/s^2] and theta [1/s] of a step of length ``h`` [s]; they do not depend on the kinematics."""
     none = np.zeros((0, 3))
-    rule = Rule.of(dynamics, h, Kinematics.started(none, none, none, h))
+    rule = Rule.of(dynamics, h, Kinematics.start(none, none, none, h))
     return rule.kappa, rule.theta
 
 

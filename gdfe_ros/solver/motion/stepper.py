@@ -25,7 +25,7 @@ from gdfe_ros.solver.motion.time_path import (
     MotionPredictor,
     TimePath,
     Trial,
-    failed,
+    has_failed,
     is_unfolded,
     reduction,
 )
@@ -33,9 +33,9 @@ from gdfe_ros.solver.motion.viscosity import Viscosity
 from gdfe_ros.solver.outcome import Deadline, past
 from gdfe_ros.solver.settings import BackwardEuler, Dynamics, Scheme, Skip, SolverSettings
 from gdfe_ros.solver.solution import Increment, March, Solution
-from gdfe_ros.solver.state import State, changed
+from gdfe_ros.solver.state import State, replace_fields
 from gdfe_ros.solver.stepping.path import Verdict
-from gdfe_ros.solver.stepping.stepper import placed
+from gdfe_ros.solver.stepping.stepper import place
 from gdfe_ros.solver.terms.term import Term
 from gdfe_ros.solver.vectors import NEGLIGIBLE, largest
 
@@ -122,7 +122,7 @@ class MotionStepper:
 
     def at_rest(self) -> State:
         """Return the initial state: the rest shape with the initial velocities of the scene."""
-        return self.equilibrium.at_rest().with_(ledger=self._accounts.opened())
+        return self.equilibrium.at_rest().with_(ledger=self._accounts.open_ledger())
 
     def rests(self, state: State, targets: Mapping[str, Pose], commands: Mapping[str, float]) -> bool:
         """Return whether a body with handles is at rest and would stay at rest at these commands."""
@@ -133,7 +133,7 @@ class MotionStepper:
         slow = self._calm * largest(now.velocity.ravel()) <= near
         return slow and self._calm**2 * largest(now.acceleration.ravel()) <= near
 
-    def settled(self, state: State, targets: Mapping[str, Pose], commands: Mapping[str, float]) -> bool:
+    def is_settled(self, state: State, targets: Mapping[str, Pose], commands: Mapping[str, float]) -> bool:
         """Return whether a state does not change at these commands: it is at rest, or every step fails."""
         failure = state.ledger.failure
         stuck = failure is not None and (failure.poses, failure.commands) == (targets, commands)
@@ -159,9 +159,9 @@ class MotionStepper:
         owed, step = state.ledger.owed, self._dynamics.step
         due = owed + duration
         if due < self.SHORTEST * step:
-            noted = state.with_(ledger=changed(state.ledger, owed=due))
+            noted = state.with_(ledger=replace_fields(state.ledger, owed=due))
             return March(state=noted, reached=True, simulated=duration, skipped={Skip.SOLVE.value: 1})
-        began = self.started(state, commands)
+        began = self.start_motion(state, commands)
         if observer is not None and began is not state:
             observer(InternalStep(before=state, after=began, h=step))
         given = {"tolerance": self.settings.tolerance, "limit": self.settings.max_iterations, "deadline": deadline}
@@ -169,22 +169,22 @@ class MotionStepper:
         count = max(1, math.ceil(due / step - NEGLIGIBLE))
         march = self._follow(TimePath.over(began, goal, count, duration=due), observer)
         # An earlier step has reported the time that was owed.
-        ledger = changed(march.state.ledger, owed=max(0.0, owed - march.simulated))
-        return changed(march, state=march.state.with_(ledger=ledger), simulated=max(0.0, march.simulated - owed))
+        ledger = replace_fields(march.state.ledger, owed=max(0.0, owed - march.simulated))
+        return replace_fields(march, state=march.state.with_(ledger=ledger), simulated=max(0.0, march.simulated - owed))
 
     def _follow(self, path: TimePath, observer: Callable[[InternalStep], None] | None) -> March:
         """Return the outcome of a path."""
         failure = path.state.ledger.failure if Skip.SOLVE in self.settings.skip else None
         if failure is not None and path.repeats(failure):
-            return changed(path, flaw=failure.reason).march({Skip.SOLVE.value: 1})
+            return replace_fields(path, flaw=failure.reason).march({Skip.SOLVE.value: 1})
         deadline = path.goal.deadline
         while not path.arrived:
             trial = self._try(path, self._dynamics)
             path, verdict = trial.path, trial.verdict
             if verdict is Verdict.WITHDRAW:
-                return path.withdrawn(trial.solution, self.equilibrium.skipped(), hurried=past(deadline))
+                return path.withdraw(trial.solution, self.equilibrium.count_skipped(), hurried=past(deadline))
             if verdict is Verdict.STOP:
-                path = changed(path, flaw=trial.solution.message)
+                path = replace_fields(path, flaw=trial.solution.message)
                 break
             if verdict is Verdict.HALVE:
                 path = path.halve()
@@ -193,25 +193,25 @@ class MotionStepper:
                 observer(trial.step)
             path = path.advance(trial.step.after)
             if not path.arrived and past(deadline):
-                path = changed(path, flaw=path.flaw or deadline.reason)
+                path = replace_fields(path, flaw=path.flaw or deadline.reason)
                 break
-        return path.march(self.equilibrium.skipped())
+        return path.march(self.equilibrium.count_skipped())
 
     def _try(self, path: TimePath, dynamics: Dynamics) -> Trial:
         """Solve the next internal step; repeat it with the Euler scheme if it created energy."""
         deadline, h = path.goal.deadline, path.length
         interruption = deadline.interruption if deadline else None
         solution = self._solve(path, dynamics, interruption)
-        path = path.tried(solution)
+        path = path.record_attempt(solution)
         given = {"path": path, "solution": solution}
         if solution.cut and past(interruption):
             return Trial(**given, verdict=Verdict.STOP)
-        if failed(solution) and path.can_halve and not past(deadline):
+        if has_failed(solution) and path.can_halve and not past(deadline):
             return Trial(**given, verdict=Verdict.HALVE)
         if not (is_unfolded(solution) or path.endures(solution)):
             return Trial(**given, verdict=Verdict.WITHDRAW)
         before = path.state
-        after, excess = self._accounts.book(before, self._accepted(dynamics, before, solution, h), h)
+        after, excess = self._accounts.book(before, self._accept(dynamics, before, solution, h), h)
         if excess and dynamics is self._dynamics:
             return self._try(path, self._euler)
         if excess and path.can_halve and not past(deadline):
@@ -227,7 +227,7 @@ class MotionStepper:
         now = Kinematics.of(state.terms[inertia.NAME])
         bent, moved = h * h * largest(now.acceleration.ravel()), h * largest(now.velocity.ravel())
         size, tolerance = self.body.size, self.settings.tolerance
-        problem = changed(
+        problem = replace_fields(
             path.goal,
             poses=poses,
             commands=commands,
@@ -238,7 +238,7 @@ class MotionStepper:
         )
         return self.equilibrium_of(dynamics, h).solve(problem, state)
 
-    def _accepted(self, dynamics: Dynamics, state: State, solution: Solution, h: float) -> State:
+    def _accept(self, dynamics: Dynamics, state: State, solution: Solution, h: float) -> State:
         """Return the state after an internal step of length ``h`` [s] from ``state``, with the ledger of ``state``."""
         equilibrium = self.equilibrium_of(dynamics, h)
         now = equilibrium.accept(solution, state)
@@ -251,25 +251,25 @@ class MotionStepper:
 
     def place(self, state: State, positions: NDArray[np.float64]) -> State:
         """Return a state at ``positions`` (n, 3) [m] with the initial velocities; handles keep their poses."""
-        found = placed(self.body, self.equilibrium.handles, state, positions, afresh=self.at_rest())
-        return found.with_(ledger=changed(found.ledger, bound=None))
+        found = place(self.body, self.equilibrium.handles, state, positions, afresh=self.at_rest())
+        return found.with_(ledger=replace_fields(found.ledger, bound=None))
 
-    def unbalanced(self, state: State) -> float:
+    def find_imbalance(self, state: State) -> float:
         """Return the energy [J] that is not accounted for: kinetic + elastic + potential + dissipated - work."""
         found = self.energies(state)
         return sum(found[name] for name in ("kinetic", "elastic", "potential", "dissipated")) - found["work"]
 
-    def continued(self, state: State, unbalanced: float) -> State:
+    def book_imbalance(self, state: State, unbalanced: float) -> State:
         """Return ``state`` with its potential, and with work so that the energy not accounted for is ``unbalanced``."""
         self.actuation.begin(state.commands, state.terms, state.positions, state.poses, state)
         found = state.with_(balance=self.actuation.balance(state.positions, state.commands))
-        work = found.ledger.work + self.unbalanced(found) - unbalanced
-        return found.with_(ledger=changed(found.ledger, work=work))
+        work = found.ledger.work + self.find_imbalance(found) - unbalanced
+        return found.with_(ledger=replace_fields(found.ledger, work=work))
 
-    def carried(self, state: State, before: State) -> State:
+    def carry_energies(self, state: State, before: State) -> State:
         """Return ``state`` with the account of energies of ``before``: what has changed between them is work done."""
-        ledger = changed(state.ledger, lost=before.ledger.lost)
-        return self.continued(state.with_(ledger=ledger), self.unbalanced(before))
+        ledger = replace_fields(state.ledger, lost=before.ledger.lost)
+        return self.book_imbalance(state.with_(ledger=ledger), self.find_imbalance(before))
 
     def velocities(self, state: State) -> NDArray[np.float64]:
         """Return the velocity (n, 3) [m/s] of every vertex, a copy."""
@@ -290,7 +290,7 @@ class MotionStepper:
     def _began(self, state: State) -> bool:
         return bool(state.terms[inertia.NAME]["h"][0])
 
-    def started(self, state: State, commands: Mapping[str, float]) -> State:
+    def start_motion(self, state: State, commands: Mapping[str, float]) -> State:
         """Return the state at the start of a motion: with the accelerations by its forces, and all loads acting.
 
         A state in motion is returned unchanged.
@@ -302,13 +302,13 @@ class MotionStepper:
         velocity, h = self._accounts.velocity_at_start(state.positions), self._dynamics.step
         pull = -self.equilibrium.forces(state) - self._dynamics.damping.mass * (self.mass @ velocity)
         acceleration = self.free_mass.accelerate(pull)
-        kinematics = Kinematics.started(state.positions, velocity, acceleration, h, first=True)
+        kinematics = Kinematics.start(state.positions, velocity, acceleration, h, first=True)
         terms = {**state.terms, inertia.NAME: kinematics.saved}
         balance = self.actuation.balance(state.positions, state.commands)
-        ledger = changed(state.ledger, work=state.ledger.work + self._raised(state, before))
-        return state.with_(terms=terms, balance=balance, ledger=self._accounts.begun(ledger, acceleration, h))
+        ledger = replace_fields(state.ledger, work=state.ledger.work + self._find_load_potential(state, before))
+        return state.with_(terms=terms, balance=balance, ledger=self._accounts.begin_motion(ledger, acceleration, h))
 
-    def _raised(self, state: State, before: Mapping[str, float]) -> float:
+    def _find_load_potential(self, state: State, before: Mapping[str, float]) -> float:
         """Return the change [J] of the loads' potential if loads start to act on a body that is already displaced."""
         at = self.actuation.balance
         now, then = (

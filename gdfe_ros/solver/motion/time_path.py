@@ -18,7 +18,7 @@ from gdfe_ros.solver.motion import inertia
 from gdfe_ros.solver.motion.scheme import Kinematics
 from gdfe_ros.solver.settings import Dynamics
 from gdfe_ros.solver.solution import March, Solution
-from gdfe_ros.solver.state import Failure, State, changed
+from gdfe_ros.solver.state import Failure, State, replace_fields
 from gdfe_ros.solver.stepping.path import Path, Verdict
 
 
@@ -79,17 +79,17 @@ class TimePath(Path):
         """Return the path after an internal step to ``state``; after two halves, twice the length is tried again."""
         gone, summary = super().advance(state), state.summary
         size = min(self.WHOLE, self.size * 2) if gone.done % (2 * self.size) == 0 else self.size
-        return changed(gone, size=size, flaw=self.flaw or ("" if summary.converged else summary.message))
+        return replace_fields(gone, size=size, flaw=self.flaw or ("" if summary.converged else summary.message))
 
     def march(self, skipped: dict[str, int]) -> March:
         """Return the outcome of the step so far."""
         flaw, simulated = self.flaw, self.duration * self.covered
         if not self.arrived:
             flaw = f"simulated {simulated:.6g} of {self.duration:.6g} s: {flaw or self.state.summary.message}"
-        told = changed(self, state=self.state.with_flaw(flaw)) if flaw else self
+        told = replace_fields(self, state=self.state.with_flaw(flaw)) if flaw else self
         return super(TimePath, told).march(skipped, simulated=simulated)
 
-    def withdrawn(self, solution: Solution, skipped: dict[str, int], *, hurried: bool) -> March:
+    def withdraw(self, solution: Solution, skipped: dict[str, int], *, hurried: bool) -> March:
         """Return the outcome at the state before a failed internal step, with the failure unless ``hurried``.
 
         The failure is recorded for later steps if the first internal step fails at its shortest length. ``hurried``
@@ -107,8 +107,8 @@ class TimePath(Path):
         if not (self.done or self.can_halve or hurried):
             asked = {"poses": self.goal.poses, "commands": self.goal.commands}
             failure = Failure(**asked, duration=self.duration, length=self.longest, reason=text)
-        state = self.state.with_(ledger=changed(self.state.ledger, failure=failure))
-        return changed(self, state=state.with_flaw(text, error_estimate=math.inf), flaw=text).march(skipped)
+        state = self.state.with_(ledger=replace_fields(self.state.ledger, failure=failure))
+        return replace_fields(self, state=state.with_flaw(text, error_estimate=math.inf), flaw=text).march(skipped)
 
 
 class MotionPredictor(Predictor):
@@ -206,7 +206,7 @@ def is_unfolded(solution: Solution) -> bool:
     return not solution.diverged and solution.min_det > 0.0
 
 
-def failed(solution: Solution) -> bool:
+def has_failed(solution: Solution) -> bool:
     """Return whether a solution failed and a shorter step may succeed."""
     stuck = not (solution.converged or solution.exhausted)
     return stuck or not is_unfolded(solution)

@@ -90,9 +90,9 @@ class Column:
         for pair in pairs:
             pulled, updated = self._terms_part(pair)
             forces, change = forces + pulled + self._elements_part(pair), change + updated
-            driven += pair.difference(lambda side: self._placed(side)[0])
+            driven += pair.difference(lambda side: self._place_handles(side)[0])
             if len(turned):
-                turned += pair.difference(lambda side: solve.rigid_part(solve.u, self._placed(side)[1]))
+                turned += pair.difference(lambda side: solve.rigid_part(solve.u, self._place_handles(side)[1]))
         if driven.any():
             answer, followed = solve.product(driven, np.zeros_like(solve.multipliers))
             forces, change = forces + answer, change + followed
@@ -102,7 +102,7 @@ class Column:
     def reactions(self) -> dict[str, NDArray[np.float64]]:
         """Return a dict from handle or obstacle name to the derivative (6,) of its reaction on the body."""
         solve, change = self._solve, self.change
-        forces = self._forces + solve.product(solve.moved(change.unknowns), change.multipliers)[0]
+        forces = self._forces + solve.product(solve.find_displacements(change.unknowns), change.multipliers)[0]
         step, found = solve.spacing / max(solve.reach(change.positions, change.multipliers), 1e-300), []
         for sign in (step, -step):
             solve.actuation.table.reals[...] = solve.numbers + sign * self._numbers
@@ -135,7 +135,7 @@ class Column:
         solve.restore()
         return map_arrays(lambda *each: np.nan_to_num(sum(each)), *parts)
 
-    def _placed(self, side: VariedInputs) -> tuple[NDArray[np.float64], HandlePositions]:
+    def _place_handles(self, side: VariedInputs) -> tuple[NDArray[np.float64], HandlePositions]:
         """Return positions (n, 3) [m] and the frame with the handles at the poses of ``side``."""
         solve, end, handles = self._solve, self._solve.end, self._solve.handles
         base = handles.base(side.poses, end.poses, end.base)
@@ -166,7 +166,7 @@ class Column:
 
         def numbers(side: VariedInputs) -> NDArray[np.float64]:
             solve.restore()
-            self._vary(side, self._placed(side)[0])
+            self._vary(side, self._place_handles(side)[0])
             return solve.actuation.table.reals.copy()
 
         slope, found = pair.difference(numbers), []
@@ -226,7 +226,7 @@ class Tangents:
         self._last = start, end, made
         return made
 
-    def found(
+    def derive_columns(
         self,
         state: State,
         parameters: Sequence[Parameter],
@@ -283,8 +283,8 @@ def pair_of(
         sides.append(
             replace(
                 own,
-                commands=parameter.commanded(own.commands, share * change),
-                poses=parameter.posed(own.poses, share * change),
+                commands=parameter.change_commands(own.commands, share * change),
+                poses=parameter.change_poses(own.poses, share * change),
                 table=variant.table if variant else own.table,
                 terms=variant.terms(h, scheme) if variant else {},
             )

@@ -61,14 +61,14 @@ class ConjugateResiduals:
             self._known.clear()
         for known in self._known:
             _reduce(residual, answer, *known)
-        stalled, left = False, _left(residual, answer, size)
+        stalled, left = False, _relative_residual(residual, answer, size)
         while left > self._tolerance and not (left < self.ENOUGH and left > 0.5 * best):
             if count == self.MOST or not self._extend(self._known[-1][1] if stalled else residual):
                 break
             best, before = min(best, left), float(np.linalg.norm(residual))
             _reduce(residual, answer, *self._known[-1])
             stalled = float(np.linalg.norm(residual)) > self.STALLED * before
-            left, count = _left(residual, answer, size), count + 1
+            left, count = _relative_residual(residual, answer, size), count + 1
         if not left < self.ENOUGH:
             raise GdfeError(
                 f"no derivative exists here, or none is known: the tangent is singular (residual {left:.2g} after "
@@ -97,7 +97,7 @@ def _reduce(residual: Array, answer: Array, direction: Array, image: Array) -> N
     answer += share * direction
 
 
-def _left(residual: Array, answer: Array, size: float) -> float:
+def _relative_residual(residual: Array, answer: Array, size: float) -> float:
     """Return the relative residual; 0 for a right-hand side of zero."""
     # A stiff constraint makes the right-hand side far larger than the solution, whose accuracy matters.
     scale = min(size, max(float(np.linalg.norm(answer)), ConjugateResiduals.ROUNDING * size))

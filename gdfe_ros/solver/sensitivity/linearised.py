@@ -191,7 +191,7 @@ class Linearised:
         self.x, self.u, self.frame = work.x.copy(), work.u.copy(), task.problem.frame
         self._resume_terms()
         self.joint = Multipliers(self.actuation.terms)
-        self.multipliers, self._weights = self.joint.held(), self.joint.per_metre
+        self.multipliers, self._weights = self.joint.collect_multipliers(), self.joint.per_metre
         self.numbers = self.actuation.table.reals.copy()
         delicate = any(term.delicate for term in self.actuation.terms)
         self.spacing = (self.NEARER if delicate else self.SPACING) * self.body.size
@@ -261,7 +261,7 @@ class Linearised:
         self.actuation.table.reals[...] = self.numbers
         self.joint.hold(self.multipliers)
 
-    def moved(self, unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
+    def find_displacements(self, unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the displacements (n, 3) [m] of all vertices for a displacement (3 r,) of the unknowns."""
         motion, count = np.zeros_like(self.x), 3 * len(self._unknowns.free)
         motion[self._unknowns.free] = unknowns[:count].reshape(-1, 3)
@@ -306,7 +306,7 @@ class Linearised:
             self._system = ConjugateResiduals(self._multiply, self._precondition, tolerance=tolerance)
         found = self._system.solve(right)
         unknowns, multipliers = found[:rows], found[rows:] * self._weights
-        return StateDerivative(unknowns, self.moved(unknowns), multipliers)
+        return StateDerivative(unknowns, self.find_displacements(unknowns), multipliers)
 
     def rigid_part(self, u: NDArray[np.float64], frame: HandlePositions) -> NDArray[np.float64]:
         """Return the generalised forces (3 q,) of `forces` on the rigid rows, for the rigid motions in ``u``.
@@ -343,7 +343,7 @@ class Linearised:
             update_hourglass_scales(self.x + sign * motion, *given, sides[-1])
         return difference(*sides, 2.0 * step)
 
-    def _turned(self, unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _turn_forces(self, unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the change (3 q,) of the rigid rows' generalised forces by ``unknowns`` at constant vertex forces."""
         step = self.TURN * self.body.size / max(np.abs(unknowns).max(initial=0.0), 1e-300)
         sides = [self.rigid_part(self.u + sign * unknowns, self.frame) for sign in (step, -step)]
@@ -354,10 +354,10 @@ class Linearised:
             raise GdfeError(ENDED)
         rows = 3 * self._unknowns.rows
         unknowns, multipliers = vector[:rows], vector[rows:] * self._weights
-        forces, change = self.product(self.moved(unknowns), multipliers)
+        forces, change = self.product(self.find_displacements(unknowns), multipliers)
         gradient = self.gather_forces(forces)
         if self._motion.size:
-            gradient[3 * len(self._unknowns.free) :] += self._turned(unknowns)
+            gradient[3 * len(self._unknowns.free) :] += self._turn_forces(unknowns)
         return np.concatenate([gradient, (multipliers - change) / self._weights])
 
     def _precondition(self, vector: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -15,7 +15,7 @@ from gdfe_ros.solver.motion import inertia
 from gdfe_ros.solver.motion.stepper import MotionStepper
 from gdfe_ros.solver.motion.time_path import InternalStep
 from gdfe_ros.solver.sensitivity.columns import Column, Pair, Tangents, VariedInputs, own_side, pair_of
-from gdfe_ros.solver.sensitivity.parameter import Parameter, moved
+from gdfe_ros.solver.sensitivity.parameter import Parameter, move_pose
 from gdfe_ros.solver.state import State
 from gdfe_ros.solver.terms.term import TermTable, terms_energy
 from gdfe_ros.threads import one_blas_thread
@@ -84,7 +84,7 @@ class Trail:
             return
         try:
             with one_blas_thread():
-                self.columns = self._started(stage) if stage.dynamics is None else self._step(stage)
+                self.columns = self._start_columns(stage) if stage.dynamics is None else self._step(stage)
         except GdfeError as error:
             self.flaw = str(error)
 
@@ -104,7 +104,7 @@ class Trail:
                 if (history := self._history(own, parameter, column)) is not None:
                     pairs.append(history)
                 made = Column(solve, pairs)
-                terms = made.after(lambda side, x: self._left(stage, side, x))
+                terms = made.after(lambda side, x: self._finish_terms(stage, side, x))
                 struck = terms.pop(REACTIONS)
                 touched = [contact.name for contact in equilibrium.actuation.contacts if contact.on_body]
                 reactions = {**made.reactions(), **{name: struck[name] for name in touched}}
@@ -125,7 +125,7 @@ class Trail:
         sides = (replace(own, start=_beside(own.start, parameter, column, sign * step)) for sign in (1.0, -1.0))
         return Pair(*sides, own, step)
 
-    def _left(self, stage: InternalStep, side: VariedInputs, x: NDArray[np.float64]) -> Kept:
+    def _finish_terms(self, stage: InternalStep, side: VariedInputs, x: NDArray[np.float64]) -> Kept:
         """Return the terms' states after a varied step that ends at ``x``, and, as `REACTIONS`, the reactions."""
         dynamics, h, terms = stage.dynamics, stage.h, {}
         actuation = self._stepper.equilibrium_of(dynamics, h).actuation
@@ -137,7 +137,7 @@ class Trail:
         now = self._stepper.strike(dynamics, side.start, now, h)
         return {**now.terms, REACTIONS: now.summary.reactions}
 
-    def _started(self, stage: InternalStep) -> list[Carried]:
+    def _start_columns(self, stage: InternalStep) -> list[Carried]:
         """Return the derivatives at the start of a motion; only the initial accelerations depend on the parameters."""
         stepper, h = self._stepper, stage.h
         acceleration = stage.after.terms[inertia.NAME]["acceleration"]
@@ -146,12 +146,12 @@ class Trail:
         for parameter, column in zip(self.parameters, self.columns, strict=True):
             pulls, step = [], parameter.step(stage.after.commands)
             for change in (step, -step):
-                pull = np.zeros_like(acceleration)
-                variant = None
+                pull, others = np.zeros_like(acceleration), {}
                 if parameter.model is not None:
                     variant = parameter.model(parameter.value + change)
+                    others = variant.terms()
                     pull -= variant.mass @ (acceleration + variant.dynamics.damping.mass * velocity)
-                commands, others = parameter.commanded(stage.after.commands, change), variant.terms() if variant else {}
+                commands = parameter.change_commands(stage.after.commands, change)
                 for term in (others.get(load.name, load) for load in loads):
                     term.begin(commands, {}, stage.after.positions, 0.0)
                     force = np.zeros_like(pull)
@@ -178,10 +178,10 @@ def _beside(state: State, parameter: Parameter, column: Carried, step: float) ->
     poses = state.poses
     if parameter.handle:
         change = column.share * step * np.eye(6)[parameter.axis]
-        poses = {**poses, parameter.handle: moved(poses[parameter.handle], change)}
+        poses = {**poses, parameter.handle: move_pose(poses[parameter.handle], change)}
     return state.with_(
         positions=state.positions + step * column.positions,
         poses=poses,
-        commands=parameter.commanded(state.commands, column.share * step),
+        commands=parameter.change_commands(state.commands, column.share * step),
         terms=terms,
     )

@@ -20,7 +20,7 @@ from gdfe_ros.solver.motion import inertia, viscosity
 from gdfe_ros.solver.motion.inertia import Inertia, mass_matrix
 from gdfe_ros.solver.motion.viscosity import Viscosity
 from gdfe_ros.solver.settings import Dynamics
-from gdfe_ros.solver.terms.load import DeadLoadTerm
+from gdfe_ros.solver.terms.applied_load import DeadLoadTerm
 from gdfe_ros.solver.terms.term import Term
 
 
@@ -133,18 +133,18 @@ class Parameter:
         near = self.TOUCH if self.unit in ("m", "rad") else self.NEAR
         return near * max(self.scale, abs(commands[self.command]) if self.command else 0.0)
 
-    def commanded(self, commands: Mapping[str, float], change: float) -> Mapping[str, float]:
+    def change_commands(self, commands: Mapping[str, float], change: float) -> Mapping[str, float]:
         """Return the commands; if the parameter is a command, ``change`` is added to this command."""
         return {**commands, self.command: commands[self.command] + change} if self.command else commands
 
-    def posed(self, poses: Mapping[str, Pose], change: float) -> Mapping[str, Pose]:
+    def change_poses(self, poses: Mapping[str, Pose], change: float) -> Mapping[str, Pose]:
         """Return the poses; if the parameter is a component of a pose, ``change`` is added to this component."""
         if not self.handle:
             return poses
-        return {**poses, self.handle: moved(poses[self.handle], np.eye(6)[self.axis] * change)}
+        return {**poses, self.handle: move_pose(poses[self.handle], np.eye(6)[self.axis] * change)}
 
 
-def moved(pose: Pose, change: Sequence[float]) -> Pose:
+def move_pose(pose: Pose, change: Sequence[float]) -> Pose:
     """Return ``pose`` with ``change`` (6,) added to its translation [m] and rotation vector [rad]."""
     parts = np.concatenate([pose.translation, pose.rotation]) + change
     return Pose(tuple(parts[:3]), tuple(parts[3:]))

@@ -19,7 +19,7 @@ from gdfe_ros.solver.handle_motions import HandleMotions, find_deviation
 from gdfe_ros.solver.matrix.rotation import apply_left_jacobian
 from gdfe_ros.solver.outcome import Outcome, join, tell
 from gdfe_ros.solver.solution import Increment, March, Solution
-from gdfe_ros.solver.state import State, changed
+from gdfe_ros.solver.state import State, replace_fields
 from gdfe_ros.solver.vectors import largest_distance
 
 LARGEST_TURN = math.radians(100.0)
@@ -29,7 +29,7 @@ Place = tuple[Mapping[str, Pose], Mapping[str, float]]
 """Dict from handle or obstacle to its pose, and dict from actuator or load to its command."""
 
 
-def planned_increments(
+def count_increments(
     targets: Mapping[str, Pose], poses: Mapping[str, Pose], size: float, *, together: Collection[str] = ()
 ) -> int:
     """Return the number of increments. In each, a handle turns by at most `LARGEST_TURN` and moves by at most ``size``.
@@ -131,18 +131,18 @@ class Path:
         began, goal = ((each.poses, each.commands) for each in (self.began, self.goal))
         return on_path(began, goal, self.next, self.centres)
 
-    def tried(self: AnyPath, solution: Solution, **seen: object) -> AnyPath:
+    def record_attempt(self: AnyPath, solution: Solution, **seen: object) -> AnyPath:
         """Return the path after an attempt, with its iterations and other changes."""
         iterations = self.iterations + solution.iterations
-        return changed(self, iterations=iterations, attempts=self.attempts + 1, **seen)
+        return replace_fields(self, iterations=iterations, attempts=self.attempts + 1, **seen)
 
     def halve(self: AnyPath) -> AnyPath:
         """Return the path with the next attempt halved."""
-        return changed(self, size=self.size // 2)
+        return replace_fields(self, size=self.size // 2)
 
     def advance(self: AnyPath, state: State) -> AnyPath:
         """Return the path after an attempt that led to ``state``."""
-        return changed(self, state=state, done=self.done + self.size)
+        return replace_fields(self, state=state, done=self.done + self.size)
 
     def march(self, skipped: dict[str, int], **more: object) -> March:
         """Return the outcome of the path so far."""
@@ -303,7 +303,7 @@ def work_between(old: State, new: State, handles: HandleMotions) -> tuple[float,
     return work, doubt
 
 
-def jumped(old: State, new: Solution, handles: HandleMotions, size: float) -> bool:
+def has_jumped(old: State, new: Solution, handles: HandleMotions, size: float) -> bool:
     """Return whether a body of ``size`` [m] jumped between two equilibria, as in buckling.
 
     Along a stable branch, the potential changes by the work of handles and commands, the integral of its slopes with

@@ -19,11 +19,11 @@ from gdfe_ros.solver.handle_motions import HandleMotions
 from gdfe_ros.solver.outcome import REMEDY_OF_FOLDS, Deadline, Outcome, join, past, tell
 from gdfe_ros.solver.settings import Skip, SolverSettings
 from gdfe_ros.solver.solution import Increment, March, Solution, is_crumpled
-from gdfe_ros.solver.state import State, changed
-from gdfe_ros.solver.stepping.path import Attempt, LoadPath, Verdict, jumped, planned_increments
+from gdfe_ros.solver.state import State, replace_fields
+from gdfe_ros.solver.stepping.path import Attempt, LoadPath, Verdict, count_increments, has_jumped
 
 
-def placed(body: Body, handles: HandleMotions, state: State, positions: NDArray[np.float64], *, afresh: State) -> State:
+def place(body: Body, handles: HandleMotions, state: State, positions: NDArray[np.float64], *, afresh: State) -> State:
     """Return a state at ``positions`` (n, 3) [m] with the handles at their commanded poses.
 
     Args:
@@ -52,7 +52,7 @@ def placed(body: Body, handles: HandleMotions, state: State, positions: NDArray[
         turns=turns,
         operators=state.operators,
         balance=None,
-        summary=changed(state.summary, converged=False, min_det=least),
+        summary=replace_fields(state.summary, converged=False, min_det=least),
         sound=least > 0.0,
     )
 
@@ -97,11 +97,11 @@ class Stepper:
         settled = state.poses == targets and state.commands == commands
         return settled and state.summary.converged and Skip.SOLVE in self.settings.skip
 
-    def settled(self, state: State, targets: Mapping[str, Pose], commands: Mapping[str, float]) -> bool:
+    def is_settled(self, state: State, targets: Mapping[str, Pose], commands: Mapping[str, float]) -> bool:
         """Return whether a state does not change at these commands: it is an equilibrium."""
         return state.summary.converged
 
-    def started(self, state: State, commands: Mapping[str, float]) -> State:
+    def start_motion(self, state: State, commands: Mapping[str, float]) -> State:
         """Return ``state``: equilibria do not depend on the beginning of a motion."""
         return state
 
@@ -135,7 +135,7 @@ class Stepper:
             march, suspect = self._better_from_rest(march, goal), False
         if march.inverted:
             march = march.with_message(join(march.message, REMEDY_OF_FOLDS), converged=False)
-        return changed(march, state=march.state.with_(suspect=suspect))
+        return replace_fields(march, state=march.state.with_(suspect=suspect))
 
     def _rescue(self, march: March, goal: Increment, state: State) -> March:
         """Return ``march``, or the outcome of a better load path if this one from ``state`` gave up or is doubtful."""
@@ -159,10 +159,10 @@ class Stepper:
         step may end in another minimum of the energy. Its result is then compared with the load path from the
         undeformed body.
         """
-        there = placed(self.body, self.equilibrium.handles, state, positions, afresh=self.at_rest())
+        there = place(self.body, self.equilibrium.handles, state, positions, afresh=self.at_rest())
         return there.with_(suspect=not there.sound)
 
-    def carried(self, state: State, before: State) -> State:
+    def carry_energies(self, state: State, before: State) -> State:
         """Return ``state``, in which bodies were put elsewhere; ``before`` is the state before this.
 
         A `MotionStepper` also takes over the account of energies from ``before``. Equilibria have no such account.
@@ -187,7 +187,7 @@ class Stepper:
         """Return the outcome of the load path from ``state`` to a goal; increments are halved after failed attempts."""
         centres = self.equilibrium.handles.centres_together(state.poses, goal.poses)
         together = () if self.actuation.contacts else centres  # nothing is in the way
-        planned = planned_increments(goal.poses, state.poses, self.body.size, together=together)
+        planned = count_increments(goal.poses, state.poses, self.body.size, together=together)
         path = LoadPath.over(state, goal, planned, budget=planned * goal.limit, centres=centres)
         while True:
             attempt = self._attempt(path)
@@ -196,9 +196,9 @@ class Stepper:
                 path = path.halve()
             elif verdict is Verdict.WITHDRAW:
                 last = path.state.anchor or path.state
-                return self._end(changed(path, state=last.with_flaw(attempt.reason_to_withdraw)))
+                return self._end(replace_fields(path, state=last.with_flaw(attempt.reason_to_withdraw)))
             else:
-                path = path.advance(self._accepted(attempt, stops=verdict is Verdict.STOP))
+                path = path.advance(self._accept(attempt, stops=verdict is Verdict.STOP))
             if verdict is Verdict.STOP:
                 return self._end(path, snapped=attempt.snapped)
 
@@ -206,17 +206,17 @@ class Stepper:
         """Solve the next increment of a load path; return the attempt."""
         (poses, commands), state, goal, patience = path.aim, path.state, path.goal, self.equilibrium.patience
         limit = path.left if path.shortest else min(path.left, patience)
-        aim = {"poses": poses, "commands": commands, "limit": limit}
-        solution = self.equilibrium.solve(changed(goal, **aim, begins=path.covered, divisible=not path.shortest), state)
+        aim = {"poses": poses, "commands": commands, "limit": limit, "begins": path.covered}
+        solution = self.equilibrium.solve(replace_fields(goal, **aim, divisible=not path.shortest), state)
         sound = solution.min_det > 0.0
         pressed = not sound or (solution.min_det < THRESHOLD and not solution.converged)
-        jumps = path.moves and jumped(state, solution, self.equilibrium.handles, self.body.size)
-        path = path.tried(solution, jumped=path.jumped or jumps, folded=path.folded or pressed)
+        jumps = path.moves and has_jumped(state, solution, self.equilibrium.handles, self.body.size)
+        path = path.record_attempt(solution, jumped=path.jumped or jumps, folded=path.folded or pressed)
         spent = path.iterations >= path.budget or past(goal.deadline)
         patient = path.iterations + (state.unfinished.iterations if state.unfinished else 0) < patience
         unstable = None if solution.cut and patient else self._find_unstable(state, solution, commands)
         return Attempt(
-            path=changed(path, unstable=unstable or path.unstable),
+            path=replace_fields(path, unstable=unstable or path.unstable),
             solution=solution,
             jumps=jumps,
             unstable=unstable,
@@ -232,7 +232,7 @@ class Stepper:
         since = (state.anchor or state).positions
         return self.actuation.unstable(solution.positions, since, commands, before)
 
-    def _accepted(self, attempt: Attempt, *, stops: bool) -> State:
+    def _accept(self, attempt: Attempt, *, stops: bool) -> State:
         """Return the state of an accepted attempt; it has a `State.anchor` if the load path fails.
 
         A load path fails if the solve is unfinished, or if the path stops before its end with elements folded or nearly
@@ -259,7 +259,7 @@ class Stepper:
         message = state.summary.message
         if path.folded and not state.summary.converged and tell(Outcome.FOLDED) not in message:
             state = state.with_flaw(join(message, tell(Outcome.PRESSED)))
-        return changed(path, state=state).march(self.equilibrium.skipped(), snapped=snapped)
+        return replace_fields(path, state=state).march(self.equilibrium.count_skipped(), snapped=snapped)
 
     def _let_go(self, march: March, goal: Increment, start: State) -> March:
         """Retry with the moving obstacles at their targets and without contact forces; return the accepted outcome.
@@ -272,15 +272,15 @@ class Stepper:
         touched = [name for name in touched if march.state.terms[name]["press"].any()]
         names = [name for name in touched if start.poses[name] != goal.poses[name]]
         for begin in (march.state, self.at_rest()) if names else ():
-            found = self._march(self._untouched(begin, march.state, names, goal), goal)
+            found = self._march(self._drop_forces(begin, march.state, names, goal), goal)
             free = found.sound and not any(found.state.terms[name]["press"].any() for name in names)
             march = found.counting(march) if free else march.counting(found)
             if free:
                 text = tell(Outcome.LET_GO, names=", ".join(names), flaw=flaw)
-                return changed(march.with_message(text, converged=True), restarts=1)
+                return replace_fields(march.with_message(text, converged=True), restarts=1)
         return march
 
-    def _untouched(self, begin: State, last: State, names: Sequence[str], goal: Increment) -> State:
+    def _drop_forces(self, begin: State, last: State, names: Sequence[str], goal: Increment) -> State:
         """Return ``begin`` with the obstacles ``names`` at their targets, without contact forces."""
         there = self.place(begin, begin.positions)
         rubbed = {contact.name: last.terms[contact.name]["lost"] for contact in self.actuation.contacts}
@@ -297,7 +297,7 @@ class Stepper:
         told = again.with_message(
             join(tell(Outcome.RESTARTED, flaw=march.flaw), again.message), converged=again.converged
         )
-        return changed(told.counting(march), restarts=1)
+        return replace_fields(told.counting(march), restarts=1)
 
     def _energy(self, state: State) -> float:
         """Return the energy of the body plus the potential of the terms [J], which an equilibrium minimises."""

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from gdfe_ros.actuators.actuator import ActuatorState, Cable, Mode
 from gdfe_ros.compiled import inlined, kernel
 from gdfe_ros.materials.table import YOUNG
-from gdfe_ros.materials.tensor import scaled
+from gdfe_ros.materials.tensor import scale_vector
 from gdfe_ros.mesh.triples import dot, minus, plus
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
@@ -72,8 +72,8 @@ def pull(x, reals, integers, tension, force):
     count = int(reals[CARRIERS])
     for i in range(len(integers) // count - 1):
         d, length = segment(x, reals, integers, i)
-        along = scaled(d, tension / length if length > 0.0 else 0.0)
-        share(force, integers, count * i, reals, WEIGHTS + count * i, count, scaled(along, -1.0))
+        along = scale_vector(d, tension / length if length > 0.0 else 0.0)
+        share(force, integers, count * i, reals, WEIGHTS + count * i, count, scale_vector(along, -1.0))
         share(force, integers, count * (i + 1), reals, WEIGHTS + count * (i + 1), count, along)
 
 
@@ -207,8 +207,8 @@ class CableTerm(EffortTerm):
         if self.actuator.mode is Mode.TENSION:
             numbers[EFFORT], numbers[TARGET] = self._command, cable_length(positions, numbers, self.integers)
             return
-        numbers[EFFORT] = 0.0 if self._elastic else max(0.0, self.followed(saved, ratio))
-        numbers[TARGET] = self.wanted(self._command)
+        numbers[EFFORT] = 0.0 if self._elastic else max(0.0, self.guess_effort(saved, ratio))
+        numbers[TARGET] = self.find_target_length(self._command)
 
     def resume(self, commands: Mapping[str, float], saved: Saved, found: Saved, positions: NDArray[np.float64]) -> None:
         """Restore the tension at the end of a solve; a cable at the limit of becoming taut counts as taut."""
@@ -230,7 +230,7 @@ class CableTerm(EffortTerm):
         """Return the tension (1,) [N] after an update."""
         return np.array([cable_tension(cable_length(positions, self.reals, self.integers), self.reals)])
 
-    def wanted(self, command: float) -> float:
+    def find_target_length(self, command: float) -> float:
         """Return the length [m] for a command that is a length or a shortening."""
         return command if self.actuator.mode is Mode.LENGTH else self._rest_length - command
 

@@ -116,9 +116,9 @@ class ChamberTerm(EffortTerm):
     def fit(self, matrix: ConstantMatrix) -> None:
         """For a commanded volume, set a penalty in proportion to the body's initial stiffness."""
         if self.updates:
-            self.fit_penalty(matrix, self._pressed(self._body.rest))
+            self.fit_penalty(matrix, self._find_unit_forces(self._body.rest))
 
-    def _pressed(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _find_unit_forces(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return -dV/dx (n, 3) [m^2]."""
         places, points = self.actuator.at(positions), self.actuator.points
         force = np.zeros_like(places)
@@ -147,7 +147,7 @@ class ChamberTerm(EffortTerm):
         """Return a commanded volume with its penalty k as a spring: k dV/dx dV/dx^T."""
         if not self.updates:
             return super().springs(positions)
-        return np.sqrt(self.reals[STIFFNESS]) * self._pressed(positions)[None]
+        return np.sqrt(self.reals[STIFFNESS]) * self._find_unit_forces(positions)[None]
 
     def _volume(self, positions: NDArray[np.float64]) -> float:
         places = self.actuator.at(positions)
@@ -157,7 +157,7 @@ class ChamberTerm(EffortTerm):
         """Set the command; for a commanded volume, also the initial pressure, extrapolated from the last steps."""
         self._command, numbers = commands[self.name], self.reals
         if self.updates:
-            numbers[EFFORT], numbers[TARGET], numbers[LIMIT] = self.followed(saved, ratio), self._command, math.inf
+            numbers[EFFORT], numbers[TARGET], numbers[LIMIT] = self.guess_effort(saved, ratio), self._command, math.inf
             return
         volume = self._volume(positions)
         numbers[EFFORT], numbers[TARGET] = self._command, volume

@@ -13,7 +13,7 @@ from scipy import sparse
 
 from gdfe_ros.compiled import kernel
 from gdfe_ros.materials.fibre_layer import FibreLayer
-from gdfe_ros.materials.tensor import scaled
+from gdfe_ros.materials.tensor import scale_vector
 from gdfe_ros.mesh.triples import dot
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.matrix.constant_matrix import scatter
@@ -35,7 +35,7 @@ def fibre_energy(x, reals, integers, force, size):
             if strain > 0.0 or not slack:
                 pull = reals[start] * strain
                 energy += 0.5 * pull * strain
-                share(force, integers, HEAD + face * nodes, reals, start + 1, nodes, scaled(d, pull))
+                share(force, integers, HEAD + face * nodes, reals, start + 1, nodes, scale_vector(d, pull))
             start += 1 + nodes
     size[0] += energy
     return energy

@@ -111,7 +111,7 @@ class EffortTerm(UpdatedTerm):
         (self.reals[EFFORT],) = self.renew(positions)
         return float(abs(self.reals[EFFORT] - before) / (self.reals[STIFFNESS] * self.area))
 
-    def followed(self, saved: Saved, ratio: float) -> float:
+    def guess_effort(self, saved: Saved, ratio: float) -> float:
         """Return the initial effort of a solve: the last one plus ``ratio`` times the last change."""
         last, before = saved["effort"]
         return float(last + ratio * (last - before))
@@ -138,11 +138,11 @@ class Multipliers:
     def __init__(self, terms: Sequence[Term]) -> None:
         self._terms = terms
         self._ends = np.cumsum([len(term.multipliers) for term in terms])[:-1]
-        self.per_metre = self._joined(lambda term: term.per_metre)
+        self.per_metre = self._join(lambda term: term.per_metre)
 
-    def held(self) -> Array:
+    def collect_multipliers(self) -> Array:
         """Return the present multipliers (k,)."""
-        return self._joined(lambda term: term.multipliers)
+        return self._join(lambda term: term.multipliers)
 
     def hold(self, values: Array) -> None:
         """Set the multipliers (k,)."""
@@ -151,13 +151,13 @@ class Multipliers:
 
     def updated(self, positions: Array) -> Array:
         """Return the multipliers (k,) after an update at positions (n, 3) [m]; the terms are not modified."""
-        return self._joined(lambda term: term.updated(positions))
+        return self._join(lambda term: term.updated(positions))
 
     def metres(self, values: Array) -> float:
         """Return the largest displacement [m] that corresponds to a change ``values`` (k,) of the multipliers."""
         return float(np.abs(values / self.per_metre).max(initial=0.0))
 
-    def _joined(self, part: Callable[[Term], Array]) -> Array:
+    def _join(self, part: Callable[[Term], Array]) -> Array:
         return np.concatenate([np.zeros(0), *(part(term) for term in self._terms)])
 
 

@@ -22,7 +22,7 @@ from scipy import sparse
 
 from gdfe_ros.actuators.actuator import ActuatorState
 from gdfe_ros.compiled import inlined, kernel
-from gdfe_ros.compiling.linked import linked_entry
+from gdfe_ros.compiling.linked import compile_linked_entry
 from gdfe_ros.constraints import Pose
 from gdfe_ros.mesh.triples import along, corner
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
@@ -46,9 +46,9 @@ class TermKernel:
     def address(self) -> int:
         """Address of the machine code."""
         try:
-            self._compiled = linked_entry(_ENTRY, self._entry, cache=True)
+            self._compiled = compile_linked_entry(_ENTRY, self._entry, cache=True)
         except RuntimeError:  # defined at a prompt: there is no file next to which a cache could be stored
-            self._compiled = linked_entry(_ENTRY, self._entry, cache=False)
+            self._compiled = compile_linked_entry(_ENTRY, self._entry, cache=False)
         return self._compiled.address
 
 

@@ -129,7 +129,7 @@ def test_a_clock_that_jumps_ahead_is_gone_on_from(ahead: float) -> None:
     pace.begin()
     jump = round(ahead * 1e9)
     clock[0] += jump
-    pace.jumped(jump)
+    pace.record_jump(jump)
     assert pace.behind == 0.0
     assert pace.delay(pending=True, settled=False) is None
     (text,) = told
@@ -147,7 +147,7 @@ def test_a_clock_that_goes_on_is_caught_up_with() -> None:
     clock, told = [5 * 10**9], []
     pace = ExternalPace(lambda: Timing(100.0, 0.01, 0.0, False), lambda: clock[0], told.append)
     clock[0] += 5 * 10**9
-    pace.jumped(5 * 10**9)
+    pace.record_jump(5 * 10**9)
     assert pace.behind == pytest.approx(5.0)
     assert pace.delay(pending=True, settled=False) == 0.0
     pace.begin()

@@ -33,11 +33,11 @@ def test_the_account_of_energy_continues(slab: Path, cube: Entity) -> None:
     new = Simulation(with_body(old.scene, "cube", cube, origin=_PLACE, turn=Rotation.identity()))
     take_over(old, new)
     assert new.time == old.time
-    assert new.stepper.unbalanced(new.state) == pytest.approx(old.stepper.unbalanced(old.state), abs=1e-15)
+    assert new.stepper.find_imbalance(new.state) == pytest.approx(old.stepper.find_imbalance(old.state), abs=1e-15)
     advance(new, dt=0.005, count=5)
     last = Simulation(without_bodies(new.scene, ["cube"]))
     take_over(new, last)
-    assert last.stepper.unbalanced(last.state) == pytest.approx(new.stepper.unbalanced(new.state), abs=1e-15)
+    assert last.stepper.find_imbalance(last.state) == pytest.approx(new.stepper.find_imbalance(new.state), abs=1e-15)
     assert last.stepper.energies(last.state)["kinetic"] < new.stepper.energies(new.state)["kinetic"]
     for _ in range(5):
         assert last.step(dt=0.005).converged

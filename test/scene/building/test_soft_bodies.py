@@ -80,8 +80,8 @@ def test_two_hundred_soft_bodies_in_turn_neither_leak_nor_jump(slab: Path) -> No
             new = Simulation(changed)
             take_over(simulation, new)
             assert (new.positions[:count] == simulation.positions[:count]).all()
-            unaccounted = simulation.stepper.unbalanced(simulation.state)
-            assert new.stepper.unbalanced(new.state) == pytest.approx(unaccounted, abs=1e-12)
+            unaccounted = simulation.stepper.find_imbalance(simulation.state)
+            assert new.stepper.find_imbalance(new.state) == pytest.approx(unaccounted, abs=1e-12)
             simulation = new
             if number % 50 == 0:
                 assert simulation.step(dt=0.005).converged

@@ -16,7 +16,7 @@ from gdfe_ros.results.contacts import contact_names
 from gdfe_ros.results.step_result import StepResult
 from gdfe_ros.solver.contact import complementarity
 from gdfe_ros.solver.motion import impulse, inertia
-from gdfe_ros.solver.state import changed
+from gdfe_ros.solver.state import replace_fields
 from test.written import advance, scene_of
 
 FLOORED = {
@@ -66,7 +66,7 @@ def kick(simulation: Simulation, **speeds: tuple[Vector, Vector]) -> None:
             moving = velocity + np.cross(spin, x - x.mean(axis=0))
             saved["velocity"][body.vertices] = saved["velocity_before"][body.vertices] = moving
             saved["before"][body.vertices] = x - h * moving
-    ledger = changed(state.ledger, bound=None)  # what it is given here is in no account
+    ledger = replace_fields(state.ledger, bound=None)  # what it is given here is in no account
     simulation.state = state.with_(terms={**state.terms, inertia.NAME: saved}, ledger=ledger)
 
 

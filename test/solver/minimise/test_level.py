@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from gdfe_ros import Simulation
 from gdfe_ros.solver.equilibrium.solve import Solve
-from gdfe_ros.solver.matrix.assembly import Tangent
+from gdfe_ros.solver.matrix.tangent_assembly import Tangent
 from gdfe_ros.solver.minimise.curvature import TangentProducts
 from gdfe_ros.solver.minimise.level import TangentLevel
 from test.solver.whole_tangent import whole_tangent

@@ -18,7 +18,7 @@ def moved(now: Kinematics, rule: Rule, new: np.ndarray, h: float) -> Kinematics:
         positions=new,
         velocity=rule.velocity(new),
         acceleration=rule.acceleration(new),
-        balanced=rule.balanced(new),
+        balanced=rule.find_force(new),
         before=now.positions,
         velocity_before=now.velocity,
         pushed=np.zeros((1, 3)),
@@ -28,7 +28,7 @@ def moved(now: Kinematics, rule: Rule, new: np.ndarray, h: float) -> Kinematics:
 
 def swing(dynamics: Dynamics, h: float, count: int) -> np.ndarray:
     """Return the positions of a unit oscillator that starts with velocity 1 at 0."""
-    now = Kinematics.started(np.zeros((1, 3)), np.ones((1, 3)), np.zeros((1, 3)), h)
+    now = Kinematics.start(np.zeros((1, 3)), np.ones((1, 3)), np.zeros((1, 3)), h)
     path = []
     for _ in range(count):
         rule = Rule.of(dynamics, h, now)
@@ -41,7 +41,7 @@ def swing(dynamics: Dynamics, h: float, count: int) -> np.ndarray:
 def test_constant_acceleration_is_exact(scheme: Scheme) -> None:
     """With constant acceleration, positions, velocities and accelerations are exact over three steps."""
     h, pull, velocity = 0.1, np.array([[0.0, 0.0, -9.81]]), np.array([[1.0, 0.0, 2.0]])
-    now = Kinematics.started(np.zeros((1, 3)), velocity, pull, h)
+    now = Kinematics.start(np.zeros((1, 3)), velocity, pull, h)
     for t in (h, 2 * h, 3 * h):
         rule = Rule.of(Dynamics(scheme=scheme), h, now)
         now = moved(now, rule, rule.aim + pull / rule.kappa, h)

@@ -12,11 +12,11 @@ from gdfe_ros import Command, Pose
 from gdfe_ros.mesh import bar
 from gdfe_ros.mesh.assembly import keep_cells
 from gdfe_ros.mesh.files.stored_mesh import pack_mesh
-from gdfe_ros.mesh.tetmesh import divided
+from gdfe_ros.mesh.tetmesh import divide
 from test.solver.sensitivity.test_equilibrium import BAR, TIP, command_error, worst_error
 from test.solver.sensitivity.test_motion import CASES, motion_error
 
-MESH = {"embedded": pack_mesh(divided(bar([0.1, 0.03, 0.03], [5, 1, 1])))}
+MESH = {"embedded": pack_mesh(divide(bar([0.1, 0.03, 0.03], [5, 1, 1])))}
 CABLE = "{cable: {points: [[0, 0, 0.012], [0.05, 0.003, 0.012], [0.098, 0, 0.012]], command: shortening}}"
 GROWTH = "{growth: {stretch: [1.2, 1, 0.95], where: {box: {x: [0, 0.061]}}}}"
 
@@ -46,7 +46,7 @@ def test_actuators(kind: str, value: float, step: float) -> None:
 def test_a_chamber_of_given_pressure() -> None:
     """Derivatives with respect to the pressure in a cavity, whose faces have six nodes."""
     block = keep_cells(bar([0.1, 0.03, 0.03], [5, 3, 3]), np.arange(45) != 22)
-    kind, mesh = "{chamber: {cavity: 0, command: pressure}}", {"embedded": pack_mesh(divided(block))}
+    kind, mesh = "{chamber: {cavity: 0, command: pressure}}", {"embedded": pack_mesh(divide(block))}
     assert command_error(kind, 4000.0, 40.0, mesh=mesh) <= 1.0
 
 

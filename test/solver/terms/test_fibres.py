@@ -11,7 +11,7 @@ import pytest
 from gdfe_ros import Command, Simulation
 from gdfe_ros.mesh import Mesh, bar
 from gdfe_ros.mesh.files.stored_mesh import pack_mesh
-from gdfe_ros.mesh.tetmesh import divided
+from gdfe_ros.mesh.tetmesh import divide
 from gdfe_ros.scene import Scene, scene_from_text
 from gdfe_ros.simulation_parts.steppers import scene_body
 from gdfe_ros.solver.terms.fibres import FibreTerm, fibre_energy
@@ -56,7 +56,7 @@ def _stretched(mesh: Mesh, gradient: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize(
-    "keys", [{}, {"mesh": {"embedded": pack_mesh(divided(bar(list(_EDGES), [3, 2, 1])))}}], ids=["hex", "tet"]
+    "keys", [{}, {"mesh": {"embedded": pack_mesh(divide(bar(list(_EDGES), [3, 2, 1])))}}], ids=["hex", "tet"]
 )
 @pytest.mark.parametrize("angle", [0.0, 30.0, 90.0])
 def test_a_uniform_strain_has_the_energy_of_the_closed_form(angle: float, keys: dict[str, Any]) -> None:

@@ -13,10 +13,10 @@ from gdfe_ros.actuators.load import PressureLoad
 from gdfe_ros.errors import SceneError
 from gdfe_ros.materials import NeoHookean
 from gdfe_ros.mesh import Mesh, bar
-from gdfe_ros.mesh.cells.faces import turned
-from gdfe_ros.mesh.tetmesh import divided
+from gdfe_ros.mesh.cells.faces import reverse
+from gdfe_ros.mesh.tetmesh import divide
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.terms.load import PressureTerm
+from gdfe_ros.solver.terms.applied_load import PressureTerm
 from gdfe_ros.solver.terms.term import TermTable
 from test.differences import assert_derivative, assert_tangent, force_of
 from test.written import advance, scene_of
@@ -104,7 +104,7 @@ def test_a_block_under_pressure_on_three_faces_shrinks_evenly(factor: float) -> 
     assert result.reactions["mx"][0] == pytest.approx(pressure * (0.02 * stretch) ** 2, rel=1e-6)
 
 
-@pytest.mark.parametrize("mesh", [bar([0.04, 0.02, 0.02], [2, 1, 1]), divided(bar([0.04, 0.02, 0.02], [2, 1, 1]))])
+@pytest.mark.parametrize("mesh", [bar([0.04, 0.02, 0.02], [2, 1, 1]), divide(bar([0.04, 0.02, 0.02], [2, 1, 1]))])
 def test_forces_are_the_gradient_of_the_energy(mesh: Mesh) -> None:
     """On closed and open surfaces, of hexahedra and tetrahedra, forces and tangents agree with differences."""
     material = NeoHookean(young=1e6, poisson=0.3)
@@ -112,10 +112,10 @@ def test_forces_are_the_gradient_of_the_energy(mesh: Mesh) -> None:
     boundary = mesh.boundary.quads
     moved = body.rest + 1e-3 * np.random.default_rng(1).standard_normal(body.rest.shape)
     for faces, closed in ((boundary, True), (boundary[: len(boundary) // 3], False)):
-        term = PressureTerm(PressureLoad(name="p", quads=turned(faces), pressure=1.0), body)
+        term = PressureTerm(PressureLoad(name="p", quads=reverse(faces), pressure=1.0), body)
         term.aim({}, None)
         term.begin({"p": 1.0}, term.neutral(), moved, 0.0)
-        forces = term._pushed(moved, 0.0, 1.0)
+        forces = term._sum_forces(moved, 0.0, 1.0)
         np.testing.assert_allclose(-force_of(moved, TermTable.of(term)), forces, atol=1e-15)
         assert (len(term.multipliers) == 0) == closed
         assert_derivative(TermTable.of(term), moved)  # with constant forces at open edges

@@ -15,9 +15,9 @@ from gdfe_ros.mesh.assembly import merge_vertices
 from gdfe_ros.mesh.cells.faces import HEX_FACES
 from gdfe_ros.mesh.cells.tet_operators import gradients
 from gdfe_ros.mesh.cells.tetrahedra import face_slopes, face_weights, triangle_rule
-from gdfe_ros.mesh.tetmesh import raised
+from gdfe_ros.mesh.tetmesh import elevate
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.elements.tetrahedra import element_tangents
+from gdfe_ros.solver.elements.quadratic_tetrahedra import element_tangents
 
 
 def tangents(body: Body) -> NDArray[np.float64]:
@@ -77,7 +77,7 @@ def starred(mesh: HexMesh) -> TetMesh:
         axis=3,
     ).reshape(-1, 4)
     # The centre of a face is there twice, once for each of its cells.
-    return merge_vertices(raised(np.concatenate(points), tets[:, [1, 0, 2, 3]]))
+    return merge_vertices(elevate(np.concatenate(points), tets[:, [1, 0, 2, 3]]))
 
 
 def round_faces(mesh: TetMesh, least: float, most: float) -> NDArray[np.int32]:

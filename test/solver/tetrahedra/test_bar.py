@@ -14,7 +14,7 @@ from gdfe_ros.constraints import Handle
 from gdfe_ros.materials import Material, NeoHookean, Ogden
 from gdfe_ros.mesh import Mesh, bar
 from gdfe_ros.mesh.inspection import inspect_mesh
-from gdfe_ros.mesh.tetmesh import divided
+from gdfe_ros.mesh.tetmesh import divide
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.equilibrium.energy import EquilibriumSolver
 from gdfe_ros.solver.forces.actuation import Actuation
@@ -51,7 +51,7 @@ def sag(mesh: Mesh, law: Material) -> float:
 @pytest.mark.parametrize("poisson", CONVERGED)
 def test_a_clamped_bar_sags_within_one_per_cent(poisson: float) -> None:
     """With 10 x 2 x 2 cubes of six tetrahedra the sag is within 1 %; linear ones give a third or a tenth of the sag."""
-    found = sag(divided(bar([0.1, 0.02, 0.02], [10, 2, 2])), NeoHookean(young=2e5, poisson=poisson))
+    found = sag(divide(bar([0.1, 0.02, 0.02], [10, 2, 2])), NeoHookean(young=2e5, poisson=poisson))
     assert found == pytest.approx(CONVERGED[poisson], rel=0.01)
 
 
@@ -62,14 +62,14 @@ def test_a_clamped_bar_sags_within_one_per_cent(poisson: float) -> None:
 )
 def test_the_sag_converges_with_the_mesh(law: Material) -> None:
     """The sag is within 0.5 % of that of the next finer mesh, and converges, also for laws of isochoric strain."""
-    sags = [sag(divided(bar([0.1, 0.02, 0.02], cells)), law) for cells in ([5, 1, 1], [10, 2, 2], [20, 4, 4])]
+    sags = [sag(divide(bar([0.1, 0.02, 0.02], cells)), law) for cells in ([5, 1, 1], [10, 2, 2], [20, 4, 4])]
     assert sags[1] == pytest.approx(sags[2], rel=0.005)
     assert abs(sags[1] - sags[2]) < abs(sags[0] - sags[2])
 
 
 def test_the_hexahedra_that_an_inspection_names_have_the_error_that_it_states() -> None:
     """The remark on a box of tetrahedra names hexahedra that sag by 1.4 % less than fine meshes, as it says."""
-    (note,) = inspect_mesh(divided(bar([0.1, 0.02, 0.02], [15, 3, 3]))).remarks
+    (note,) = inspect_mesh(divide(bar([0.1, 0.02, 0.02], [15, 3, 3]))).remarks
     assert "about 5 times less than with 810 tetrahedra" in note
     (named,) = re.findall(r"`(mesh: .*?)`", note)
     simulation = Simulation(scene_of(named + SAGGING))

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from gdfe_ros.constraints import Handle
 from gdfe_ros.materials import Material
 from gdfe_ros.mesh import TetMesh, bar
-from gdfe_ros.mesh.tetmesh import divided
+from gdfe_ros.mesh.tetmesh import divide
 from gdfe_ros.results.element_fields import corner_forces, element_fields, strain_energies, volume_pressures
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.elements.measures import least_volume_ratio
@@ -30,7 +30,7 @@ def block() -> TetMesh:
     """Return a cube of 48 tetrahedra with displaced corners and straight edges."""
     mesh = bar([0.2, 0.2, 0.2], [2, 2, 2])
     inner = (np.abs(mesh.vertices - mesh.vertices.mean(axis=0)) < 0.09).all(axis=1)
-    tets = divided(mesh)
+    tets = divide(mesh)
     corners = np.unique(tets.cells[:, :4])
     moved = tets.vertices.copy()
     moved[corners] += np.random.default_rng(3).uniform(-0.015, 0.015, (len(corners), 3)) * (1.0 + inner[:, None])

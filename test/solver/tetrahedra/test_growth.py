@@ -11,7 +11,7 @@ import pytest
 from gdfe_ros import Command, Simulation
 from gdfe_ros.mesh import Mesh, bar
 from gdfe_ros.mesh.files.stored_mesh import pack_mesh
-from gdfe_ros.mesh.tetmesh import divided
+from gdfe_ros.mesh.tetmesh import divide
 from test.written import simulate
 
 LENGTH, HEIGHT = 0.06, 0.004
@@ -31,7 +31,7 @@ def _grown(mesh: Mesh, growth: dict[str, Any], handles: dict[str, Any], poisson:
 @pytest.mark.parametrize("poisson", [0.3, 0.499])
 def test_free_growth_is_without_stress(poisson: float) -> None:
     """A block that can grow freely has the shape of its growth, and no energy, also with pressures."""
-    mesh = divided(bar([0.03, 0.02, 0.01], [2, 1, 1]))
+    mesh = divide(bar([0.03, 0.02, 0.01], [2, 1, 1]))
     growth = {"stretch": [1.2, 1.1, 0.9]}
     corners = [np.argmax(mesh.vertices @ way) for way in ([-1, -1, -1], [1, -1, -1], [-1, 1, -1])]
     held = {f"h{i}": {"where": {"vertices": [int(v)]}, "free": ["x", "y"][:i]} for i, v in enumerate(corners)}
@@ -43,7 +43,7 @@ def test_free_growth_is_without_stress(poisson: float) -> None:
 
 def test_a_bilayer_bends_by_timoshenko() -> None:
     """A strip whose upper half shortens by 1 % has the curvature 3/2 of that over its height (Timoshenko 1925)."""
-    mesh = divided(bar([LENGTH, 0.004, HEIGHT], [12, 1, 2]))
+    mesh = divide(bar([LENGTH, 0.004, HEIGHT], [12, 1, 2]))
     growth = {"stretch": [0.99, 1.0, 1.0], "where": {"box": {"z": [-1e-9, 1.0]}}}
     simulation = _grown(mesh, growth, {"base": {"where": {"face": "x-"}, "fixed": True}}, 0.3)
     middle = np.abs(mesh.vertices[:, [1, 2]]).max(axis=1) < 1e-9

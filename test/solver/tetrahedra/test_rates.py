@@ -12,7 +12,7 @@ from gdfe_ros.mesh import HexMesh, TetMesh, bar
 from gdfe_ros.mesh.assembly import keep_cells
 from gdfe_ros.mesh.cells.tetrahedra import POINTS, quadratic_weights
 from gdfe_ros.mesh.generators import sphere
-from gdfe_ros.mesh.tetmesh import divided
+from gdfe_ros.mesh.tetmesh import divide
 from test.solver.tetrahedra.linear import displacements, pushed, round_faces, snapped, starred, stresses
 
 INNER, OUTER, PRESSURE = 0.05, 0.1, 1.0
@@ -80,7 +80,7 @@ def cook(cells: int) -> TetMesh:
     x, y, z = grid.vertices.T
     share = x / 48.0
     low, high = 44.0 * share, 44.0 + 16.0 * share
-    return divided(HexMesh(np.stack([x, low + (y + 0.5) * (high - low), z], axis=1), grid.cells))
+    return divide(HexMesh(np.stack([x, low + (y + 0.5) * (high - low), z], axis=1), grid.cells))
 
 
 def cook_rise(cells: int, law: Material) -> float:

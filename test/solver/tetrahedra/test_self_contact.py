@@ -12,7 +12,7 @@ from gdfe_ros import Command, Pose, Simulation
 from gdfe_ros.mesh import HexMesh, Mesh, bar
 from gdfe_ros.mesh.assembly import keep_cells
 from gdfe_ros.mesh.files.stored_mesh import pack_mesh
-from gdfe_ros.mesh.tetmesh import divided
+from gdfe_ros.mesh.tetmesh import divide
 from gdfe_ros.scene import Scene, scene_from_text
 from gdfe_ros.scene.document import write_document
 from test.written import advance
@@ -33,7 +33,7 @@ def _scene(**entries: Any) -> Scene:
 
 def _slabs(**entries: Any) -> Scene:
     """Return two slabs of tetrahedra, whose meshes do not match, with a gap between them."""
-    low, high = (divided(bar([0.1, 0.1, 0.04], [n, n, 1])) for n in (3, 2))
+    low, high = (divide(bar([0.1, 0.1, 0.04], [n, n, 1])) for n in (3, 2))
     meshes = {"low": {"embedded": pack_mesh(low)}, "high": {"embedded": pack_mesh(high), "at": [0.0, 0.0, 0.04 + GAP]}}
     handles = {
         "base": {"where": {"mesh": "low", "face": "z-"}, "fixed": True},
@@ -72,7 +72,7 @@ def _slit() -> HexMesh:
 
 @pytest.mark.parametrize(
     ("body", "friction", "steps"),
-    [(divided(_slit()), 0.1, 4), (divided(_slit()), 0.4, 12), (_slit(), 0.0, 8), (_slit(), 0.1, 12)],
+    [(divide(_slit()), 0.1, 4), (divide(_slit()), 0.4, 12), (_slit(), 0.0, 8), (_slit(), 0.1, 12)],
     ids=["tetrahedra", "tetrahedra, rough", "hexahedra, smooth", "hexahedra"],
 )
 @pytest.mark.parametrize("dynamics", [None, {"step": 0.005, "damping": {"viscosity": 300}}], ids=["statics", "motion"])

@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 from gdfe_ros.constraints import Pose
 from gdfe_ros.constraints.obstacle import NAME, SelfContact
 from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.contact.contact_surface import BodyPoints
 from gdfe_ros.solver.contact.contact_term import MARGIN, ContactTerm
 from gdfe_ros.solver.contact.self_contact.closest import Nearest
 from gdfe_ros.solver.contact.self_contact.own_pairs import NONE, OwnPairs, lay_out_pairs, slips_of
 from gdfe_ros.solver.contact.self_contact.paired_forces import frames, touching_points
 from gdfe_ros.solver.contact.self_contact.penetration import Inside
 from gdfe_ros.solver.contact.stencil import PLANES, Stencils, Surfaces
-from gdfe_ros.solver.contact.surface import BodyPoints
 from gdfe_ros.solver.contact.touch import NOTHING, Touch
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.state import Saved, State
@@ -168,7 +168,7 @@ class OwnContact(ContactTerm):
         self._at = self.points.at(positions)
         return super().finish(saved, positions)
 
-    def stored(self, vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+    def to_stored_axes(self, vectors: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return vectors (k, 3) in the frames of the faces."""
         axes = frames(self._at, self.pairs.carriers(self._chosen, self._now.face))
         return np.einsum("kji,kj->ki", axes, vectors)

@@ -11,11 +11,11 @@ from gdfe_ros.constraints.obstacle import SelfContact
 from gdfe_ros.mesh.cells.tetrahedra import flat_quads
 from gdfe_ros.mesh.triples import along, corner, dot
 from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.contact.contact_surface import BodyPoints
 from gdfe_ros.solver.contact.near import KeptPairs, boxes_around, find_near, relative_motion
 from gdfe_ros.solver.contact.self_contact.closest import Nearest, face_areas, least_distance, nearest_faces
 from gdfe_ros.solver.contact.self_contact.crossing import LEAST, SEATS, crossing_edges, least_between
 from gdfe_ros.solver.contact.self_contact.own_surface import Topology
-from gdfe_ros.solver.contact.surface import BodyPoints
 
 MARGIN = 0.01
 """Candidates are searched up to this distance, divided by the body's size, beyond the search distance."""

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from gdfe_ros.mesh.cells.tetrahedra import flat_quads
 from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.contact.contact_surface import BodyPoints
 from gdfe_ros.solver.contact.near import Ragged, incidence, make_ragged
 from gdfe_ros.solver.contact.self_contact.closest import face_areas
-from gdfe_ros.solver.contact.surface import BodyPoints
 
 CREASE = 0.7
 """The surface counts as smooth at an edge if the cosine between the rest normals of its two faces exceeds this."""

@@ -14,10 +14,10 @@ from gdfe_ros.mesh.cells.faces import vertex_pieces
 from gdfe_ros.mesh.cells.tetrahedra import flat_quads
 from gdfe_ros.mesh.triples import along, corner, cross, dot, minus, unit
 from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.contact.contact_surface import BodyPoints
 from gdfe_ros.solver.contact.near import KeptPairs, Ragged, boxes_around, find_near, make_ragged
 from gdfe_ros.solver.contact.self_contact.closest import EQUAL, area_vector, clamp, closest_on, face_at, to_box
 from gdfe_ros.solver.contact.self_contact.own_surface import Topology, flat_boundary
-from gdfe_ros.solver.contact.surface import BodyPoints
 
 SEPARATE = "remedy: return to a sound state and approach in smaller steps, or move the parts away from each other"
 ROUGH = "; without friction, parts that are pressed on each other may slide aside: try self_contact: {friction: 0.1}"

@@ -13,7 +13,7 @@ import pytest
 from gdfe_ros import Command, Pose, Simulation
 from gdfe_ros.mesh import bar
 from gdfe_ros.mesh.files.stored_mesh import pack_mesh
-from gdfe_ros.mesh.tetmesh import divided
+from gdfe_ros.mesh.tetmesh import divide
 from gdfe_ros.scene import scene_from_text
 from gdfe_ros.scene.document import write_document
 from gdfe_ros.solver.contact.self_contact.own_pairs import NONE, OwnPairs
@@ -87,7 +87,7 @@ def press(simulation: Simulation, *depths: float) -> float:
     return float(-result.reactions["ends"][2])
 
 
-@pytest.mark.parametrize("mesh", [GRID, divided(bar([0.1, 0.01, 0.01], [5, 1, 1]))], ids=["hexahedra", "tetrahedra"])
+@pytest.mark.parametrize("mesh", [GRID, divide(bar([0.1, 0.01, 0.01], [5, 1, 1]))], ids=["hexahedra", "tetrahedra"])
 def test_they_touch_when_their_edges_meet(mesh: Any) -> None:
     """There is no force up to the gap; beyond it, the force rises with the depth, and the bars' reactions cancel."""
     simulation = crossing(mesh)

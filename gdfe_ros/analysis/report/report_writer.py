@@ -13,7 +13,7 @@ from gdfe_ros.analysis.bag_run import BagRun, BagSteps
 from gdfe_ros.analysis.report import charts
 from gdfe_ros.analysis.report.animation import Animation, colour_fields
 from gdfe_ros.analysis.report.history import RunHistory, StrainHistogram
-from gdfe_ros.analysis.report.summary import paced_by_wall, run_rows, scene_rows
+from gdfe_ros.analysis.report.summary import is_paced_by_wall, run_rows, scene_rows
 from gdfe_ros.analysis.report.template import build_page, tabulate
 from gdfe_ros.errors import RecordingError
 
@@ -49,7 +49,7 @@ def write_report(bag: str | Path, path: Path) -> ReportFacts:
         title=f"{run.scene.name}: {steps} steps, {max(history.time):.4g} s",
         description=run.scene.description,
         tables=[tabulate("Run", run_rows(run, history)), tabulate("Scene and origin", scene_rows(run))],
-        charts=charts.all_charts(history, run.scene, dt=_dt(run), paced=paced_by_wall(run)),
+        charts=charts.all_charts(history, run.scene, dt=_dt(run), paced=is_paced_by_wall(run)),
         animation=description,
         arrays=arrays,
         remarks=_remarks(history, animation, frames, strays),

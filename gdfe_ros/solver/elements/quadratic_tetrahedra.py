@@ -12,7 +12,7 @@ import numpy as np
 
 from gdfe_ros.compiled import inlined, internal, kernel
 from gdfe_ros.materials.material import Law
-from gdfe_ros.materials.stress import corotated, logarithmic_volume, volumetric
+from gdfe_ros.materials.stress import corotated_stress, logarithmic_volume, volumetric
 from gdfe_ros.materials.table import LAME, LOCAL, PENALTY, SHEAR
 from gdfe_ros.materials.tensor import cofactor, determinant, times
 from gdfe_ros.mesh.cells.tetrahedra import POINTS
@@ -151,7 +151,7 @@ def add_mean_stress(b, weight):
     for lane in range(LANES):
         c, w = cofactor(load9(b, GRADIENT, lane)), b[weight * LANES + lane]
         p, s = load9(b, STRESS, lane), b[SLOPE * LANES + lane]
-        store9(b, STRESS, lane, corotated(p, c, -s, w, 0.0, c))  # w (P + s cof F)
+        store9(b, STRESS, lane, corotated_stress(p, c, -s, w, 0.0, c))  # w (P + s cof F)
         add(b, STORED_ENERGY, lane, w * b[ENERGY * LANES + lane])
 
 

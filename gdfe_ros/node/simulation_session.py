@@ -18,13 +18,13 @@ from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.driving.orders import Inbox
 from gdfe_ros.node.driving.pace import ClockMode, Lateness, Pace, Solves, make_pace
 from gdfe_ros.node.driving.remodelling import with_moduli
-from gdfe_ros.node.driving.stepper import SteppingThread
+from gdfe_ros.node.driving.stepping_thread import SteppingThread
 from gdfe_ros.node.frames import Transforms
 from gdfe_ros.node.inputs import Inputs
 from gdfe_ros.node.interface import MODULUS, topics
 from gdfe_ros.node.middleware.channel import StepPublisher, UnmatchedTopics
 from gdfe_ros.node.middleware.managed import ManagedNode
-from gdfe_ros.node.middleware.ros_types import installed
+from gdfe_ros.node.middleware.ros_types import is_installed
 from gdfe_ros.node.outputs import Bags, TopicOutputs
 from gdfe_ros.node.parameters import Moduli, NodeParameters
 from gdfe_ros.node.refusals import RefusalLog
@@ -79,7 +79,7 @@ class SimulationSession:
         *,
         ending: threading.Event,
     ) -> None:
-        listening = installed(topics.TF.type)
+        listening = is_installed(topics.TF.type)
         leaders = leaders_of(parameters.entries("follow"), simulation.scene, listening=listening)
         told = {"now": lambda: self.run.now(), "limits": parameters, "refuse": refusals.refuse}
         self._transforms = Transforms(node, lambda: self.inputs.followers.look(), **told) if listening else None
@@ -206,8 +206,8 @@ class SimulationSession:
         self.greet(thorough=True)
 
     def greet(self, *, thorough: bool = False) -> None:
-        """Publish the last state again if there are subscribers without it; ``thorough``: see `Channel.missed`."""
-        if self.outputs.missed(thorough=thorough) and self.stepper.running and not self._telling:
+        """Publish the last state again if subscribers lack it; ``thorough``: see `Channel.look_for_newcomers`."""
+        if self.outputs.look_for_newcomers(thorough=thorough) and self.stepper.running and not self._telling:
             self._telling = True
             self.stepper.post_reading(self.run.node.guard(self._deliver_again, "publishing to late subscribers"))
 
@@ -217,7 +217,7 @@ class SimulationSession:
             missing = self.inputs.inbox.missing() if self.inputs.inbox is not None else []
         return ", ".join(f"~/{key}" for key in missing) or "any command"
 
-    def arrived(self) -> bool:
+    def has_arrived(self) -> bool:
         """Return whether the last step's error estimate is within the tolerance and every handle is at its target.
 
         It can be True for a step that is not marked as converged: a deadline may end a solve after it has converged and

@@ -46,7 +46,7 @@ class Placed:
     def now(cls, thing: Obstacle, poses: Mapping[str, Pose], positions: NDArray[np.float64]) -> Placed:
         """Return an obstacle at its commanded pose, or a rigid body at the pose of its vertices (n, 3) [m]."""
         rigid = isinstance(thing, RigidBody)
-        return cls(thing, *(thing.found(positions) if rigid else thing.frame(poses[thing.name])))
+        return cls(thing, *(thing.find_frame(positions) if rigid else thing.frame(poses[thing.name])))
 
     @property
     def half(self) -> NDArray[np.float64]:
@@ -57,18 +57,18 @@ class Placed:
         """Return the world coordinates (k, 3) [m] of points (k, 3) [m] that are given in the thing's frame."""
         return self.origin + places @ self.axes.T
 
-    def seen_from(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def measure_points(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return signed distances (k,) [m] of points (k, 3) [m] to the thing, negative inside, and normals (k, 3)."""
         form: Form = self.thing.form
         return measure(points, np.append(self.axes, self.origin), form_numbers(form), form.kind)
 
 
-def placed_at_rest(handles: Sequence[Handle]) -> list[Placed]:
+def place_at_rest(handles: Sequence[Handle]) -> list[Placed]:
     """Return obstacles and rigid bodies at their rest poses."""
     return [Placed(each, *each.frame(Pose())) for each in handles if isinstance(each, Obstacle)]
 
 
-def placed_now(handles: Sequence[Handle], poses: Mapping[str, Pose], positions: NDArray[np.float64]) -> list[Placed]:
+def place_now(handles: Sequence[Handle], poses: Mapping[str, Pose], positions: NDArray[np.float64]) -> list[Placed]:
     """Return obstacles at their commanded poses, and rigid bodies at the poses of their vertices (n, 3) [m]."""
     return [Placed.now(each, poses, positions) for each in handles if isinstance(each, Obstacle)]
 
@@ -99,7 +99,7 @@ def inside_surface(one: Placed, points: NDArray[np.float64], quads: NDArray[np.i
         points: (n, 3) [m] vertices of the soft body.
         quads: (q, 4) faces of its surface.
     """
-    depth = -float(one.seen_from(points[np.unique(quads)])[0].min(initial=0.0))
+    depth = -float(one.measure_points(points[np.unique(quads)])[0].min(initial=0.0))
     triangles = quads[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3)
     if depth > TOUCHING * _diagonal(one):
         where = f"{depth:.3g} m inside of the soft body"
@@ -138,8 +138,8 @@ def _depth(one: Placed, other: Placed) -> tuple[float, NDArray[np.float64]]:
     for _ in range(ROUNDS):
         places = np.clip(middle + grid * half, -one.half, one.half)
         points = one.world(places)
-        away, normals = other.seen_from(points)
-        sums = away + one.seen_from(points)[0]
+        away, normals = other.measure_points(points)
+        sums = away + one.measure_points(points)[0]
         deepest = int(np.argmin(sums))
         if sums[deepest] < least:
             least, direction, middle = float(sums[deepest]), normals[deepest], places[deepest]

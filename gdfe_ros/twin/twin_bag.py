@@ -16,8 +16,8 @@ import numpy as np
 from gdfe_ros.errors import RecordingError
 from gdfe_ros.live.bag import StepBag
 from gdfe_ros.node.interface import FRAME, topics
+from gdfe_ros.recording.message_tables import PLACE
 from gdfe_ros.recording.packing import Packer, pack_text
-from gdfe_ros.recording.published import PLACE
 from gdfe_ros.recording.step import Step, to_nanoseconds
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.twin.estimator import Deviation

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.scene import scene_from_text
 from gdfe_ros.scene.document import parse_document
-from gdfe_ros.scene.report import known_keys, suggest
+from gdfe_ros.scene.report import list_keys, suggest
 from gdfe_ros.scene.scene import Scene
 
 _FORM = "--vary takes KEY=LOW..HIGH or KEY=LOW..START..HIGH, e.g. materials.silicone.young=1e5..1e6"
@@ -100,7 +100,7 @@ def _require_names(key: str, data: object) -> None:
     for depth, part in enumerate(parts[:-1]):
         if not isinstance(data, dict):
             return
-        if part not in data and depth and not known_keys(tuple(parts[:depth])):
+        if part not in data and depth and not list_keys(tuple(parts[:depth])):
             place = ".".join(parts[:depth])
             raise GdfeError(f"--vary {key}: the scene has no {part!r} in {place}{suggest(part, list(data))}")
         data = data.get(part)

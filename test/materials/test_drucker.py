@@ -8,7 +8,7 @@ import pytest
 
 from benchmarks.torture.bodies import BAR, make_scene
 from gdfe_ros.materials import Law, Linear, Ogden, preset
-from gdfe_ros.materials.stability import MODES, drucker_remarks, separable_hessian
+from gdfe_ros.materials.drucker import MODES, drucker_remarks, separable_hessian
 from gdfe_ros.simulation import Simulation
 from gdfe_ros.solver.settings import Policy
 

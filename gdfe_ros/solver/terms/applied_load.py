@@ -78,9 +78,9 @@ class PressureTerm(UpdatedTerm):
         own, head = np.unique(self._faces), pack_faces(self._faces)
         far = body.rest[own].min(axis=0) - body.size * np.array([1.0, 2.0, 3.0])
         super().__init__(load.name, np.concatenate([[0.0, 0.0], far]), head)
-        areas = self._pushed(body.rest, 0.0, 1.0)
+        areas = self._sum_forces(body.rest, 0.0, 1.0)
         self._area = float(np.abs(areas).sum())
-        beside = np.abs(areas - self._pushed(body.rest, 1.0, 0.0)).max(axis=1) > NEGLIGIBLE * self._area
+        beside = np.abs(areas - self._sum_forces(body.rest, 1.0, 0.0)).max(axis=1) > NEGLIGIBLE * self._area
         self._edge = np.flatnonzero(beside).astype(np.int32)
         middle = body.rest[self._edge if len(self._edge) else own].mean(axis=0)
         numbers = np.concatenate([[0.0, 0.0], middle, np.zeros(3 * len(self._edge))])
@@ -98,7 +98,7 @@ class PressureTerm(UpdatedTerm):
         """The vectors b (k, 3) [m^2] in use, a view."""
         return self.reals[EDGE:].reshape(-1, 3)
 
-    def _pushed(self, x: NDArray[np.float64], of_volume: float, of_area: float) -> NDArray[np.float64]:
+    def _sum_forces(self, x: NDArray[np.float64], of_volume: float, of_area: float) -> NDArray[np.float64]:
         """Return the sum (n, 3) [m^2] of dV/dx and f with these factors."""
         force = np.zeros_like(x)
         face_forces(x, self.integers, self.reals[APEX:EDGE], of_volume, of_area, force)
@@ -106,14 +106,14 @@ class PressureTerm(UpdatedTerm):
 
     def renew(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the vectors b (k, 3) [m^2] of the nodes on open edges at ``positions`` (n, 3) [m]."""
-        return self._pushed(positions, -1.0, 1.0)[self._edge]
+        return self._sum_forces(positions, -1.0, 1.0)[self._edge]
 
     def _volume(self, x: NDArray[np.float64]) -> float:
         return float(face_forces(x, self.integers, self.reals[APEX:EDGE], 0.0, 0.0, np.zeros((0, 3))))
 
     def fit(self, matrix: ConstantMatrix) -> None:
         """Compute the displacement [m/N] by a force of 1 N that is distributed over the faces as the pressure is."""
-        areas = self._pushed(self._rest, 0.0, 1.0)
+        areas = self._sum_forces(self._rest, 0.0, 1.0)
         self._softness = matrix.compliance(areas) / self._area**2
 
     def couplings(self) -> NDArray[np.int32]:

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gdfe_ros.arms.description import UrdfLimits
-from gdfe_ros.arms.limits import JointLimits, JointMotion
+from gdfe_ros.arms.joint_limits import JointLimits, JointMotion
 
 STEP = 0.005
 

@@ -18,7 +18,7 @@ from mcap.records import Attachment, Channel, Chunk, Header, McapRecord, Message
 from mcap.stream_reader import breakup_chunk, get_chunk_data_stream
 from zstandard import ZstdError
 
-from gdfe_ros.recording.decoding import allowed, bound_libraries, require_bounded
+from gdfe_ros.recording.decoding import bound_libraries, limit_expansion, require_bounded
 
 bound_libraries()
 MAGIC = b"\x89MCAP0\r\n"
@@ -174,7 +174,7 @@ def _contents(data: mmap, place: int, end: int, damage: Damage) -> list[McapReco
         record = _record(data, place, end)
         if not isinstance(record, Chunk):
             return [record]
-        if record.uncompressed_size > allowed(len(record.data)):
+        if record.uncompressed_size > limit_expansion(len(record.data)):
             return None  # the number is damaged: no chunk may expand so far
         damage.expanded += record.uncompressed_size
         require_bounded(damage.expanded, len(data))

@@ -17,7 +17,7 @@ from sensor_msgs.msg import Imu, PointCloud2
 from gdfe_ros.constraints import Pose
 from gdfe_ros.node.interface import topics
 from gdfe_ros.node.messages import to_time
-from gdfe_ros.recording.published import IMU, POSE, WRENCH
+from gdfe_ros.recording.message_tables import IMU, POSE, WRENCH
 from gdfe_ros.recording.step import StepRecord
 from gdfe_ros.results.contacts import POINT
 from gdfe_ros.results.inertial_units import ImuReading
@@ -132,7 +132,7 @@ def _vertices(message: PointCloud2) -> NDArray[np.float32]:
 
 
 def _numbers(message: Any, kind: np.dtype) -> NDArray[np.float64]:
-    """Return the numbers of a message in the columns of its table, see `gdfe_ros.recording.published`."""
+    """Return the numbers of a message in the columns of its table, see `gdfe_ros.recording.message_tables`."""
     return np.array(attrgetter(*kind.names)(message))
 
 

@@ -270,7 +270,7 @@ class SteppingThread:
                 if not self.paused:
                     pending = self._inbox.ready()
                     # An order makes a step due, whether the state is settled or not.
-                    delay = self._pace.delay(pending=pending, settled=not pending and self._settled())
+                    delay = self._pace.delay(pending=pending, settled=not pending and self._is_settled())
                 if delay == 0.0:
                     return self._turn
                 self.changed.wait(delay)
@@ -300,7 +300,7 @@ class SteppingThread:
         self._run.report(f"{text}\n{trace}".rstrip())
         return StepFailure(f"{self.failure}; paused in the last good state")
 
-    def _settled(self) -> bool:
+    def _is_settled(self) -> bool:
         """Return whether the state stays constant without a new order."""
         simulation = self._simulation
         states = simulation.actuator_states() if self._rated else {}
