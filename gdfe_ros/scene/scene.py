@@ -16,8 +16,8 @@ from gdfe_ros.constraints import Handle
 from gdfe_ros.constraints.obstacle import SelfContact
 from gdfe_ros.constraints.rigid_body import RigidBody, rigid_among
 from gdfe_ros.materials import Material
-from gdfe_ros.materials.fibre_layer import FibreLayer
 from gdfe_ros.mesh import HexMesh
+from gdfe_ros.mesh.cells.face_fibres import FibreLayer
 from gdfe_ros.results.contacts import ContactSensor
 from gdfe_ros.scene.program import Program
 from gdfe_ros.solver.settings import Dynamics, SolverSettings

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Fibres on faces of a mesh: linear maps from the nodes of a face to the present vector of a fibre."""
+"""Layers of fibres on faces of a mesh, and linear maps from the nodes of a face to the present vector of a fibre."""
 
 from __future__ import annotations
 
@@ -80,3 +80,23 @@ def _rule(corners: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     places = signs / np.sqrt(3.0)
     other = 1.0 + places[:, None, ::-1] * signs[None, :, ::-1]
     return 0.25 * signs * other, np.ones(4)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FibreLayer:
+    """A layer without thickness and without resistance to bending.
+
+    Its energy is the sum over its families of fibres of the integral of k/2 e^2 over the undeformed area, with the
+    Green strain e = (lambda^2 - 1) / 2 and the stretch lambda of the fibre.
+
+    Attributes:
+        name: name, unique among the actuators, loads and layers of the scene.
+        stiffness: k [N/m] of each family: force per width and strain, i.e. Young's modulus times thickness.
+        compression: whether the fibres also resist compression; otherwise they are slack for e < 0.
+        families: integration points of each family of parallel fibres.
+    """
+
+    name: str
+    stiffness: float
+    compression: bool
+    families: tuple[FibrePoints, ...]

@@ -9,10 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.materials import Material
-from gdfe_ros.materials.fibre_layer import FibreLayer
 from gdfe_ros.mesh import Mesh, select_faces
 from gdfe_ros.mesh.cavities import inside_volume, surface_pieces
-from gdfe_ros.mesh.cells.face_fibres import fibre_points, perpendicular_faces
+from gdfe_ros.mesh.cells.face_fibres import FibreLayer, fibre_points, perpendicular_faces
 from gdfe_ros.mesh.cells.faces import corners_of, group_faces
 from gdfe_ros.scene.building.builder import select
 from gdfe_ros.scene.report import NO_VALUE, Defects, Unfit

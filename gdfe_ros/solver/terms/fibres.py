@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from gdfe_ros.compiled import kernel
-from gdfe_ros.materials.fibre_layer import FibreLayer
 from gdfe_ros.materials.tensor import scale_vector
+from gdfe_ros.mesh.cells.face_fibres import FibreLayer
 from gdfe_ros.mesh.triples import dot
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.matrix.constant_matrix import scatter
