@@ -22,8 +22,10 @@ from gdfe_ros.solver.descent.loop import ENDLESS, MOST_FLAT, choose, move
 from gdfe_ros.solver.matrix.unknowns import add_rows, gather_rigid_rows
 from gdfe_ros.solver.outcome import Outcome
 
-BEGIN, ANSWER, MOVE = range(3)
-"""Stages of an iteration: find the step without new forces, find the forces, and make the step."""
+BEGIN, SEARCH, ANSWER, MOVE = range(4)
+"""Stages of an iteration: find the step without new forces, let the caller search parts of the body that may meet in
+it, find the forces, and make the step.
+"""
 ROUNDS = 8
 """Largest number of rounds in one step in which further points join; what is left enters the next step."""
 EXACT = 1e-6
@@ -130,14 +132,17 @@ def curve(work, field):
 
 @internal
 def begin_step(problem, work, metric, field, rows, tally, size, most):
-    """Turn the forces of all points with the surfaces, find the step with them, and the points that take part."""
+    """Turn the forces of all points with the surfaces; find the step with them, its points, and the next stage."""
     for n in range(len(field.before)):
         field.before[n] = work.gradient[n]
     find_stencils(work.x, field.surfaces, field.faces, field.owner, field.stencils)
     exchange_loads(problem, work, field)
     curve(work, field)
-    tally[0].found = choose(problem, work, metric, size, most)
-    tally[0].count = find_joins(problem, work, field, rows, size)
+    t = tally[0]
+    t.found = choose(problem, work, metric, size, most)
+    t.count, t.left, t.rounds = find_joins(problem, work, field, rows, size), 0.0, 0
+    may_meet = t.found != 0 and not t.gone + 2.0 * work.status[0].step < t.spare
+    t.stage = SEARCH if may_meet else ANSWER
 
 
 @kernel
@@ -310,21 +315,14 @@ def go_on(work, tally, trust):
     return is_settling(tally)
 
 
-@internal
-def may_meet(work, tally):
-    """Return whether parts of the body that press nowhere may meet in the step that was found."""
-    t = tally[0]
-    return t.found != 0 and not t.gone + 2.0 * work.status[0].step < t.spare
-
-
 @kernel
 def descend_touching(problem, work, metric, field, known, tally, rows, size, target, proven, most, limit):
     """Do `descend` with contact, from the stage in ``tally`` on; return the number of iterations.
 
-    It returns early where the caller has to act: before points may have to be chosen again, before forces are found
-    for which `Compliance.prepare` must be called, and before a step that the caller shows. The arguments are those of
-    `descend`, and the near points ``field``, what is ``known`` of their compliance, the progress ``tally`` (1,) with
-    the fields of `TALLY`, and the ``rows`` of `find_joins`.
+    It returns early where the caller has to act: before points may have to be chosen again, at the stage `SEARCH`,
+    before forces are found for which `Compliance.prepare` must be called, and before a step that the caller shows. The
+    arguments are those of `descend`, and the near points ``field``, what is ``known`` of their compliance, the progress
+    ``tally`` (1,) with the fields of `TALLY`, and the ``rows`` of `find_joins`.
     """
     t, made = tally[0], 0
     while made < limit:
@@ -332,8 +330,7 @@ def descend_touching(problem, work, metric, field, known, tally, rows, size, tar
             if t.gone > 0.0 and not t.gone < t.room:
                 return made
             begin_step(problem, work, metric, field, rows, tally, size, most)
-            t.stage, t.left, t.rounds = ANSWER, 0.0, 0
-            if may_meet(work, tally):
+            if t.stage == SEARCH:
                 return made
         if t.stage == ANSWER:
             touching = t.found != 0 and len(field.owner) > 0

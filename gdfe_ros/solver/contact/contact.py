@@ -310,8 +310,7 @@ class Contact(ContactTerm):
             self.faces = NO_FACES
         elif not np.array_equal(chosen, self._around):
             self.faces, self._around = self._points.about(chosen), chosen
-        width = self._points.carriers.shape[1] + 4 * isinstance(self._touched, RigidBody)
-        self.lay_out(positions, self.hold_forces(saved["press"][chosen], saved["shear"][chosen] @ self._axes.T, width))
+        self.lay_out(positions, self.hold_forces(saved["press"][chosen], saved["shear"][chosen] @ self._axes.T))
 
     def _fix_planes(self, places: NDArray[np.float64], positions: NDArray[np.float64]) -> None:
         """Give some chosen points at ``places`` (k, 3) [m] a plane that holds wherever they leave."""

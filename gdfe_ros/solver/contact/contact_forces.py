@@ -12,6 +12,7 @@ from gdfe_ros.solver.contact.answer import (
     ANSWER,
     BEGIN,
     MOVE,
+    SEARCH,
     TALLY,
     descend_touching,
     is_settling,
@@ -137,7 +138,8 @@ class ContactForces:
         if tally["stage"] == BEGIN:
             self._choose_points(work)
             field = self._held.gather()
-        elif tally["stage"] == ANSWER and not tally["gone"] + 2.0 * numbers(work)["step"] < tally["spare"]:
+        elif tally["stage"] == SEARCH:
+            tally["stage"] = ANSWER
             if self._approach(work):
                 field = self._held.gather()
                 tally["count"] = look_again(problem, work, field, self._rows, size)
@@ -163,8 +165,7 @@ class ContactForces:
 
     def _approach(self, work: Workspace) -> bool:
         """Choose the points again of the waiting contacts, before the step in ``work``; return whether any is near."""
-        self._tally["room"], self._tally["spare"] = -np.inf, np.inf  # until points are chosen again
-        near = False
+        self._tally["room"], near = -np.inf, False  # points are chosen again before the next step
         for contact in self._waiting:
             near |= contact.near
             contact.follow(work.x, 2.0 * float(numbers(work)["step"]))

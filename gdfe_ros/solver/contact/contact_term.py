@@ -115,14 +115,14 @@ class ContactTerm(Term):
         """Return the stored state without contact."""
         return {**self._free, "lost": np.zeros(1)}
 
-    def hold_forces(self, presses: NDArray[np.float64], shears: NDArray[np.float64], width: int) -> Stencils:
-        """Return the stencils of the near points, each with at least ``width`` ends, with these forces.
+    def hold_forces(self, presses: NDArray[np.float64], shears: NDArray[np.float64]) -> Stencils:
+        """Return the stencils of the near points, with these forces.
 
         ``presses`` (k,) and ``shears`` (k, 3) [N] are the normal forces and the vectors t of the friction forces. The
         present stencils serve if they have as many points.
         """
-        ends = self.stencils.ends
-        if len(ends) != self.count or ends.shape[1] < width:
+        if len(self.stencils.ends) != self.count:
+            width = int(self.shape.own[0]) + 4 * int(self.shape.turning[0])
             self.stencils = Stencils.blank(self.count, width)
         self.stencils.held[:, 0], self.stencils.shears[...] = presses, shears
         return self.stencils

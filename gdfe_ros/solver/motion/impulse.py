@@ -108,12 +108,11 @@ class ContactImpulses:
             return now
         part, x, saved = Pressing.of(held, now.positions, before), now.positions, now.terms[NAME]
         vertices, loads = np.unique(part.vertices), np.zeros_like(x)
-        place, between = self._mass.inverse(x, vertices)
         rule = Rule.of(dynamics, h, Kinematics.of(before.terms[NAME]))
         add_loads(held.gather().stencils, loads)
         moved = self._mass.respond(x, vertices, -loads) / rule.kappa
         velocity = saved["velocity"] - rule.theta * moved
-        pulls, now = self._strike(part, velocity, 2.0 / (rule.kappa * h), place, between, before, now, h)
+        pulls, now = self._strike(part, velocity, 2.0 / (rule.kappa * h), before, now, h)
         gained = self._mass.respond(x, vertices, pulls)
         kept = {
             **saved,
@@ -127,22 +126,13 @@ class ContactImpulses:
         return now.with_(terms={**now.terms, NAME: kept})
 
     def _strike(
-        self,
-        part: Pressing,
-        velocity: Array,
-        time: float,
-        place: NDArray[np.int64],
-        between: Array,
-        before: State,
-        now: State,
-        h: float,
+        self, part: Pressing, velocity: Array, time: float, before: State, now: State, h: float
     ) -> tuple[Array, State]:
         """Return the impulses (n, 3) [N s] on all vertices that change ``velocity``, and ``now`` with the mean forces.
 
-        ``time`` [s] times the multipliers are the impulses if the contacts push steadily; ``place`` and ``between`` are
-        those of `FreeMass.inverse`.
+        ``time`` [s] times the multipliers are the impulses if the contacts push steadily.
         """
-        count, width = part.vertices.shape
+        (place, between), (count, width) = self._mass.inverse(now.positions, part.vertices), part.vertices.shape
         given, every = (part.vertices.astype(np.int64), part.blocks, np.full(count, width)), np.arange(count)
         came, speeds, w = *np.empty((2, count, 3)), np.empty((3 * count, 3 * count))
         for found, of in ((came, before.terms[NAME]["velocity"]), (speeds, velocity)):

@@ -98,10 +98,11 @@ class FreeMass:
     def respond(
         self, positions: NDArray[np.float64], vertices: NDArray[np.int32], forces: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """Do `accelerate` for forces (n, 3) [N] on some ``vertices`` (k,) only, by the columns of `inverse`.
+        """Do `accelerate` for forces (n, 3) [N] on some ``vertices`` (k,) only, by columns of the inverse mass.
 
         Rigid bodies stay rigid at ``positions`` (n, 3) [m].
         """
+        self._include(vertices)
         acceleration = np.zeros_like(forces)
         for axes, free, _ in self._parts:
             spread(self._columns[axes[0]], self._place[vertices], vertices, free, np.array(axes), forces, acceleration)
@@ -114,12 +115,10 @@ class FreeMass:
     ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
         """Return the inverse mass (3 m, 3 m) [1/kg] between some vertices, and the place (n,) of each vertex in it.
 
-        The ``vertices`` (k,) are among them. Rigid bodies are those at ``positions`` (n, 3) [m]; if a vertex of a rigid
-        body is among ``vertices``, all four must be. The caller must not modify the results.
+        The ``vertices``, of any shape, are among them. Rigid bodies are those at ``positions`` (n, 3) [m]; if a vertex
+        of a rigid body is among ``vertices``, all four must be. The caller must not modify the results.
         """
-        new = vertices[self._place[vertices] < 0]
-        if len(new):
-            self._include(new)
+        self._include(vertices)
         for four, mass in zip(self._rigid, self._of_rigid, strict=True):
             if self._place[four[0]] >= 0:
                 own = (3 * self._place[four][:, None] + np.arange(3)).ravel()
@@ -127,8 +126,11 @@ class FreeMass:
                 self._between[np.ix_(own, own)] = every.reshape(12, 12) / mass
         return self._place, self._between
 
-    def _include(self, new: NDArray[np.int32]) -> None:
-        """Find the inverse mass between the known and some ``new`` vertices."""
+    def _include(self, vertices: NDArray[np.int32]) -> None:
+        """Find the inverse mass between the known vertices and those of ``vertices`` that are not known yet."""
+        new = np.unique(vertices[self._place[vertices] < 0])
+        if not len(new):
+            return
         self._known = np.concatenate([self._known, new])
         count = len(self._known)
         self._place[self._known], found = np.arange(count), np.zeros((count, 3, count, 3))

@@ -129,7 +129,7 @@ def grid(kind: str) -> vtk.vtkDataSet:
     return cells
 
 
-def _require_grid(path: Path) -> None:
+def _assert_grid(path: Path) -> None:
     mesh = read_mesh(path)
     assert mesh.n_cells == 20
     assert check_mesh(mesh).volume == pytest.approx(2e-5, rel=1e-6)
@@ -157,7 +157,7 @@ def write_legacy(path: Path, kind: str, *, binary: bool, version: int, wide: boo
 def test_legacy_files_of_vtk(tmp_path: Path, kind: str, binary: bool, version: int, wide: bool) -> None:
     """Legacy files of each kind of grid have 20 hexahedra, and the whole numbers as sets."""
     write_legacy(tmp_path / "bar.vtk", kind, binary=binary, version=version, wide=wide)
-    _require_grid(tmp_path / "bar.vtk")
+    _assert_grid(tmp_path / "bar.vtk")
 
 
 COMPRESSORS = {"none": None, "zlib": vtk.vtkZLibDataCompressor, "lz4": vtk.vtkLZ4DataCompressor,
@@ -176,7 +176,7 @@ def test_xml_files_of_vtk(tmp_path: Path, mode: int, compressor: str, suffix: st
     kind = COMPRESSORS[compressor]
     writer.SetCompressor(kind() if kind else None)
     writer.Write()
-    _require_grid(tmp_path / f"bar{suffix}")
+    _assert_grid(tmp_path / f"bar{suffix}")
 
 
 def test_cells_of_two_kinds_are_not_left_out(tmp_path: Path) -> None:

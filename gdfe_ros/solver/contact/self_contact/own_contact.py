@@ -56,8 +56,7 @@ class OwnContact(ContactTerm):
         self.penetration = Inside(body, self.points, self.surface, meant)
         given = self.pairs.count, np.unique(self.points.carriers[self.surface.vertices])
         super().__init__(NAME, body, *given, friction=meant.friction, restitution=meant.restitution)
-        self._width = 5 * self.points.carriers.shape[1]
-        self.shape = Surfaces.of(PLANES, self._width, np.zeros(0))
+        self.shape = Surfaces.of(PLANES, 5 * self.points.carriers.shape[1], np.zeros(0))
         self._yielding, self.valid = np.zeros(0), VALID * self.surface.depth
         self._begins, self._clear, self._sound, self._clearance = False, False, False, 0.0
         self._aside = MARGIN * body.size + self.surface.rim  # pairs that stay farther apart take no part
@@ -237,7 +236,7 @@ class OwnContact(ContactTerm):
         self._chosen, self._firsts, self._stiffness = chosen, self.pairs.first[chosen], 1.0 / give
         self._now = Nearest(*(values[chosen] for values in found))
         self._anchors[...], self._turned = self._slip_before(), np.zeros((len(chosen), 3))
-        self.lay_out(positions, self.hold_forces(self._presses[chosen], self._shears[chosen], self._width))
+        self.lay_out(positions, self.hold_forces(self._presses[chosen], self._shears[chosen]))
 
     def _slip_before(self) -> NDArray[np.float64]:
         """Return the vectors (k, 3) [m] from the second member of each pair to the first, in the last state.

@@ -219,9 +219,8 @@ class Inside:
         """
         depth, bounds = np.zeros(len(self._tested)), np.full(len(self._tested), bound)
         cell, bounds[self._count :] = np.full(len(depth), -1, dtype=np.int64), self._deep
-        if np.isfinite(x).all():
-            places = self._middles(x)
-            find_inside(x, self._material, self._tested, places, self._kept.within(x, 0.0), bounds, depth, cell)
+        given = self._material, self._tested, self._middles(x), self._kept.within(x, 0.0)
+        find_inside(x, *given, bounds, depth, cell)
         return depth, cell
 
     def _middles(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
