@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Commands to a simulation, checked against its scene, and the times of a step."""
+"""Commands to a simulation, and checks of commands, states and times against its scene."""
 
 from __future__ import annotations
 
@@ -144,7 +144,7 @@ class Orders:
         return places
 
     def require_own(self, snapshot: Snapshot) -> None:
-        """Check that a snapshot belongs to this scene; forces of another scene differ even for the same positions.
+        """Check that a snapshot belongs to this scene: in another scene, the same positions have other forces.
 
         Raises:
             CommandError: the scene's text (materials, dynamics or anything else), the policy or the torsion differs.

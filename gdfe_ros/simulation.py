@@ -122,7 +122,7 @@ class Simulation(SceneReadings):
             raise
 
     def reset_arms(self) -> None:
-        """Put all arms back to their initial joint positions at once; what an arm holds moves with it, in its shape.
+        """Put all arms back to their initial joint positions at once; bodies that they hold move along, in their shape.
 
         Time, loads and actuators stay, rigid bodies keep their places, and all velocities are the initial ones.
 
@@ -352,7 +352,7 @@ class Simulation(SceneReadings):
         return self._differentiator.sensitivities(self.state, outputs, parameters, **given)
 
     def follow(self, parameters: Sequence[str] | None = None) -> None:
-        """Update derivatives in all further steps; `sensitivities` then returns those of the motion from now on.
+        """Update derivatives in all further steps; `sensitivities` then returns those of the motion after this call.
 
         Effects of a parameter before this call are not included: a modulus counts as changed from the present time, a
         command from the next step. After the state was replaced, e.g. by `restore` or `reset`, and a step was made,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compilations of this process, counted for a waiting user, and locks, so that one process compiles for all.
+"""Count of the kernels that this process compiles, for a waiting user, and file locks: one process compiles for all.
 
 This module imports no numba.
 """
@@ -33,11 +33,11 @@ class Compilations:
 
 
 compilations = Compilations()
-"""Those of this process."""
+"""The counter of this process."""
 
 
 _WITHOUT = (errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS)
-"""Errors of file systems that have no locks."""
+"""Numbers of the errors that file systems without locks raise."""
 
 
 def lock_file(path: str) -> int:

@@ -62,7 +62,7 @@ class Handle:
 
     @property
     def pieces(self) -> tuple[Handle, ...]:
-        """The parts that move as rigid bodies: the whole handle; none of vertices on rollers."""
+        """The parts that move as rigid bodies: the handle itself, or none if its vertices are on rollers."""
         return (self,) if self.slide is None else ()
 
     def seen_from(self, origin: NDArray[np.float64]) -> Handle:

@@ -21,7 +21,7 @@ class LinkMotion(NamedTuple):
         positions: q [rad] or [m].
         velocities: [rad/s] or [m/s].
         accelerations: of the time scheme [rad/s^2] or [m/s^2].
-        balanced: accelerations [rad/s^2] or [m/s^2] by the forces.
+        balanced: accelerations [rad/s^2] or [m/s^2] by the forces at the end of the step.
         before, velocities_before: positions and velocities at the end of the previous step.
         step: (1,) duration of the previous step [s]; 0 if there is none.
     """
@@ -67,7 +67,7 @@ class LinkMotion(NamedTuple):
         )
 
     def part_way(self, after: LinkMotion, fraction: float) -> LinkMotion:
-        """Return the links at a ``fraction`` of the step to ``after``; the next step starts without a previous one."""
+        """Return the links at a ``fraction`` of the step to ``after``; for the next step, there is no previous step."""
         if fraction == 0.0:
             return self
         positions = self.positions + fraction * (after.positions - self.positions)

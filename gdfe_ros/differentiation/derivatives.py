@@ -182,7 +182,7 @@ def join_columns(
     parameters: Sequence[Parameter],
     columns: Sequence[tuple[NDArray[np.float64], Mapping[str, NDArray[np.float64]]]],
 ) -> Sensitivities:
-    """Return the columns of all parameters as one result; each has derivatives of positions and of reactions."""
+    """Return the columns of all parameters as one result; a column has derivatives of positions and of reactions."""
     rows = {name: [outputs.row(name, *column) for column in columns] for name in names} if columns else {}
     return Sensitivities(
         outputs=tuple(names),

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Derivatives of a running simulation: its last step, and the parameters that it follows."""
+"""Derivatives of a running simulation, at equilibria and along motions."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from gdfe_ros.solver.sensitivity.motion import Trail
 
 CHANGE, TOLERANCE = 1e-2, 1e-8
-"""Change of a growth's command in a difference, and tolerance of the steps to both ends of it."""
+"""Change of a growth's command in a difference, and tolerance of the two steps from which the difference is taken."""
 Interruption = Callable[[], bool] | None
 """Function that is called repeatedly; if it returns True, an error is raised."""
 
@@ -95,7 +95,7 @@ class Differentiator:
         *,
         interrupted: Interruption,
     ) -> NDArray[np.float64]:
-        """Return d(probe position)/d(command) (probes, 3, actuators) at ``state``, of a motion over the last step."""
+        """Return d(probe position)/d(command) (probes, 3, actuators) at ``state``; in motion, within the last step."""
         self._require_rigid_joints()
         points = list(self._scene.probes) if probes is None else list(probes)
         names = [each.name for each in self._scene.actuators] if actuators is None else list(actuators)
@@ -116,7 +116,7 @@ class Differentiator:
     def _derivatives_now(
         self, state: State, outputs: Sequence[str], parameters: Sequence[str], interrupted: Interruption
     ) -> Sensitivities:
-        """Return d(output)/d(parameter) at ``state``, without the effects of steps before the last one."""
+        """Return d(output)/d(parameter) at ``state``; in motion, only the last step depends on the parameters."""
         return self.derivatives.derive_outputs(state, outputs, parameters, interrupted=interrupted)
 
     def _require_rigid_joints(self) -> None:
@@ -163,7 +163,7 @@ class _Step(NamedTuple):
 
 
 class MotionDifferentiator(Differentiator):
-    """Derivatives of a motion: those of the last step, which is repeated for them, or of all steps since `follow`."""
+    """Derivatives of a motion: of all steps since `follow`, or of the last step alone, which is repeated for them."""
 
     def __init__(self, scene: Scene, stepper: MotionStepper, orders: Orders) -> None:
         super().__init__(scene, stepper, orders)

@@ -70,13 +70,13 @@ class Material(CheckedKeys):
 
     @classmethod
     def parameters(cls) -> dict[str, Quantity]:
-        """Return a dict from the name of each parameter of this law alone, with numbers, to its quantity."""
+        """Return a dict from name to quantity, for the numbers that this law has in addition to those of `Material`."""
         common = quantities_of(Material)
         return {name: quantity for name, quantity in quantities_of(cls).items() if name not in common}
 
     @property
     def kernel(self) -> Law:
-        """Law whose kernel computes this one."""
+        """Law whose compiled kernel computes this law."""
         return self.law
 
     @property
@@ -98,7 +98,7 @@ class Material(CheckedKeys):
 
     @property
     def volume_modulus(self) -> float:
-        """Modulus [Pa] of the volume energy, K unless a law says otherwise; infinite at nu = 0.5."""
+        """Modulus [Pa] of the volume energy: K, unless a law overrides it; infinite at nu = 0.5."""
         return self.bulk
 
     @property

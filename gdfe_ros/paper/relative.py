@@ -59,7 +59,7 @@ def blend(before: NDArray[np.float64], now: NDArray[np.float64]) -> NDArray[np.f
 
 @internal
 def _frame(x, shape, e):
-    """Return the proper rotation of an element and the factor that scales it to its rest volume."""
+    """Return the proper rotation of an element, and the factor that scales its current shape to its rest volume."""
     r, _, j = rotation(mean_gradient(x, shape, e))
     return r, max(abs(j), LEAST_VOLUME) ** (-1.0 / 3.0)
 
@@ -120,7 +120,7 @@ class RelativeEquilibrium:
     """
 
     SAFETY = 0.01
-    """Lower bound of the length of a fixed-point step, divided by the distance to the fixed point."""
+    """Assumed least ratio of the length of a fixed-point step to the distance to the fixed point."""
 
     patience = 120
 
@@ -140,7 +140,7 @@ class RelativeEquilibrium:
 
     @property
     def remarks(self) -> list[str]:
-        """No remarks: the constant matrix is the whole method."""
+        """No remarks on accuracy: this policy never needs a tangent."""
         return []
 
     def at_rest(self) -> State:

@@ -58,7 +58,7 @@ def element_fields(
         body: the discretised body.
         positions: (n, 3) [m], relative to ``origin``.
         omega: (m,) shape factors of the ``relative`` policy; None to compute the shape factors of ``energy``.
-        operators: operators of the present growth; None without growth, as everywhere in this module.
+        operators: operators of the present growth; None without growth.
         origin: (3,) [m] world position of the origin of ``positions``. The returned centroids are in world coordinates.
     """
     count, shape = len(body.material), (operators or body).shape
@@ -98,7 +98,7 @@ def corner_forces(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return corner forces (m, c, 3) [N] and energies (m,) [J] of all elements for a given pressure (m,) [Pa].
 
-    The hourglass scales are computed at ``positions`` (n, 3) [m]. The fold barriers of all elements act.
+    The hourglass scales are computed at ``positions`` (n, 3) [m]. The energies include the fold barriers.
     """
     force, energies = np.zeros((*body.cells.shape, 3)), np.zeros(len(body.material))
     scale, elements = np.ones(len(body.material)), np.arange(len(body.material), dtype=np.int32)
@@ -111,7 +111,7 @@ def corner_forces(
 
 @kernel
 def _element_states(x, shape, material, table, values, centroids, scale, missing):
-    """Write, in one pass, the values of `strain_states`, centroids [m], scales and the `uncounted_energy` [J]."""
+    """Write the values of `strain_states`, centroids [m], hourglass scales and `uncounted_energy` [J], in one pass."""
     corners = 8 if shape.cells.shape[1] == 8 else 4
     for e in range(len(material)):
         k = material[e]
@@ -139,7 +139,7 @@ def strain_states(x, shape, material, table, values):
 def volume_pressures(
     body: Body, positions: NDArray[np.float64], *, operators: Operators | None = None
 ) -> NDArray[np.float64]:
-    """Return the pressures p_e (m,) [Pa] for which the derivative of the kernels' volume term by J is U'(J).
+    """Return the pressures p_e (m,) [Pa] with which the kernels' volume term has the derivative U'(J).
 
     U(J) is the volume energy density [Pa] of the material law. For an incompressible element p_e is 0, because the
     positions do not determine its pressure. Its volume term is then that of a material with nu = 0.45.

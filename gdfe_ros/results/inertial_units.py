@@ -56,7 +56,7 @@ def later_readings(
     """Return a function that returns a dict from unit name to reading.
 
     The function evaluates the readings once and may run in any thread. Before the first step of a run, a unit has the
-    readings that it has at rest.
+    readings of a body at rest.
 
     Args:
         points: dict from unit name to its material point.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What can be read of a simulated scene and its state."""
+"""Readings of a simulated scene: geometry, poses, fields, actuators, joints and sensors."""
 
 from __future__ import annotations
 
@@ -104,7 +104,7 @@ class SceneReadings:
     def handle_pose(self, name: str) -> Pose:
         """Return the present pose of a handle, obstacle or rigid body, relative to its rest pose.
 
-        That of a handle or obstacle is its target, with the computed components along free axes.
+        A handle or obstacle is at its commanded pose; components along free axes are computed.
 
         Raises:
             CommandError: no such handle, obstacle or rigid body.
@@ -131,7 +131,7 @@ class SceneReadings:
         return Pose(tuple(moved), self.stepper.equilibrium.handles.pose(handle.name, state.poses, state.turns).rotation)
 
     def actuator_states(self) -> dict[str, ActuatorState]:
-        """Return dict from actuator to its command, its extent and its effort."""
+        """Return a dict from actuator to its command, its extent and its effort."""
         return dict(self.state.summary.actuators)
 
     @property
@@ -155,7 +155,7 @@ class SceneReadings:
 
     @property
     def _shown(self) -> Motions:
-        """Motions of the joints on the side of the links; for rigid joints they are those of the motors."""
+        """Motions of the joints on the side of the links; rigid joints move as their motors do."""
         return self._coupling.on_links(self._joints, self._links)
 
     def joint_states(self) -> dict[str, JointReading]:

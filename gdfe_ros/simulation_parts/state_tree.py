@@ -85,7 +85,7 @@ def to_tree(value: Any, arrays: dict[str, NDArray[Any]]) -> Any:
 
 
 def from_tree(tree: Any, arrays: Mapping[str, NDArray[Any]]) -> Any:
-    """Return the value of a tree. Its operators are None: the caller computes them from the commands.
+    """Return the value of a tree. `State.operators` is None: `complete` computes it from the commands.
 
     Raises:
         TreeError: the tree was not written by `to_tree`.

@@ -153,7 +153,7 @@ class Growths:
         self.ungrown = Operators(body.shape, body.blocks, self._stretch({growth.name: 0.0 for growth in self.growths}))
 
     def __bool__(self) -> bool:
-        """Return whether anything can grow."""
+        """Return whether any cell can grow."""
         return bool(self.growths)
 
     def at(self, commands: Mapping[str, float], last: Operators) -> Operators:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Kinematics of handles: commanded motion, and free translations and rotations in addition."""
+"""Kinematics of handles: their commanded motion, plus the free translations and rotations that a solve finds."""
 
 from __future__ import annotations
 
@@ -37,8 +37,8 @@ class HandleMotions:
     """
 
     APART = 0.05
-    """Largest differences of rotations [rad], and of motions divided by the body's size, that move a body nearly
-    rigidly.
+    """Handles move together nearly rigidly if their rotations [rad], and their motions divided by the body's size,
+    differ by at most this.
     """
 
     def __init__(self, body: Body) -> None:
@@ -64,9 +64,9 @@ class HandleMotions:
         return placed
 
     def centres_together(self, poses: Mapping[str, Pose], targets: Mapping[str, Pose]) -> dict[str, Vectors]:
-        """Return the centres (3,) [m] in the rest pose of all handles if they move together, nearly as one rigid body.
+        """Return the rest centres (3,) [m] of all handles by name if they move together, nearly as one rigid body.
 
-        The dict is empty if they do not, or if one of them is free to move by itself. Whole turns count.
+        The dict is empty if they do not, or if a handle or vertices on rollers can move freely. Whole turns count.
         """
         pairs = [(poses[name], targets[name]) for name in self._bound]
         if not _turn_alike(pairs, self.APART):
@@ -81,7 +81,7 @@ class HandleMotions:
         return HandlePositions(base, handle_centres(base, self._body.unknowns))
 
     def apply_free_motion(self, base: Vectors, slides: Vectors, turns: Vectors) -> Vectors:
-        """Return ``base`` (n, 3) [m] with ``slides`` and ``turns`` (p, 3) applied to the handles that rotate freely."""
+        """Return ``base`` (n, 3) [m] with the motions ``slides`` and ``turns`` (p, 3) of handles that rotate freely."""
         moved = base.copy()
         for p, handle in enumerate(self._loose):
             if handle.turning:
@@ -91,7 +91,7 @@ class HandleMotions:
         return moved
 
     def put(self, slides: Vectors, turns: Vectors, places: Mapping[str, Pose]) -> tuple[Vectors, Vectors]:
-        """Return ``slides`` and ``turns`` (p, 3) changed so that the free handles of ``places`` have these poses."""
+        """Return ``slides`` [m] and ``turns`` [rad] (p, 3) in which the free handles of ``places`` have these poses."""
         slides, turns = slides.copy(), turns.copy()
         for name, pose in places.items():
             slides[self._row[name]], turns[self._row[name]] = pose.translation, pose.rotation
@@ -153,7 +153,7 @@ class HandleMotions:
 
 
 def find_deviation(began: Mapping[str, Pose], poses: Mapping[str, Pose], centres: Mapping[str, Vectors]) -> Vectors:
-    """Return how far handles at ``poses`` are (k, 3) [m] from a rigid rotation about the mean of their ``centres``."""
+    """Return the deviation (k, 3) [m] of handles at ``poses`` from a joint rotation about the mean of ``centres``."""
     start, here = (np.array([centres[name] + each[name].translation for name in centres]) for each in (began, poses))
     arms = start - start.mean(axis=0)
     turned = np.array([poses[name].turn_from(began[name]) @ arm for name, arm in zip(centres, arms, strict=True)])
@@ -161,7 +161,7 @@ def find_deviation(began: Mapping[str, Pose], poses: Mapping[str, Pose], centres
 
 
 def _turn_alike(pairs: Sequence[tuple[Pose, Pose]], apart: float) -> bool:
-    """Return whether all rotation vectors change alike, by more than zero; a step asks this often."""
+    """Return whether all rotation vectors change, and all alike; it runs in every step, so it uses plain floats."""
     turns = [[b - a for a, b in zip(old.rotation, new.rotation, strict=True)] for old, new in pairs]
     return bool(turns) and any(turns[0]) and all(math.dist(turn, turns[0]) <= apart for turn in turns)
 

@@ -2,8 +2,8 @@
 """The state of a simulated body, with the energy account of its motion, as one immutable value.
 
 No array or mapping of a state is ever modified. A reference therefore serves as a copy, two simulations can share a
-state, and a step returns a new state. All other data are constants or work arrays. No result depends on old contents of
-work arrays.
+state, and a step returns a new state. All other data of the solver are constants or work arrays, and no result depends
+on the earlier contents of a work array.
 """
 
 from __future__ import annotations
@@ -99,7 +99,7 @@ class Ledger:
 
 Array = NDArray[np.float64]
 Saved = Mapping[str, NDArray[np.float64]]
-"""State that a term stores from one accepted step to the next: a dict from name to array, never modified."""
+"""State of a term between two accepted steps: a dict from name to array, never modified."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -108,11 +108,11 @@ class ElementState:
 
     Attributes:
         pressures: (m,) pressures p_e [Pa] of the last accepted solve, positive in tension.
-        pressures_before: (m,) pressures p_e [Pa] of the accepted solve before it.
+        pressures_before: (m,) pressures p_e [Pa] of the accepted solve before that.
         bulk: (k,) penalty bulk modulus [Pa] of each material, for elements with pressures; raised if pressures
             oscillate.
         hourglass_scale: (m,) present hourglass stiffness divided by the initial one.
-        hourglass_scale_before: (m,) the same for the accepted solve before it.
+        hourglass_scale_before: (m,) the same after the accepted solve before the last one.
     """
 
     pressures: Array

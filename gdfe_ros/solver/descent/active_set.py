@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a solve moves and evaluates: unknowns, elements, and the arrays for them."""
+"""The unknowns that a solve changes, the elements that it evaluates, and its work arrays."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class ActiveSet:
         softening: int32 evaluated elements whose hourglass scales are updated.
         blocks: the evaluated elements in the layout of the kernels, for a body without growth.
         skipped: dict from kind of work to the number of elements for which it is left out.
-        workspace: the arrays of its minimisations.
+        workspace: work arrays of the minimisations.
     """
 
     LEAST_BLOCKS = 25
@@ -57,7 +57,7 @@ class ActiveSet:
         Args:
             body: the discretised body.
             matrix: the constant matrix.
-            rigid: whether elements inside of handles always have zero force; this is so if nothing grows.
+            rigid: whether elements inside of handles never have forces, because no cell can grow.
             skip: kinds of work to leave out.
         """
         elements = np.arange(len(body.material), dtype=np.int32)
@@ -117,7 +117,7 @@ class ActiveSet:
         u[unknowns.turn_row[turning]] = (turns * unknowns.turns * unknowns.radius[:, None])[turning]
 
     def rigid_motion(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return translations [m] and rotation vectors [rad], (p, 3) each, of the handles with a free axis."""
+        """Return the present translations [m] and rotation vectors [rad], (p, 3) each, of handles with a free axis."""
         unknowns, u = self.unknowns, self.workspace.u.reshape(-1, 3)
         count = len(unknowns.free)
         slides, turns = u[count : count + len(unknowns.slides)].copy(), np.zeros_like(unknowns.turns)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Workspace of a minimisation: its arrays, allocated once, its constant data, and its pairs of L-BFGS.
+"""Workspace of a minimisation: arrays that are allocated once, constant data, and the history of L-BFGS.
 
 The direction follows from the two-loop recursion (Nocedal 1980) around any initial matrix M. With the pairs s of steps
 and y of changes of the gradient g, and from the newest pair to the oldest,
@@ -119,7 +119,7 @@ class Workspace(NamedTuple):
 
 
 def numbers(work: Workspace) -> np.void:
-    """Return a view of the fields of `STATUS`; it is faster to read and write than the record array."""
+    """Return a view of the status record, with the fields of `STATUS`; it is faster than the record array."""
     return work.status.view(STATUS, np.ndarray)[0]
 
 
@@ -152,7 +152,7 @@ def inner(a, b):
 
 @vector_internal
 def begin_recursion(work):
-    """Write q of the first loop to ``work.step``."""
+    """Do the first loop of the two-loop recursion: write q to ``work.step``."""
     status, q = work.status[0], work.step
     for n in range(len(q)):
         q[n] = work.gradient[n]
@@ -167,7 +167,7 @@ def begin_recursion(work):
 
 @vector_internal
 def end_recursion(work, z):
-    """Complete ``z`` = M^-1 q to the product of the inverse Hessian and the gradient by the second loop."""
+    """Do the second loop of the two-loop recursion: update ``z`` = M^-1 q in place."""
     status = work.status[0]
     for k in range(status.count - 1, -1, -1):
         i = (status.head - 1 - k) % len(work.curvature)
@@ -179,7 +179,7 @@ def end_recursion(work, z):
 
 @vector_internal
 def remember(work):
-    """Add the pair of the last accepted step to the history, if its curvature is positive; return whether it is."""
+    """Add the last accepted step's pair to the history if its curvature s . y is positive; return whether it is."""
     status, curvature = work.status[0], 0.0
     for n in range(len(work.u)):
         curvature += work.direction[n] * (work.gradient[n] - work.old[n])

@@ -67,7 +67,7 @@ TET_EDGES = np.array(
 slope at corner c is dx/dL_k - dx/dL_c = 4 x_ck - x_k - 3 x_c.
 """
 HEX_WEIGHTS, TET_WEIGHTS = (1.0, -1.0, 0.0), (4.0, -1.0, -3.0)
-"""Weights of these points in an edge."""
+"""Weights, in the vector of an edge, of the three points that `HEX_EDGES` or `TET_EDGES` lists for it."""
 
 
 @inlined
@@ -82,7 +82,7 @@ def wall(s):
 
 @inlined
 def edge_at(points, c, k):
-    """Return edge ``k`` (3,) [m] at corner ``c`` of a cell with ``points`` (n, 3) [m]."""
+    """Return the vector (3,) [m] of edge ``k`` at corner ``c`` of a cell with ``points`` (n, 3) [m]."""
     i, j, m = HEX_EDGES[c, k] if len(points) == 8 else TET_EDGES[c, k]
     u, v, w = HEX_WEIGHTS if len(points) == 8 else TET_WEIGHTS
     return combine(u, corner(points, i), v, corner(points, j), w, corner(points, m))
@@ -90,7 +90,7 @@ def edge_at(points, c, k):
 
 @inlined
 def add_edge(slopes, c, k, share, derivative):
-    """Add ``share`` times the derivative with respect to an edge to the derivatives ``slopes`` (n, 3) at its points."""
+    """Add ``share`` times the ``derivative`` (3,) by an edge to the derivatives ``slopes`` (n, 3) by the points."""
     nodes, weights = (HEX_EDGES[c, k], HEX_WEIGHTS) if len(slopes) == 8 else (TET_EDGES[c, k], TET_WEIGHTS)
     for a in range(3):
         for i in range(3):
@@ -125,8 +125,8 @@ def least_corners(x, shape, elements, out):
 def room(x, shape, e, points):
     """Return the distance [m] that vertices may move before a corner can reach the barrier; 0 if nearly folded.
 
-    With edges of lengths A, B and C, the bound is that of `gdfe_ros.solver.elements.response`. If no vertex moves by
-    more than d, edges change by up to 2 d, or by 8 d in quadratic cells. ``points`` (n, 3) is scratch.
+    `gdfe_ros.solver.elements.response` derives the bound. If no vertex moves by more than d, edges change by up to 2 d,
+    or by 8 d in quadratic cells. ``points`` (n, 3) is scratch.
     """
     load_points(x, shape, e, points)
     found = math.inf

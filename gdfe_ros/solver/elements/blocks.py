@@ -23,13 +23,13 @@ from gdfe_ros.solver.vectors import NEGLIGIBLE
 LANES = 8
 """Number of elements in a block. The innermost loops run over the elements of a block."""
 REFERENCE, AXES, EDGES, VOLUME, COUPLING, GEOMETRY_ROWS = 0, 9, 18, 21, 22, 23
-"""First rows in the ``Blocks.geometry`` of hexahedra: the inverse of dX/dxi (9), edge directions (9), 2 / edge length
-(3), volume (1), and coupling of shear strains in torsion (1). The last number counts all rows.
+"""First row of each quantity in the ``Blocks.geometry`` of hexahedra: the inverse of dX/dxi (9 rows), edge directions
+(9), 2 / edge length (3), volume (1), and coupling of shear strains in torsion (1). The last number counts all rows.
 """
 
 
 class Blocks(NamedTuple):
-    """The elements, sorted by law and shape, in blocks; the last block of a kind is padded by repetition.
+    """The elements in blocks of one law and one shape, parallelepiped or not; the last block of a kind is padded.
 
     Attributes:
         element: (b, LANES) int32 element of each lane.
@@ -182,7 +182,7 @@ NODES, TOTAL, GRADIENTS = ROWS, ROWS + 30, ROWS + 60
 hexahedra come before them, because the laws are evaluated in the rows of hexahedra.
 """
 SLOPE, STORED_ENERGY, GEOMETRY_OF_TET = GRADIENTS + 36, GRADIENTS + 37, GRADIENTS + 38
-"""Row of the pressure that acts on the mean volume, row of the energy, and first of the geometry's 40 rows."""
+"""Row of the pressure that acts on the mean volume, row of the energy, and first of the 40 rows of the geometry."""
 TET_ROWS = GEOMETRY_OF_TET + TET_GEOMETRY_ROWS
 
 

@@ -31,7 +31,7 @@ class CellKernels(NamedTuple):
     Attributes:
         evaluate_blocks: writes node forces (m, c, 3) [N] and energies (m,) [J] of a range of blocks.
         load_points: writes the nodes (c, 3) [m] of ``e``, or of the box that the material of a cut cell fills.
-        add_slopes: adds the derivatives of an energy with respect to these points to the node forces of ``e``.
+        add_slopes: adds an energy's derivatives with respect to the points of `load_points` to the forces of ``e``.
         volume_ratio: current volume of ``e`` divided by its undeformed volume. If ``e`` has a pressure, it is the
             multiplier of this ratio.
     """
@@ -52,7 +52,7 @@ KERNELS = {ShapeOperators: _of(hexahedra), TetOperators: _of(quadratic_tetrahedr
 
 
 def _of_cell_type(name: str) -> Callable:
-    """Return a function that calls `CellKernels` ``name`` of the cell type; numba replaces it in kernels."""
+    """Return a function that calls the function ``name`` of the arguments' cell type; numba inlines it in kernels."""
 
     def call(*arguments):
         return getattr(_kernels([type(each) for each in arguments]), name)(*arguments)
@@ -78,8 +78,8 @@ class CellType(NamedTuple):
 
     Attributes:
         corners: number of nodes c.
-        operators: function that returns the constant operators, from vertices (n, 3) [m], cells (m, c) and the filling
-            of cut cells.
+        operators: function that returns the constant operators for vertices (n, 3) [m], cells (m, c) and the filling of
+            cut cells.
         table: function that returns the material table for the kernels of this type, from the packed material table.
         grown: function that returns the operators of grown rest shapes, from operators, cells (k,) and their growths
             (k, 3, 3).

@@ -93,7 +93,7 @@ def bending(a, b, plane, poisson):
 
 @inlined
 def edge_direction(f, axis):
-    """Return the current unit direction F d / |F d| of an edge and 1 / |F d|, kept finite."""
+    """Return the current unit direction F d / |F d| of an edge, and 1 / |F d|; both are regularised by `LEAST_EDGE`."""
     d = times(f, axis)
     inverse = 1.0 / math.sqrt(dot(d, d) + LEAST_EDGE * LEAST_EDGE)
     return scale_vector(d, inverse), inverse
@@ -101,7 +101,7 @@ def edge_direction(f, axis):
 
 @inlined
 def turning(t, q, d, inverse):
-    """Return the part of dE / d(F d_i) that comes from the rotation of the unit direction ``d`` of F d_i."""
+    """Return dE / d(F d_i), which acts through the unit direction ``d`` of F d_i; ``t`` (4) are dE / d(d . q_k)."""
     m = along(1.0, combine(t[0], q[0], t[1], q[1], t[2], q[2]), t[3], q[3])
     return scale_vector(along(1.0, m, -dot(m, d), d), inverse)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Hyperelastic equilibrium of the policy ``energy``: minimisation with the constant matrix, and multiplier updates."""
+"""Equilibrium solver of the policy ``energy``: set-up of its matrices and terms, solves, and forces at a state."""
 
 from __future__ import annotations
 
@@ -39,8 +39,8 @@ class EquilibriumSolver:
         actuation: the external terms; None for none.
         skip: kinds of work that are left out where possible.
         threads: largest number of threads among which the elements are divided.
-        predictor: function that returns the predictor of a solve's start for given handle kinematics and constant
-            matrix; None for the predictor of equilibria.
+        predictor: function that makes the predictor of a solve's start from the handles' kinematics and the constant
+            matrix; None in statics, for `Predictor`.
         softening: whether hourglass scales follow the strain. With ``newmark`` they stay constant, because a change of
             scale would create or remove energy.
 
@@ -48,13 +48,14 @@ class EquilibriumSolver:
         matrix: the constant matrix.
         handles: the kinematics of the handles.
         model: the data common to all solves.
+        minimiser: the minimiser of the potential.
         whole: the active set of the whole body.
         patience: number of iterations after which a solve is given up and a shorter increment is tried.
     """
 
     patience = 2000
     INVERSE_ITERATIONS = 6
-    """Number of inverse iterations with the tangent's factor; they determine the softness to within a tenth."""
+    """Number of inverse iterations with the tangent's factor; they give the softness of the body to within a tenth."""
 
     def __init__(
         self,
@@ -119,7 +120,7 @@ class EquilibriumSolver:
             level.keep(tangent)
 
     def _weigh(self, field: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the constant matrix times a field (3 r,) of the unknowns; rows of handles are zero."""
+        """Return the constant matrix times ``field`` (3 r,), a vector of unknowns; rows of handles become zero."""
         weighed = np.zeros_like(field)
         free = 3 * len(self.whole.unknowns.free)
         weighed[:free] = self.matrix.multiply(field[:free].reshape(-1, 3)).ravel()
@@ -175,7 +176,8 @@ class EquilibriumSolver:
     def solve(self, problem: Increment, start: State) -> Solution:
         """Find the equilibrium of ``problem`` from ``start``, which is not modified.
 
-        The solution has its stability, or in motion a new tangent if that lowers the cost of the next solves.
+        In statics, the stability of the solution is examined. In motion, the tangent is renewed if that lowers the cost
+        of the next solves.
         """
         base = self.handles.base(problem.poses, start.poses, start.base)
         predicted = self._predictor.predict(start, base, start.change_to(problem.commands))
@@ -197,12 +199,12 @@ class EquilibriumSolver:
         )
 
     def forces(self, state: State) -> NDArray[np.float64]:
-        """Return dE/dx (n, 3) [N] of all terms at a state; zero for vertices inside handles."""
+        """Return dE/dx (n, 3) [N] of elements and terms at a state; elements inside handles contribute nothing."""
         work, vertices = self.whole.workspace, np.arange(len(self.body.rest), dtype=np.int32)
         Solve.at(self.model, state).evaluate()
         return vertex_forces(self.body, vertices, work.force) + work.outside
 
     def count_skipped(self) -> dict[str, int]:
-        """Return a dict from kind of work to the count that each solve leaves out, as in `StepResult`."""
+        """Return a dict from kind of work to the number that each solve leaves out, as in `StepResult.skipped`."""
         counts = dict(self.whole.skipped)
         return counts if self.actuation.terms else {**counts, Skip.ACTUATORS.value: 1}

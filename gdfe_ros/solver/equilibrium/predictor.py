@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Start of a step: linear extrapolation of a smooth motion, and harmonic extension of the handles' remaining motion.
+"""Prediction of a step's end: linear extrapolation of a smooth motion, and extension of the handles' remaining motion.
 
 The harmonic extension of displacements moves vertices along chords. Between two handles, a large rotation then folds
 elements, and on fine meshes unfolding takes hundreds of iterations. Handles that turn are therefore extended as
@@ -34,7 +34,7 @@ class Prediction(NamedTuple):
     """Start of a solve.
 
     Attributes:
-        state: the state before, with other positions of vertices and handles.
+        state: the state before the step, with predicted positions of vertices and handles.
         ratio: multiple of the last step that was extrapolated.
     """
 
@@ -75,8 +75,8 @@ class Predictor:
     def predict(self, state: State, base: NDArray[np.float64], change: NDArray[np.float64]) -> Prediction:
         """Return the start of a solve that moves the handles from ``state`` to ``base`` (n, 3) [m].
 
-        ``change`` (c,) are the changes of the commands of actuators and loads. A motion
-        whose extrapolation folds elements is not extrapolated.
+        ``change`` (c,) are the changes of the commands of actuators and loads. A motion whose extrapolation folds
+        elements is not extrapolated.
         """
         motion = base[self._held] - state.base[self._held]
         ratio = _ratio(state.motion, motion, change)
@@ -104,7 +104,7 @@ class Predictor:
         return Prediction(state.with_(positions=start, base=base, slides=slides, turns=turns), ratio)
 
     def _extend(self, start: NDArray[np.float64], rest: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return how far the free vertices move (f, 3) [m] while the prescribed ones move by ``rest`` (b, 3) [m]."""
+        """Return the displacements (f, 3) [m] of free vertices if prescribed vertices move by ``rest`` (b, 3) [m]."""
         if not self._parts or np.abs(rest).max() <= self.FAR * self._size:
             return self._matrix.extend(rest)
         here, screws, sense = start[self._held], np.zeros((len(rest), 6)), np.zeros(3)
@@ -154,10 +154,11 @@ def _norm(vector: NDArray[np.float64]) -> float:
 def find_screw(
     here: NDArray[np.float64], there: NDArray[np.float64], sense: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return the screw (6,), w [rad] and v [m], of the rigid motion that best moves points (k, 3) [m] to others.
+    """Return the screw (6,), w [rad] and v [m], of the rigid motion that best moves ``here`` (k, 3) [m] to ``there``.
 
-    Points on a line have many rotations; their motion counts as a translation. Half a turn has the sense of the
-    rotation vector ``sense`` (3,): handles that turn together must not twist the body by a whole turn.
+    The rotation of points on a line is not unique; their motion counts as a translation. A rotation by about 180
+    degrees gets the sense of the rotation vector ``sense`` (3,): handles that turn together must not twist the body by
+    a turn.
     """
     start, end = here.mean(axis=0), there.mean(axis=0)
     arms, moved = here - start, there - end

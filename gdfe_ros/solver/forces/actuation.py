@@ -51,13 +51,14 @@ class Actuation:
         body, actuators: the arguments.
         terms: all terms, loads first.
         table: all terms in the layout of the kernels.
-        strung: cables between fixed points. Their length cannot be smaller than the distance between these points.
+        strung: cables with two or more points on handles or in the world. They cannot be shorter than the distance
+            between these points.
         growths: the growths, which change the elements' rest shape.
         grips: the grips.
         neutral: dict from actuator or load name to the command without effect.
         loaded: names of the loads.
         contacts: contact terms of the obstacles, and the self-contact term.
-        held: the near points of all contacts, and the dead loads that stand for their forces.
+        held: the near points of all contacts, with the dead loads that represent the contact forces.
     """
 
     def __init__(
@@ -148,11 +149,11 @@ class Actuation:
         commands: Mapping[str, float],
         before: Mapping[str, float] | None = None,
     ) -> Actuator | None:
-        """Return an actuator beyond its limit point, at which the body left an equilibrium; None if there is none.
+        """Return an actuator that passed its limit point in a failed solve; None if there is none.
 
-        ``since`` (n, 3) [m] are the positions of the equilibrium, ``positions`` (n, 3) [m] those after the failed
+        ``since`` (n, 3) [m] are the positions of the last equilibrium, ``positions`` (n, 3) [m] those after the failed
         solve. If the energy has no lower bound, ``positions`` have no meaning. The caller then gives the commands
-        ``before`` the solve, and an unbounded actuator counts if its command has grown.
+        ``before`` the solve, and each unbounded actuator whose command has grown is returned.
         """
         for name, term in self._driven.items():
             grew = before is not None and term.unbounded and abs(commands[name]) > abs(before[name])
@@ -233,7 +234,7 @@ def tell_limit_point(actuator: Actuator, last: Mapping[str, float], commands: Ma
 
 
 def past_limit(actuators: Sequence[Actuator], last: Mapping[str, float], commands: Mapping[str, float]) -> str:
-    """Return the remedy for a jump: command extents instead of the efforts that changed; empty if none changed."""
+    """Return the remedy for a jump: to command extents instead of the changed efforts; empty if none has changed."""
     found = [
         f"`command: {each.mode.extent}` for {each.name!r}"
         for each in actuators

@@ -6,8 +6,9 @@ four vertices x_a, and c_i = 0. On a handle or an obstacle, the weights are zero
 With the gaps d_i = x_i - q_i, the energy is sum_i l_i . d_i + s/2 |d_i|^2: the augmented Lagrangian of d_i = 0 with the
 multipliers l_i [N] and the penalty s [N/m].
 
-A command that rises from 0 takes hold: the places are those at the beginning of the step. A falling command lets go:
-the penalty is gone, and the last forces l_i fall in proportion to the command. At 0 nothing is left of them.
+If the command rises from 0, the grip takes hold: it stores the places that the points have at the beginning of the
+step. If the command falls, the grip lets go: the penalty is removed, and the last forces l_i fall in proportion to the
+command. At 0 they are zero.
 """
 
 from __future__ import annotations
@@ -71,11 +72,11 @@ def _entry(x, n, reals, k, integers, i, force, size):
 
 
 class GripTerm(UpdatedTerm):
-    """A grip with its command, 0 or 1; between them while a load path or the internal steps of a motion pass.
+    """A grip with its command: 0 or 1, and values between them within a load path or a step in motion.
 
     Args:
         grip: grip of the scene.
-        body: the body that it holds, or on which it acts.
+        body: the body with the held vertices.
 
     Attributes:
         actuator: the grip.
@@ -86,8 +87,8 @@ class GripTerm(UpdatedTerm):
     be large: each update reduces the error of the forces to about this fraction.
     """
     FINE = 1e-3
-    """Allowed displacement by the last change of the forces, divided by the tolerance: in an internal step of a motion,
-    a displacement within the tolerance would be a force of the order of the weight.
+    """Allowed displacement by the last change of the forces, divided by the tolerance. In motion, a displacement as
+    large as the tolerance in one internal step would need a force of the order of the weight.
     """
 
     kernel, exact, stored = _entry, True, "pull"
@@ -108,7 +109,7 @@ class GripTerm(UpdatedTerm):
 
     @property
     def _carried(self) -> bool:
-        """Whether four vertices carry the places: the holder is a rigid body."""
+        """Whether the holder is a rigid body, whose four vertices carry the places."""
         return isinstance(self._holder, RigidBody)
 
     @property
@@ -123,12 +124,12 @@ class GripTerm(UpdatedTerm):
 
     @property
     def updates(self) -> bool:
-        """Whether multipliers keep points in their places."""
+        """Whether the grip holds, so that multipliers are updated."""
         return self._hold is Hold.HOLDS
 
     @property
     def pairs(self) -> list[tuple[str, NDArray[np.int32]]]:
-        """Names of things, each with the vertices that keep their places on it; empty if nothing is held."""
+        """Names of holder and held rigid body, each with the vertices fixed to it; empty if nothing is held."""
         if not self.updates:
             return []
         found = [(self.actuator.holder, self._points)]
@@ -191,7 +192,7 @@ class GripTerm(UpdatedTerm):
         self.begin({**commands, self.name: self._command}, saved, positions, 0.0)
 
     def _take_points(self, last: State) -> Saved:
-        """Return weights and places of the points, where the state ``last`` has them."""
+        """Return the weights or places that fix the points to the holder where they are in the state ``last``."""
         points = last.positions[self._points]
         if self._carried:
             origin, axes = self._holder.find_frame(last.positions)
@@ -201,7 +202,7 @@ class GripTerm(UpdatedTerm):
         return {"places": back + centre}
 
     def _places(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return places (k, 3) [m] at the holder's rest pose as they are at its present pose."""
+        """Return the places c (k, 3) [m] at the holder's present pose, from ``places`` (k, 3) [m] at its rest pose."""
         if self._carried or self._hold is Hold.OFF:
             return np.zeros_like(places)
         return self._poses[self._holder.name].apply(places, self._holder.centre(self._body.rest))
@@ -254,7 +255,7 @@ class GripTerm(UpdatedTerm):
 
     @property
     def presses(self) -> bool:
-        """Whether forces act on a handle or an obstacle; those on a rigid body act on its vertices already."""
+        """Whether forces act on a handle or an obstacle; the vertices of a rigid body receive its forces directly."""
         return bool(self.reals[ACTS]) and not self._carried
 
     def wrench(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -25,7 +25,6 @@ class Pressures:
     Args:
         body: the discretised body.
         state: the elements' stored state.
-        elements: (k,) elements whose pressures are extrapolated.
         ratio: at the start, this multiple of the last step's change of pressure is added.
 
     Attributes:
@@ -34,8 +33,8 @@ class Pressures:
     """
 
     STILL_UPDATES, PLAIN_UPDATES = 3, 20
-    """Updates are accelerated after `STILL_UPDATES` successive updates before which the minimisation made no iteration,
-    or after `PLAIN_UPDATES` updates in all.
+    """Updates are accelerated after the first number of successive updates without an iteration between them, or after
+    the second number of updates in all.
     """
     LOCAL_SLACK = 10.0
     """Allowed volume error of a single element, divided by the allowed mean error. Both errors move positions by the
@@ -117,7 +116,7 @@ def at_rest(body: Body) -> ElementState:
 
 @internal
 def uncounted_energy(j, pressure, volume, table, k, solved):
-    """Return the volume energy V U(J) [J] of an element with a pressure, minus the volume energy of the kernels.
+    """Return the volume energy V U(J) [J] of an element with a pressure, minus the part that the kernels count.
 
     With ``solved``, U(J) is replaced by its tangent U(J*) + p (J - J*). Here p is the pressure of the solve, and U'(J*)
     = p. With a large bulk modulus, U(J) itself would magnify the remaining error of J. For an incompressible element

@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """The constant global matrix: one n x n system for x, y and z, factored once (Sec. 3.2).
 
-It does not couple x, y and z, but a rotation does. The rigid rows are therefore coupled to the free vertices by block
-elimination. About the rest pose, a handle moves its vertices by dx = dt + dtheta x r, with the undeformed position r
-relative to its centre. With the motion B of the vertices by the rigid rows, the free vertices follow by -H with
-H = A_ff^-1 A_fm B, and the rigid rows have the Schur complement S = B^T A_mm B - (A_fm B)^T H.
+The matrix does not couple x, y and z, but the rotation of a handle does. The rigid rows (see `Unknowns`) are therefore
+coupled to the free vertices by block elimination. About the rest pose, a handle moves its vertices by dx = dt + dtheta
+x r, with the undeformed position r relative to its centre. Let B be the motion of the handles' vertices by the rigid
+rows. The free vertices then move by -H with H = A_ff^-1 A_fm B, and the rigid rows have the Schur complement S = B^T
+A_mm B - (A_fm B)^T H.
 
 Equal matrices in a process have one factor.
 """
@@ -84,7 +85,7 @@ class Factor:
 
 
 _MADE: WeakValueDictionary[bytes, Factor] = WeakValueDictionary()
-"""Dict from the digest of a matrix and its vertices to the factor that is in use in the process."""
+"""Dict from the digest of a matrix and its vertices to its factor, as long as a body in the process uses the factor."""
 
 
 def factor_of(matrix: sparse.csc_matrix, points: NDArray[np.float64]) -> Factor:
@@ -211,7 +212,7 @@ class ConstantMatrix:
     """
 
     ROLLING = 0.5
-    """Stiffness of the spring at a vertex on rollers over the vertex' diagonal entry. No equilibrium depends on it."""
+    """Stiffness of the spring at a vertex on rollers, divided by its diagonal entry. No equilibrium depends on it."""
 
     def __init__(self, matrix: sparse.csc_matrix, rest: NDArray[np.float64], unknowns: Unknowns) -> None:
         self.assembled, self._unknowns = matrix, unknowns
@@ -253,7 +254,7 @@ class ConstantMatrix:
         return (self.assembled @ whole)[free]
 
     def compliance(self, force: NDArray[np.float64]) -> float:
-        """Return the compliance f . A^-1 f of vertex forces f (n, 3); its unit is m/N times the squared unit of f."""
+        """Return f . A^-1 f for vertex forces f (n, 3): a compliance, in m/N times the squared unit of f."""
         right, free = generalise(force, self._unknowns, self._motion), 3 * len(self._unknowns.free)
         out = np.zeros_like(right)
         self.solve(right[:free].reshape(-1, 3), out[:free].reshape(-1, 3))

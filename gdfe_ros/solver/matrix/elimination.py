@@ -24,11 +24,11 @@ from gdfe_ros.compiled import kernel
 from gdfe_ros.solver.vectors import copy_part
 
 SLACK, NARROW = 0.05, 2
-"""Largest fraction of zeros in a supernode, and number of columns up to which it is not limited. Fewer and broader
-supernodes are faster if the matrix is factored often.
+"""Largest fraction of zeros in a supernode; supernodes of at most the second number of columns may have more zeros.
+Fewer and broader supernodes are faster if the matrix is factored often.
 """
 FRONT = 2000
-"""Cost of a supernode in addition to its multiplications, in their unit."""
+"""Fixed cost of each supernode, as a number of multiplications."""
 
 
 class Elimination(NamedTuple):
@@ -74,7 +74,7 @@ class Elimination(NamedTuple):
         return np.repeat(np.arange(len(self.parent)), self.heights)
 
     def stand(self, nodes: NDArray[np.int64], rows: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Return the index (k,) of each of ``rows`` (k,) among the rows of the supernode in ``nodes`` (k,)."""
+        """Return the index (k,) of each row in ``rows`` (k,) among the rows of the supernode ``nodes`` (k,)."""
         size = len(self.order)
         return np.searchsorted(self.owner * size + self.rows, nodes * size + rows) - self.row_start[nodes]
 
@@ -244,8 +244,9 @@ def find_elimination(
 
 
 LEAF, DIGITS = 60, 6
-"""A part with at most the first number of vertices is not divided further. Coordinates, divided by the largest of them,
-are rounded to the second number of decimal digits: the vertices of one cross-section thus have equal coordinates.
+"""`dissect` does not divide a part with at most the first number of vertices. `narrow_orders` rounds coordinates,
+divided by the largest of them, to the second number of decimal digits: the vertices of a cross-section have equal
+coordinates.
 """
 
 

@@ -88,7 +88,7 @@ def eliminate(front, width, own, panel):
 
 @inlined
 def column(front, at, width, count):
-    """Return the entry of the front at ``at`` and the five entries below it; 0 for those beyond ``count``."""
+    """Return ``count`` entries of a column of the front from ``at`` downward, and zeros up to six numbers."""
     none = front.dtype.type(0.0)
     return (
         front[at],
@@ -105,7 +105,7 @@ def subtract(front, width, first, last, panel):
     """Subtract the products of the factor's rows from ``first`` up to ``last`` from the rows below, tile by tile.
 
     Two rows are updated at a time, because they share the loads of the factor's rows. Entries below the diagonal are
-    changed, too, and never used.
+    changed, too, but never used.
     """
     next_row, count = uint64(TILE), last - first
     for begin in range(last, width, TILE):
@@ -232,7 +232,7 @@ class Fronts:
         )
 
     def spare(self) -> None:
-        """Let the next factorisation not overwrite the last factor."""
+        """Give the next factorisation new arrays, so that it does not overwrite the last factor."""
         self.kept = self.kept._replace(values=np.empty(0, self._kind), frames=self.kept.frames.copy())
 
 

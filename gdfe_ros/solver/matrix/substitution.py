@@ -2,8 +2,8 @@
 """Compiled solutions with a sparse factor K = U^T U: forward and backward, supernode by supernode.
 
 A factor with three rows for each vertex has one right-hand side at a time; one with one row serves x, y and z together.
-Each supernode's part of it is then read once for all three: a large factor fits into no cache, and reading it dominates
-the time of a solution. Such a factor is stored in single precision.
+Each supernode's part of such a factor is read once for all three. A large factor fits into no cache, so that reading it
+dominates the time of a solution; it is therefore stored in single precision.
 
 Two corrections follow, if a body needs them. First, handles with a free axis have rigid rows in addition to the rows of
 the factor. Their Schur complement S is dense. Second, springs of lengths and volumes add G^T G to K, which would fill
@@ -12,7 +12,7 @@ Woodbury).
 
 Entries of the inverse K^-1 = Y^T Y come from columns of Y = U^-T. A column of Y costs half of a solution or less: the
 forward substitution, in the supernodes on the path from its row to the root of the elimination tree. The operations of
-each entry, and their order, do not depend on what else is found with it.
+each entry, and their order, do not depend on the other entries that are computed together with it.
 """
 
 from __future__ import annotations
@@ -97,7 +97,7 @@ class Kept(NamedTuple):
 
     @classmethod
     def none(cls) -> Kept:
-        """Return an empty factor, in place of which the constant matrix preconditions."""
+        """Return an empty factor: it means that the constant matrix preconditions."""
         index, squares = np.zeros(0, np.int64), [np.zeros((0, 0))] * 5
         return cls(Plan(*[index] * 9), np.zeros(0, np.float32), index, *squares, np.zeros((0, 9)), index)
 
@@ -247,7 +247,7 @@ def expand_node(values, at, rows, axes, first, last, x, local):
 
 
 GROUP = 8
-"""Number of columns of Y that are found together."""
+"""Number of columns of Y that are computed together."""
 
 
 @kernel

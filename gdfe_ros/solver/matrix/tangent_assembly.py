@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The kept tangent stiffness: its assembly in blocks of 3 x 3 of movable vertices, and its springs.
+"""The kept tangent stiffness: its assembly in 3 x 3 blocks, one for each coupled pair of movable vertices, and springs.
 
 A commanded cable length and a commanded chamber volume act like springs. The length of a spring is linear in small
 displacements: d = a . x. A spring of stiffness k adds k a a^T to the tangent. These entries may couple any vertices,
@@ -117,7 +117,7 @@ class Assembly:
         return (self._block_rows < self.free) & (self.indices < self.free)
 
     def by_members(self, blocks: NDArray[np.float64]) -> sparse.bsr_matrix:
-        """Return the columns (3 f + 3 b, 3 b) of the handles' vertices, of the matrix with ``blocks`` (k, 3, 3)."""
+        """Return the columns (3 f + 3 b, 3 b) of handles' vertices in the matrix with ``blocks`` (k, 3, 3)."""
         shape = 3 * (self.free + self.members), 3 * self.members
         return sparse.bsr_matrix((blocks[self._pulled], *self._pulled_pattern), shape=shape)
 
@@ -143,7 +143,7 @@ class Tangent:
         stages: (t,) int32 stages of the terms (`Term.stage`); empty if all are 0.
         spent: number of iterations since the tangent was evaluated.
         solves: number of solves with the tangent.
-        latest: the part of ``spent`` in the last of these solves.
+        latest: number of iterations in the last of these solves.
     """
 
     blocks: NDArray[np.float64]

@@ -38,7 +38,7 @@ class Unknowns(NamedTuple):
         radius: (p,) float64 [m], largest distance of any undeformed vertex of the body from the handle's centre: the
             whole body follows a rotation of the handle.
         corner_start: (n + 1,) int32, index in ``corner`` at which each vertex's list of element corners begins.
-        corner: (c m, 2) int32 elements, and their corners. Each vertex sums its forces in this order.
+        corner: (c m, 2) int32 pairs of an element and one of its corners. Each vertex sums its forces in this order.
     """
 
     free: NDArray[np.int32]
@@ -119,7 +119,7 @@ def handle_centres(positions: NDArray[np.float64], unknowns: Unknowns) -> NDArra
 
 
 def generalise(forces: NDArray[np.float64], unknowns: Unknowns, motion: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return vertex forces (..., n, 3) as generalised forces (..., 3 r) on the unknowns.
+    """Return the generalised forces (..., 3 r) on the unknowns for vertex forces (..., n, 3).
 
     ``motion`` (3 b, 3 q) is the result of `rigid_motion`, with all components of a vertex in rows.
     """

@@ -24,7 +24,7 @@ from gdfe_ros.solver.vectors import largest
 
 
 class TangentProducts:
-    """Multiplies the tangent K of all terms by directions, in a workspace of its own.
+    """Multiplies the tangent K of elements and terms by directions, in a workspace of its own.
 
     Args:
         body: the discretised body.
@@ -41,7 +41,7 @@ class TangentProducts:
         self._spacing = self.SPACING * body.size
 
     def begin(self, task: Task) -> None:
-        """Set the unknowns of ``task`` as the point at which products use the tangent. The task is not modified."""
+        """Let further products use the tangent at the unknowns of ``task``, which is not modified."""
         work = task.active.workspace
         self._problem, self._u, self._gradient = task.problem, work.u.copy(), work.gradient.copy()
         self._beside.x[...] = work.x
@@ -92,11 +92,11 @@ class Lanczos:
     Attributes:
         most: number of products after which the least eigenvalue counts as unknown.
         least: least number of products before a Ritz value can count as converged.
-        look_back: the least Ritz value is computed after every so many products.
-        steady, flat: it counts as converged if it changed over these by at most the fraction ``steady``, or by at most
-            ``flat``. A value below ``flat`` counts as no curvature.
-        noise: the next Lanczos vector counts as noise if its M-norm, divided by the largest diagonal entry, is below
-            this, because products are differences of gradients.
+        look_back: number of products between two computations of the least Ritz value.
+        steady, flat: the least Ritz value has converged if its last change was at most the fraction ``steady`` of it,
+            or at most ``flat``. A value below ``flat`` counts as no curvature.
+        noise: the next Lanczos vector counts as noise of the finite differences if its M-norm, divided by the largest
+            diagonal entry, is below this.
     """
 
     most: int = 80

@@ -65,7 +65,7 @@ class TangentLevel:
     Attributes:
         price: cost of factoring a tangent, divided by the cost of a solution with it.
         kept: the loaded factor for the kernels.
-        memory: memory [bytes] of a factor and of the elements' tangents.
+        memory: bytes of a factor and of the elements' tangents.
         stiffness: (m, 3 c, 3 c) [N/m] tangents of the elements in the last call of `take`.
         affordable: whether a factor takes little time and memory.
         first_shift: first multiple of the constant matrix that is added to a tangent without a factor: the softness of
@@ -113,7 +113,7 @@ class TangentLevel:
 
     @property
     def fits(self) -> bool:
-        """Whether they fit into half of the memory that is free."""
+        """Whether a factor and the elements' tangents fit into half of the free memory."""
         return self.memory <= 0.5 * os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
 
     def take(
@@ -157,7 +157,7 @@ class TangentLevel:
         return self._loaded
 
     def _stiffen(self, problem: Problem, x: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Evaluate and return `stiffness` at ``x`` (n, 3) [m]; the next call overwrites it."""
+        """Compute and return the elements' tangents `stiffness` at ``x`` (n, 3) [m]; the next call overwrites them."""
         if not len(self.stiffness):
             self.stiffness = np.zeros((len(self._body.material), *self.stiffness.shape[1:]))
         shape, material, table = problem.shape, problem.material, problem.table
@@ -167,7 +167,7 @@ class TangentLevel:
         return self.stiffness
 
     def keep(self, rest: Tangent) -> None:
-        """Keep the factor of the loaded tangent for good; later factors are stored elsewhere."""
+        """Keep the factor of the loaded tangent ``rest`` permanently; later factors get other arrays."""
         self._rest = rest, self.kept
         self._factor.spare()
 
@@ -182,7 +182,7 @@ class TangentLevel:
             self._connect(tangent)
 
     def is_outdated(self, tangent: Tangent | None) -> bool:
-        """Return whether a term has come to another stage since a tangent was taken; None stands for stages of 0."""
+        """Return whether the `Term.stage` of a term has changed since a tangent was taken; None: all stages were 0."""
         before = np.zeros(0, np.int32) if tangent is None else tangent.stages
         return not np.array_equal(before, self._stages())
 
@@ -191,9 +191,9 @@ class TangentLevel:
         return stages if stages.any() else stages[:0]
 
     def reconnect(self, tangent: Tangent, x: NDArray[np.float64]) -> Tangent:
-        """Return the loaded tangent with the springs at ``x`` (n, 3) [m], if other terms have springs.
+        """Return the loaded tangent with the springs at ``x`` (n, 3) [m], if other terms have springs than before.
 
-        The other parts keep the values and the factor of the tangent.
+        Only the springs are new; the factor of the tangent stays.
         """
         slopes, owners = self._springs(x)
         if np.array_equal(owners, tangent.owners):

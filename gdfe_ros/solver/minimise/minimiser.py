@@ -28,7 +28,7 @@ from gdfe_ros.solver.vectors import largest, largest_distance
 _TEAM = threading.Lock()
 """Lock for numba's threads. They serve one caller at a time; a second one could crash the process."""
 Observer = Callable[[float, float, bool], None]
-"""Function of the minimised energy [J], the size of its terms [J], and whether the minimisation just begins."""
+"""Function of the energy [J], the sum of the magnitudes of its terms [J], and whether a minimisation begins."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +39,8 @@ class Task:
         active: the unknowns, the elements and the workspace.
         problem: the constant data.
         deadline: once it has passed, the minimisation ends; None for no deadline.
-        gives_up: whether the minimisation ends at positions (n, 3) [m] at which the tangent is indefinite.
+        gives_up: function that returns, for positions (n, 3) [m] with an indefinite tangent, whether to end the
+            minimisation; None to continue in any case.
     """
 
     active: ActiveSet
@@ -49,7 +50,7 @@ class Task:
 
     @property
     def turn(self) -> AbstractContextManager[object]:
-        """The context manager for a call that may divide its work among threads: it holds the lock for threads."""
+        """The context manager for a call that may use several threads; it takes the lock of numba's threads."""
         return nullcontext() if self.problem.threads is None else _TEAM
 
     def evaluate(self) -> None:
@@ -66,7 +67,7 @@ class Minimiser:
         weight: (m,) [Pa] weights of the elements in the constant matrix (see `assemble`).
         level: the body's tangent preconditioner.
         moving: whether inertia is among the terms.
-        contact_forces: finds the contact forces of each step; None without contact.
+        contact_forces: finder of the contact forces in each step of a minimisation; None without contact.
 
     Attributes:
         level: the argument.
@@ -77,15 +78,15 @@ class Minimiser:
 
     SHARE, MOVING, FREE = 0.2, 0.1, 0.02
     """A minimisation ends if its distance to the equilibrium, divided by the tolerance, is at most this: in statics, in
-    motion, and in the motion of bodies that nothing holds. Only the accuracy of the solve conserves their momentum.
+    motion, and in the motion of free bodies, whose momentum only the accuracy of the solve conserves.
     """
     TRUST = 0.1
     """Assumed least ratio of a step with the constant matrix to the distance to the equilibrium."""
     FARTHEST = 3000.0
     """A body counts as running away if a vertex' displacement, or a step, exceeds this multiple of the body's size."""
     LEAST_AGE, AGE = 24, 1.5
-    """A tangent is renewed within a solve after this number of iterations, or after this multiple of the number of
-    solutions that its factor costs, if that is larger. Otherwise a few far steps would renew it too often.
+    """A tangent is renewed within a solve after the first number of iterations, or, if that is larger, after the second
+    number times its price (`TangentLevel.price`). Otherwise a few far steps would renew it too often.
     """
     UNSOLVED = 1000
     """A body whose tangent is too expensive gets one nevertheless after this number of iterations of a solve. Solves
@@ -114,7 +115,7 @@ class Minimiser:
         self.rest: Tangent | None = None
 
     def begin(self, active: ActiveSet, tangent: Tangent | None) -> None:
-        """Prepare a solve with the tangent of the last one; None stands for that of the undeformed body."""
+        """Prepare a solve with the tangent of the last solve; None stands for the tangent of the undeformed body."""
         status = active.status
         status["reach"], status["grain"] = self.FARTHEST * self._body.size, self._grain
         status["count"], status["head"], status["since"], status["turned"], status["wild"] = 0, 0, 0, np.inf, 0
@@ -134,7 +135,7 @@ class Minimiser:
             task: the problem.
             tolerance: allowed distance, divided by the body's size.
             limit: largest number of iterations.
-            proven: whether the last minimisation has reached the equilibrium, which multipliers may have moved since.
+            proven: whether the last minimisation has reached the equilibrium; an update may have moved it since.
         """
         work, begins, done = task.active.workspace, True, 0
         target = self._share * tolerance * self._body.size
@@ -160,7 +161,7 @@ class Minimiser:
                 return done
 
     def _follow_terms(self, task: Task) -> None:
-        """Take a new tangent if a term has come to another stage; otherwise connect its springs as they are now."""
+        """Take a new tangent if the stage of a term has changed; otherwise connect the present springs to it."""
         work = task.active.workspace
         if self.level.is_outdated(self.tangent) and (self.tangent is not None or self.level.fits):
             self._adopt(task, self.level.take(task.problem, work.u, work.x))
@@ -179,7 +180,7 @@ class Minimiser:
         limit: int,
         begins: bool,
     ) -> int:
-        """Do `descend` with contact: each step gets the contact forces with which it keeps the laws of contact."""
+        """Do `descend` with contact: in each step, the contact forces are found that satisfy the laws of contact."""
         tangent = self.tangent
         key = (None,) if tangent is None else (tangent.blocks, tangent.springs)
         if begins:
@@ -224,9 +225,10 @@ class Minimiser:
         status["ended"], self._spent = Outcome.NONE, 0
 
     def newton_step(self, task: Task) -> tuple[float, NDArray[np.float64]]:
-        """Return the step M^-1 g (3 r,) [m], and its largest displacement divided by the body's size and by its trust.
+        """Return the estimated distance to the equilibrium, divided by the body's size, and the step M^-1 g (3 r,) [m].
 
-        With a fresh tangent M, the first result is the distance to the equilibrium.
+        The estimate is the largest displacement in the step; with the constant matrix, divided by `TRUST`. With a fresh
+        tangent M it is accurate.
         """
         step, trust = np.empty_like(task.active.workspace.u), 1.0 if self.tangent is not None else self.TRUST
         self.precondition(task, task.active.workspace.gradient, step)
@@ -261,7 +263,7 @@ class Minimiser:
         return Metric(self.level.kept, coupling, before, held, 1.0, *self._given)
 
     def _age(self) -> int:
-        """Return the number of iterations of a solve for which one matrix serves."""
+        """Return the number of iterations in a solve after which the matrix is renewed."""
         if self.tangent is None:
             return self.UNSOLVED if self.level.fits else ENDLESS
         return max(self.LEAST_AGE, round(self.AGE * self.level.price))

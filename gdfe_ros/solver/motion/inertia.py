@@ -59,7 +59,7 @@ def mass_matrix(
 
 
 class FreeMass:
-    """Inverse mass of the free vertices and the rigid bodies; factored on first use.
+    """Inverse mass of the free vertices and the rigid bodies; the mass is factored on first use.
 
     Args:
         body: the discretised body.
@@ -88,7 +88,7 @@ class FreeMass:
         ]
 
     def accelerate(self, forces: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the acceleration (n, 3) [m/s^2] of these vertices by forces (n, 3) [N]; zero for other vertices."""
+        """Return the acceleration (n, 3) [m/s^2] of free vertices and rigid bodies by forces (n, 3) [N]; else zero."""
         acceleration = np.zeros_like(forces)
         for axes, free, factor in self._parts:
             own = free if len(axes) == 3 else np.ix_(free, axes)
@@ -115,8 +115,8 @@ class FreeMass:
     ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
         """Return the inverse mass (3 m, 3 m) [1/kg] between some vertices, and the place (n,) of each vertex in it.
 
-        The ``vertices``, of any shape, are among them. Rigid bodies are those at ``positions`` (n, 3) [m]; if a vertex
-        of a rigid body is among ``vertices``, all four must be. The caller must not modify the results.
+        All ``vertices`` (of any array shape) have a place in it. Rigid bodies are rigid at ``positions`` (n, 3) [m]; if
+        a vertex of a rigid body is among ``vertices``, all four must be. The caller must not modify the results.
         """
         self._include(vertices)
         for four, mass in zip(self._rigid, self._of_rigid, strict=True):
@@ -127,7 +127,7 @@ class FreeMass:
         return self._place, self._between
 
     def _include(self, vertices: NDArray[np.int32]) -> None:
-        """Find the inverse mass between the known vertices and those of ``vertices`` that are not known yet."""
+        """Extend the known part of the inverse mass to ``vertices``, by one column for each vertex that is new."""
         new = np.unique(vertices[self._place[vertices] < 0])
         if not len(new):
             return
@@ -152,7 +152,7 @@ class FreeMass:
 def spread(columns, rows, vertices, free, axes, forces, out):
     """Write the acceleration of ``free`` vertices (f,) by ``forces`` (n, 3) [N] along ``axes`` to ``out`` (n, 3).
 
-    The forces are those on ``vertices`` (k,), whose columns of the inverse mass are some ``rows`` (k,) of ``columns``.
+    Only the forces on ``vertices`` (k,) count. Their columns of the inverse mass are the ``rows`` (k,) of ``columns``.
     """
     found = np.zeros((len(axes), len(free)))
     for j in range(len(rows)):
@@ -282,7 +282,7 @@ class Inertia(Term):
     def begin(self, commands: Mapping[str, float], saved: Saved, positions: NDArray[np.float64], ratio: float) -> None:
         """Prepare a step; ``positions`` (n, 3) [m] have the handles at their targets.
 
-        Before the motion has started there is no inertia. Handle vertices that are driven get the velocity of their
+        Before the motion has started there is no inertia. Driven vertices of handles get the velocity of their
         displacement in this step: the scheme would continue a jump of their velocity as an endless oscillation.
         """
         if not saved["h"][0]:

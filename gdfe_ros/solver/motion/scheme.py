@@ -6,8 +6,8 @@ Every scheme gives acceleration and velocity at the end of a step as linear func
     a = kappa_a (x - x_a),   v = theta (x - x_v),
 
 and its balance of momentum is M f(x) = -dE/dx with f = kappa (x - x_hat). The solution is the stationary point of
-E(x) + kappa/2 |x - x_hat|_M^2. Contact forces are constant over a step and do not enter the next step: the
-accelerations that the next step uses exclude them. `docs/theory/motion.md` derives both.
+E(x) + kappa/2 |x - x_hat|_M^2. The forces of a scheme exclude those of contacts, whose effect on the velocity is an
+impulse at the end of the step (`gdfe_ros.solver.motion.impulse`). `docs/theory/motion.md` derives both.
 """
 
 from __future__ import annotations
@@ -78,11 +78,11 @@ class Kinematics:
 
     @property
     def trend(self) -> Vectors:
-        """The acceleration [m/s^2] that goes on after the step.
+        """The acceleration [m/s^2] with which the motion probably continues after the step.
 
-        Where contacts push, it is the change of the velocity in the last step. The forces at its end do not give it:
-        of the contacts, only the mean force is known, and the forces that hold a vertex in a grip are many times as
-        large as those that move it.
+        If contacts push, it is computed from the change of the velocity in the last step, not from the forces at its
+        end: only the mean contact force of the step is known, and the forces that hold a vertex in a grip are many
+        times as large as those that move it.
         """
         if not self.pushed.any():
             return self.acceleration
@@ -109,8 +109,8 @@ class Rule:
         rest: x_a (n, 3) [m].
         kappa: df/dx [1/s^2].
         aim: x_hat (n, 3) [m].
-        lag: (n, 3) [m/s] what a velocity theta (x - x_v) lacks where contacts hold a vertex: the impulse of a step
-            changes its velocity by more than by theta times the displacement. Damping relative to the world adds it.
+        lag: (n, 3) [m/s] velocity that theta (x - x_v) lacks at vertices that contacts hold, because the impulse of a
+            step changes the velocity by more than theta times the displacement. Damping relative to the world adds it.
     """
 
     theta: float
@@ -186,5 +186,5 @@ def _generalised_alpha(rho: float, h: float, now: Kinematics) -> Rule:
 
 
 def _lag(theta: float, h: float, now: Kinematics) -> Vectors:
-    """Return `Rule.lag` if the contacts push as in the last step: by h^2 phi / 2, with the impulse h phi per mass."""
+    """Return `Rule.lag` for contacts that push as in the last step, with the impulse h phi per mass."""
     return (1.0 - 0.5 * theta * h) * h * now.pushed

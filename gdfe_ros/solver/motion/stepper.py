@@ -63,17 +63,17 @@ class MotionStepper:
     within this time [s].
     """
     RELAXED = 3.0
-    """Lower bound of the time of `CALM`, divided by the longest relaxation time of the body."""
+    """Least ratio of the time in `CALM` to the longest relaxation time of the body."""
     HELD = 3.0
-    """A body that only handles hold has a tolerance larger by this factor, and the distance is at least h |v|. With
-    free bodies, only the accuracy of the solve conserves the momentum. Pressures always have the smaller tolerance:
-    pressures that lag behind the motion add energy. `newmark` has no dissipation, and never gets the factor.
+    """Factor in the tolerance of internal steps of a body with handles and without rigid bodies. The motion from which
+    `reduction` computes this tolerance also includes h |v|. Free bodies need the smaller tolerance, because only the
+    accuracy of the solve conserves their momentum. `newmark`, which has no dissipation, never gets the factor.
     """
     KEPT = 8
     """Number of pairs of a scheme and a step length whose factors are kept."""
     SHORTEST = 1e-2
-    """Durations below this fraction of the longest internal step are only added up: differences over so short a time
-    give only noise as acceleration.
+    """Durations below this fraction of the longest internal step are not simulated, but added to the next step: the
+    acceleration in so short a time would be noise.
     """
 
     def __init__(
@@ -260,14 +260,14 @@ class MotionStepper:
         return sum(found[name] for name in ("kinetic", "elastic", "potential", "dissipated")) - found["work"]
 
     def book_imbalance(self, state: State, unbalanced: float) -> State:
-        """Return ``state`` with its potential, and with work so that the energy not accounted for is ``unbalanced``."""
+        """Return ``state`` with its potential, and with the work for which `find_imbalance` returns ``unbalanced``."""
         self.actuation.begin(state.commands, state.terms, state.positions, state.poses, state)
         found = state.with_(balance=self.actuation.balance(state.positions, state.commands))
         work = found.ledger.work + self.find_imbalance(found) - unbalanced
         return found.with_(ledger=replace_fields(found.ledger, work=work))
 
     def carry_energies(self, state: State, before: State) -> State:
-        """Return ``state`` with the account of energies of ``before``: what has changed between them is work done."""
+        """Return ``state`` with the energy account of ``before``: the change of energy between them counts as work."""
         ledger = replace_fields(state.ledger, lost=before.ledger.lost)
         return self.book_imbalance(state.with_(ledger=ledger), self.find_imbalance(before))
 
@@ -276,7 +276,7 @@ class MotionStepper:
         return self._accounts.kinematics(state).velocity.copy()
 
     def accelerations(self, state: State) -> NDArray[np.float64]:
-        """Return the acceleration (n, 3) [m/s^2] of every vertex; with contact, the mean one of the last step."""
+        """Return the acceleration (n, 3) [m/s^2] of every vertex; with contact, its mean over the last step."""
         return self._accounts.kinematics(state).trend
 
     def largest_acceleration(self, state: State) -> float:
@@ -291,7 +291,7 @@ class MotionStepper:
         return bool(state.terms[inertia.NAME]["h"][0])
 
     def start_motion(self, state: State, commands: Mapping[str, float]) -> State:
-        """Return the state at the start of a motion: with the accelerations by its forces, and all loads acting.
+        """Return the state at the start of a motion, with all loads acting and with the accelerations by all forces.
 
         A state in motion is returned unchanged.
         """

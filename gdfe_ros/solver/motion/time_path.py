@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Progress of a time step: internal steps of equal length, their predicted end, and what follows from them."""
+"""Progress of a time step: internal steps, prediction of their end, and the consequences of their outcomes."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class TimePath(Path):
 
     WHOLE = 16
     DEEPEST_FOLD = -0.5
-    """An undriven motion continues if every corner's volume ratio is above this; fold barriers then open the folds."""
+    """If no command drives the body, it may move on with corners' volume ratios above this; barriers open the folds."""
 
     duration: float
     flaw: str = ""
@@ -155,9 +155,7 @@ class MotionPredictor(Predictor):
 
 
 ACCURACY, FINEST = 3.0, 1e-4
-"""Tolerance of an internal step, divided by the solver's tolerance and by the distance h^2 |a| of the fastest vertex;
-and its least value, divided by the solver's tolerance, which is the largest.
-"""
+"""Factor in `reduction` of the motion divided by the body's size, and least value of `reduction`."""
 
 
 def reduction(moved: float, size: float) -> float:
@@ -186,12 +184,12 @@ class InternalStep:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Trial:
-    """A solved internal step, and what follows from it.
+    """A solved internal step, and its consequence.
 
     Attributes:
         path: the path with the iterations of the trial, at the state before it.
         solution: the last solution.
-        verdict: what follows; `Verdict.STOP` if an interruption ended the solve.
+        verdict: the consequence; `Verdict.STOP` if an interruption ended the solve.
         step: the internal step; None if it is not accepted.
     """
 

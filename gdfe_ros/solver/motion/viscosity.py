@@ -220,7 +220,7 @@ class Viscosity(Term):
         return self._body.cells
 
     def tangents(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the tangents (m, 3 c, 3 c) [N/m] of the elements, without the part that changes with the stress."""
+        """Return the tangents (m, 3 c, 3 c) [N/m] of the elements, without the geometric stiffness of the stress."""
         tangents = np.empty((len(self._body.cells), 3 * self._body.cells.shape[1], 3 * self._body.cells.shape[1]))
         viscous_tangents(positions, self.reals, self.integers, tangents)
         return tangents
@@ -273,7 +273,7 @@ class Viscosity(Term):
         return 0.0
 
     def _before(self, saved: Saved) -> NDArray[np.float64]:
-        """Return the strains one step of the present length earlier than the last state, by linear extrapolation."""
+        """Return the strains one present step length before the last state, by linear extrapolation."""
         before, length = saved["h"][0], self._h
         if before == length:
             return saved["before"]
@@ -285,7 +285,7 @@ class Viscosity(Term):
         return found
 
     def _square(self, strain: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return |E|^2 V + b sum_k |w_k|^2 (k,) [m^3] of strains (k, 18) of elements, or (k, 6) of points."""
+        """Return |E|^2 V + b sum_k |w_k|^2 (p,) [m^3] for the strains (p, 6 + 3 modes) of all places."""
         stretch = np.einsum("ei,ei->e", strain[:, :3], strain[:, :3])
         stretch += 2.0 * np.einsum("ei,ei->e", strain[:, 3:6], strain[:, 3:6])
         return self._volume * stretch + self._bend * np.einsum("ei,ei->e", strain[:, 6:], strain[:, 6:])

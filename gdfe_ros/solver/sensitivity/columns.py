@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Derivatives of solves, one column per parameter: varied inputs, and the derivatives that result from them."""
+"""Derivatives of solves, one column per parameter, from linearised solves and varied inputs."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ class Pair(NamedTuple):
     step: float
 
     def difference(self, value: Callable[[VariedInputs], T]) -> T:
-        """Return the derivative of what ``value`` returns, an array or a mapping or tuple of arrays."""
+        """Return the derivative of the result of ``value``, an array or a mapping or tuple of arrays."""
         return difference(value(self.above), value(self.below), 2.0 * self.step)
 
 
@@ -236,7 +236,7 @@ class Tangents:
     ) -> list[tuple[NDArray[np.float64], Mapping[str, NDArray[np.float64]]]]:
         """Return the derivatives at an equilibrium, for each parameter: of positions (n, 3), and of reactions.
 
-        ``reacting`` is whether those of reactions are wanted: dict from handle or obstacle name to derivative (6,).
+        Derivatives of reactions, a dict from handle or obstacle name to derivative (6,), are empty unless ``reacting``.
 
         Raises:
             GdfeError: the state is no equilibrium, has no derivative, or the computation was interrupted.

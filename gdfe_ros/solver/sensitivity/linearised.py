@@ -93,9 +93,10 @@ class Volumes:
         self.rigid = bool(np.isinf(own[:, BULK]).any())
 
     def pressures(self, table: MaterialTable) -> NDArray[np.float64]:
-        """Return the pressures p_e (m,) [Pa] beside the laws of ``table``, an `elastic` one, at the same J_0.
+        """Return the pressures p_e (m,) [Pa] that elements need with the materials of ``table`` (see `elastic`) at J_0.
 
-        The total pressure is that of the state, in proportion to the moduli unless they are infinite.
+        Volume law and p_e together give the pressure of the state, scaled by the ratio of the new to the old moduli
+        unless they are infinite.
         """
         old, new = (each.parameters[self._material] for each in (self.table, table))
         carried = new[:, CARRIED] == 1.0
@@ -151,7 +152,7 @@ class Linearised:
 
     Args:
         equilibrium: the equilibrium solver.
-        level: evaluates and factors tangents of the body; no minimisation may use this instance.
+        level: factors the tangent of the body; no minimisation may use this instance.
         start: state at the beginning of the solve; equal to ``end`` if only derivatives of later solves are needed.
         end: state at the end of the solve.
 
@@ -171,8 +172,8 @@ class Linearised:
     """
 
     EXACT, STIFF = 1e-8, 1e-10
-    """Relative tolerances of the linear solve, without and with incompressible elements. Constraints make the forces
-    stiff, so that small errors of positions are large errors of reactions.
+    """Relative tolerances of the linear solve, without and with incompressible elements, for which small errors of
+    positions cause large errors of reactions.
     """
     SPACING, NEARER, TURN = 1e-6, 1e-8, 1e-6
     """Displacements in finite differences, divided by the body's size: for terms without friction, for terms with
@@ -231,7 +232,7 @@ class Linearised:
         return force
 
     def turn_contacts(self, x: NDArray[np.float64]) -> None:
-        """Turn the forces of all contacts with their surfaces to positions ``x`` (n, 3) [m]."""
+        """Turn the forces of all contacts with the surfaces, as these are at positions ``x`` (n, 3) [m]."""
         for contact in self.actuation.contacts:
             contact.look(x)
         if self.actuation.contacts:
@@ -361,7 +362,7 @@ class Linearised:
         return np.concatenate([gradient, (multipliers - change) / self._weights])
 
     def _precondition(self, vector: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Solve with the factor; the multipliers act on the forces, and stay."""
+        """Solve with the factor of the tangent; changes of the multipliers act on the forces, and stay unchanged."""
         rows = 3 * self._unknowns.rows
         gradient, multipliers = vector[:rows], vector[rows:]
         if len(multipliers):

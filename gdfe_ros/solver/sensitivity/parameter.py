@@ -103,7 +103,7 @@ class Parameter:
         name: dotted name from the scene's keys.
         unit: unit of the value; empty for a dimensionless parameter.
         value: value in the model; zero for poses and commands, whose values are in the state.
-        scale: lower bound of the order of magnitude of the value, for `step`.
+        scale: least order of magnitude of the value, to which finite differences are proportional (`step`).
         command: name of the actuator or load whose command the parameter is; empty for other parameters.
         handle: name of the handle whose pose has the parameter as component; empty for other parameters.
         axis: index of the component of the pose.

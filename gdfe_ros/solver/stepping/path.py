@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Path of a step, in load or in time, from the present commands to the target; attempts on load paths, and verdicts."""
+"""Paths of steps, in load or in time, from the present commands to the target, and verdicts on attempted increments."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def count_increments(
 def on_path(began: Place, goal: Place, share: float, centres: Mapping[str, NDArray[np.float64]] | None = None) -> Place:
     """Return the poses and commands at a ``share`` of the linear path; from 1 on they are those of ``goal``.
 
-    ``centres`` (3,) [m] are those of handles that move nearly as one rigid body: they do so all along the path.
+    ``centres`` is a dict from handle to centre (3,) [m], of handles that move nearly as one rigid body along the path.
     """
     if share >= 1.0:
         return goal
@@ -78,8 +78,7 @@ class Verdict(Enum):
 class Path:
     """A path of commands, in load or in time, and the progress on it.
 
-    The path consists of units. An attempt covers ``size`` of them, at first as many as were planned, and after failures
-    half as many.
+    The path consists of units. An attempt covers ``size`` units: at first `WHOLE`, and half as many after each failure.
 
     Attributes:
         began: the state at the beginning.
@@ -89,7 +88,7 @@ class Path:
         size: number of units of the next attempt.
         done: number of completed units.
         iterations, attempts: numbers of iterations and of attempts so far.
-        centres: centres (3,) [m] of the handles if they move nearly as one rigid body, otherwise empty.
+        centres: dict from handle to centre (3,) [m] if the handles move nearly as one rigid body; otherwise empty.
     """
 
     WHOLE = 1
@@ -132,7 +131,7 @@ class Path:
         return on_path(began, goal, self.next, self.centres)
 
     def record_attempt(self: AnyPath, solution: Solution, **seen: object) -> AnyPath:
-        """Return the path after an attempt, with its iterations and other changes."""
+        """Return the path with the iterations of an attempt counted, and with further fields changed to ``seen``."""
         iterations = self.iterations + solution.iterations
         return replace_fields(self, iterations=iterations, attempts=self.attempts + 1, **seen)
 
@@ -239,7 +238,7 @@ class Attempt:
 
     @property
     def snapped(self) -> bool:
-        """Whether the body jumped to another equilibrium, or jumped without reaching an equilibrium."""
+        """Whether the body jumped to another equilibrium, or jumped earlier on the path and has not converged now."""
         return self.jumps or (self.path.jumped and not self.solution.converged)
 
     @property
@@ -252,7 +251,7 @@ class Attempt:
 
     @property
     def folds(self) -> bool:
-        """Whether a body that was sound is not sound any more, and its solve was not just cut short."""
+        """Whether a sound body became unsound, except in a solve that was cut while the attempt is `patient`."""
         before = self.path.state
         once_sound = before.sound or before.anchor is not None
         passing = self.solution.cut and self.patient
@@ -260,7 +259,7 @@ class Attempt:
 
     @property
     def verdict(self) -> Verdict:
-        """The verdict: a shorter increment may succeed or avoid a jump; a failure leaves no state to go on from."""
+        """The consequence of the attempt."""
         path, failed = self.path, self.failed
         avoidable = self.jumps and path.length > self.SHORTEST_JUMP
         if ((failed and not path.shortest) or avoidable) and not self.spent:
@@ -287,7 +286,7 @@ def work_between(old: State, new: State, handles: HandleMotions) -> tuple[float,
     """Return the work [J] of handles and commands between two states, and its uncertainty [J].
 
     The work follows from the trapezoidal rule. The uncertainty is half of the difference between the work with the
-    first slopes and the work with the last slopes.
+    forces at the beginning and with the forces at the end.
     """
     work, doubt, first, last = 0.0, 0.0, old.summary.reactions, new.summary.reactions
     for name, pose in new.poses.items():

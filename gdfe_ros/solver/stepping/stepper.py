@@ -72,8 +72,8 @@ class Stepper:
     """
 
     FINER = 1e-2
-    """Factor of the tolerance for a body with freely rotating handles. At the full tolerance, unbalanced forces are
-    large compared with the handles' moments.
+    """Factor of the tolerance for a body with freely rotating handles. With the full tolerance, the remaining forces
+    would be large compared with the moments on these handles.
     """
 
     def __init__(
@@ -138,7 +138,7 @@ class Stepper:
         return replace_fields(march, state=march.state.with_(suspect=suspect))
 
     def _rescue(self, march: March, goal: Increment, state: State) -> March:
-        """Return ``march``, or the outcome of a better load path if this one from ``state`` gave up or is doubtful."""
+        """Return ``march``, the outcome from ``state``, or, if it failed or is doubtful, a better outcome of a retry."""
         unfinished, deadline = march.state.unfinished, goal.deadline
         given_up = unfinished is None or max(march.iterations, unfinished.iterations) >= self.equilibrium.patience
         doubtful = is_crumpled(state) or is_crumpled(march.state) or not march.sound
@@ -163,10 +163,7 @@ class Stepper:
         return there.with_(suspect=not there.sound)
 
     def carry_energies(self, state: State, before: State) -> State:
-        """Return ``state``, in which bodies were put elsewhere; ``before`` is the state before this.
-
-        A `MotionStepper` also takes over the account of energies from ``before``. Equilibria have no such account.
-        """
+        """Return ``state`` unchanged: equilibria have no energy account to take over from the state ``before``."""
         return state
 
     def velocities(self, state: State) -> None:
@@ -233,11 +230,11 @@ class Stepper:
         return self.actuation.unstable(solution.positions, since, commands, before)
 
     def _accept(self, attempt: Attempt, *, stops: bool) -> State:
-        """Return the state of an accepted attempt; it has a `State.anchor` if the load path fails.
+        """Return the state of an accepted attempt; if the load path fails, the state gets a `State.anchor`.
 
         A load path fails if the solve is unfinished, or if the path stops before its end with elements folded or nearly
-        folded. The anchor is then the last equilibrium. If the elements of this equilibrium are folded or nearly
-        folded, the equilibrium at the beginning of the load path is preferred, or that before an unfinished beginning.
+        folded. The anchor is then the last equilibrium without such elements: before the attempt, at the beginning of
+        the load path, or the anchor of that. If all have such elements, it is the last of them.
         """
         state, begin = attempt.path.state, attempt.path.began
         accepted = self.equilibrium.accept(attempt.solution, state)

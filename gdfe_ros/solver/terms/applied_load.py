@@ -8,8 +8,8 @@ A follower pressure p acts on faces of the body, normal to them as they move and
 Node a of the faces gets the force p f_a, with f_a = int N_a n dA over the deformed faces. Let V be the volume of the
 cones from the faces to a fixed point, V = 1/3 int x . n dA. Then f_a = dV/dx_a + b_a, where b_a is not zero only at
 nodes on open edges of the faces. The first part has the energy -p V. The second part has none: with open edges, the
-work of a pressure depends on the path. A solve holds the forces p b_a constant in each minimisation, with the energy
--p b_a . x_a, and computes them anew between two minimisations, until they are those of the present positions.
+work of a pressure depends on the path. The forces p b_a, with the energy -p b_a . x_a, are therefore constant in each
+minimisation, and updated between minimisations until they agree with the present positions.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ def pressure_energy(x, reals, integers, force, size):
 
 @term_kernel
 def pressure_entry(x, n, reals, k, integers, i, force, size):
-    """Call `pressure_energy`."""
+    """Call `pressure_energy` with the raw pointers that the terms' kernels receive."""
     return pressure_energy(*as_arrays(x, n, reals, k, integers, i, force, size))
 
 
@@ -69,7 +69,7 @@ class PressureTerm(UpdatedTerm):
     FINE = 1e-2
     """Allowed displacement by the last change of the forces p b, divided by the tolerance."""
     GROWTH = 1e3
-    """The forces' iteration may diverge by itself; the history of its acceleration is kept up to this growth."""
+    """Growth of the residual up to which Anderson acceleration keeps its history; plain updates of b may diverge."""
 
     kernel, stored = pressure_entry, "edge"
 
@@ -99,7 +99,7 @@ class PressureTerm(UpdatedTerm):
         return self.reals[EDGE:].reshape(-1, 3)
 
     def _sum_forces(self, x: NDArray[np.float64], of_volume: float, of_area: float) -> NDArray[np.float64]:
-        """Return the sum (n, 3) [m^2] of dV/dx and f with these factors."""
+        """Return ``of_volume`` times dV/dx plus ``of_area`` times f, (n, 3) [m^2], at ``x`` (n, 3) [m]."""
         force = np.zeros_like(x)
         face_forces(x, self.integers, self.reals[APEX:EDGE], of_volume, of_area, force)
         return force
@@ -112,7 +112,7 @@ class PressureTerm(UpdatedTerm):
         return float(face_forces(x, self.integers, self.reals[APEX:EDGE], 0.0, 0.0, np.zeros((0, 3))))
 
     def fit(self, matrix: ConstantMatrix) -> None:
-        """Compute the displacement [m/N] by a force of 1 N that is distributed over the faces as the pressure is."""
+        """Compute the displacement [m/N] by a force of 1 N in total, distributed over the faces like the pressure."""
         areas = self._sum_forces(self._rest, 0.0, 1.0)
         self._softness = matrix.compliance(areas) / self._area**2
 
@@ -130,7 +130,7 @@ class PressureTerm(UpdatedTerm):
         return found
 
     def neutral(self) -> Saved:
-        """Return the stored state of a pressure that has not moved anything."""
+        """Return the stored state before the first solve: no swept volume."""
         return {"swept": np.zeros(1), "edge": np.zeros_like(self.own_multipliers)}
 
     def aim(self, poses: Mapping[str, Pose], last: State) -> None:
@@ -147,7 +147,7 @@ class PressureTerm(UpdatedTerm):
         self._swept = float(saved["swept"][0])
 
     def update(self, positions: NDArray[np.float64]) -> float:
-        """Let the forces at open edges follow; return their change as a displacement [m], divided by `FINE`."""
+        """Update the vectors b; return the change of the forces as a displacement [m], divided by `FINE`."""
         change = (self.renew(positions) - self.own_multipliers).ravel()
         self.own_multipliers[...] = self._anderson.next(self.own_multipliers.ravel(), change).reshape(-1, 3)
         moved = abs(self.reals[PRESSURE]) * np.linalg.norm(change.reshape(-1, 3), axis=1).sum()
@@ -202,7 +202,7 @@ def dead_load_energy(x, reals, integers, force, size):
 
 @term_kernel
 def dead_load_entry(x, n, reals, k, integers, i, force, size):
-    """Call `dead_load_energy`."""
+    """Call `dead_load_energy` with the raw pointers that the terms' kernels receive."""
     return dead_load_energy(*as_arrays(x, n, reals, k, integers, i, force, size))
 
 

@@ -2,8 +2,7 @@
 """Cables as terms.
 
 The segments have the lengths d. The cable's length is L = sum sqrt(d^2 + e^2) - c, with the constant c for which L is
-exact at rest. The short length e rounds off the kink of L at d = 0: where two eyelets meet, the cable holds them
-together.
+exact at rest. Without the short length e, L would have a kink at d = 0, where a cable holds two points together.
 
 A cable of length L has the tension t = max(0, T + k (L - l)) and the energy (t^2 - T^2) / (2 k). This is the augmented
 Lagrangian of the constraint L <= l with multiplier T. For T = 0 it is an elastic cable of stiffness k. For k = 0 the
@@ -110,8 +109,8 @@ class CableTerm(EffortTerm):
     """
 
     ROUND = 3e-4
-    """The length e, divided by the mean length of a cable's segments at rest. With e = 0, the line search would cut
-    every Newton step onto the kink.
+    """The length e, divided by the mean length of a cable's segments at rest. With e = 0, the line search would shorten
+    every Newton step to the kink.
     """
     FAINT, NEARLY = 1e-12, 3e-6
     """FAINT: negligible tension, divided by Young's modulus times the squared body size. NEARLY: negligible
@@ -236,7 +235,7 @@ class CableTerm(EffortTerm):
 
     @property
     def strung(self) -> bool:
-        """Whether fixed handles impose a least length; shorter commands are refused."""
+        """Whether two or more points are on handles or in the world; commands below their distance are refused."""
         return self.updates and int(self._anchored.sum()) > 1
 
     def shortest(self, base: NDArray[np.float64]) -> float:

@@ -165,7 +165,7 @@ class ChamberTerm(EffortTerm):
 
     @property
     def area(self) -> float:
-        """A surface of the chamber's size [m^2]."""
+        """Order of magnitude [m^2] of the chamber's surface: its volume to the power 2/3."""
         return max(abs(self.reals[TARGET]), self.actuator.least, 1e-30) ** (2.0 / 3.0)
 
     def renew(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Layers of fibres as terms.
 
-The energy of a fibre point with area A is k A / 2 e^2, with e = (d . d - 1) / 2. The present fibre vector d is linear
-in the positions of the face's nodes (`gdfe_ros.mesh.cells.face_fibres`).
+A layer consists of fibre points on faces. The energy of a point with area A is k A / 2 e^2, with the layer's stiffness
+k and the Green strain e = (d . d - 1) / 2. The present fibre vector d is linear in the positions of the face's nodes
+(`gdfe_ros.mesh.cells.face_fibres`).
 """
 
 from __future__ import annotations
@@ -95,7 +96,7 @@ class FibreTerm(Term):
         return spread.reshape(len(spread), 3 * self._factors.shape[2], -1)
 
     def report(self, positions: NDArray[np.float64]) -> dict[str, float]:
-        """Return the largest stretch of a fibre, and the largest force per undeformed width [N/m]."""
+        """Return the largest ``stretch`` of a fibre, and the largest ``force`` per undeformed width [N/m]."""
         _, strains = self._strain(positions)
         stretch = np.sqrt(1.0 + 2.0 * strains)
         pulled = np.maximum(strains, 0.0) if not self._layer.compression else strains

@@ -114,7 +114,7 @@ class Term:
         wanders: whether updates do not settle, so that the increment should be shorter.
         delicate: whether the term's forces change within tiny displacements, as at the onset of slip.
         exact: whether `tangents`, `springs` and `stiffness` are the whole second derivative of the term's energy.
-        stage: number of a stage in which `tangents` change little; at another stage, the kept tangent is taken anew.
+        stage: a number; when it changes, the kept tangent is taken anew, because `tangents` have changed much.
         unbounded: whether a command can leave the energy without a lower bound, as a pressure beyond its limit point.
         conservative: whether the forces have a potential; without one, the stability of an equilibrium is not known.
         even: whether `stiffness` is the term's whole tangent, acts on x, y and z alike, and never changes. Kept
@@ -145,10 +145,11 @@ class Term:
         return np.zeros((0, 3, 3))
 
     def springs(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return springs (m, n, 3) [(N/m)^(1/2)] at ``positions`` (n, 3) [m], which couple what nothing else couples.
+        """Return springs (m, n, 3) [(N/m)^(1/2)] at ``positions`` (n, 3) [m], which couple vertices that are far apart.
 
-        Each is the square root of its stiffness times the derivative of its length. Springs have the same purpose as
-        `tangents`, but are few, and the term may have none in some solves. Equal numbers count as the same springs.
+        Each is the square root of a stiffness times the derivative of a length. Springs have the same purpose as
+        `tangents`, but are few, and a term may have none in some solves. If a term has as many springs as before, they
+        count as the same springs.
         """
         return np.zeros((0, *positions.shape))
 
@@ -234,7 +235,7 @@ class Term:
         return self.energy(positions), 0.0
 
     def state(self, positions: NDArray[np.float64]) -> ActuatorState | None:
-        """Return command, extent and effort at ``positions`` (n, 3) [m]; None if the term is of no actuator."""
+        """Return command, extent and effort at ``positions`` (n, 3) [m]; None if the term has no actuator."""
         return None
 
     def report(self, positions: NDArray[np.float64]) -> dict[str, float]:
