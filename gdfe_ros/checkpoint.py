@@ -100,7 +100,8 @@ def load_state(simulation: Simulation, data: bytes) -> None:
     try:
         tree = load_json(archive.read("state.json"))
         names = [name.removesuffix(".npy") for name in archive.namelist() if name.endswith(".npy")]
-        arrays = {name: _array(archive.read(f"{name}.npy")) for name in names}
+        files = {name: io.BytesIO(archive.read(f"{name}.npy")) for name in names}
+        arrays = {name: np.lib.format.read_array(file, allow_pickle=False) for name, file in files.items()}
         snapshot = from_tree(tree, arrays)
     except (*_DAMAGED, zipfile.zlib.error) as error:
         raise GdfeError(f"the state is damaged: {error!r}") from error
@@ -113,10 +114,6 @@ def _difference(key: str, given: object, own: str) -> str:
         return f"its {key} is {given}, the simulation's {own}"
     remedy = "remedy: load it with the scene, the overrides and the files (meshes, skins) that it was saved with"
     return f"its scene has another text than the simulation's; {remedy}"
-
-
-def _array(data: bytes) -> NDArray[Any]:
-    return np.lib.format.read_array(io.BytesIO(data), allow_pickle=False)
 
 
 def _origin(simulation: Simulation) -> dict[str, str]:

@@ -161,7 +161,7 @@ class Orders:
             raise CommandError(text)
 
     def _distance(self, what: str, pose: Pose) -> str:
-        """Return what is wrong with a pose that is too far from the rest pose; empty if it is near enough."""
+        """Return a message about a pose that is too far from the rest pose; empty if it is near enough."""
         far = math.hypot(*pose.translation) / self._scene.mesh.size
         turns = math.hypot(*pose.rotation) / (2.0 * math.pi)
         if far <= FARTHEST and turns <= FARTHEST:

@@ -43,7 +43,7 @@ def robots_extra(package: str) -> str | None:
 
 
 def remedy(error: ModuleNotFoundError, *, command: str = "") -> str | None:
-    """Return one line that names the missing module and the extras to install, all those that ``command`` needs.
+    """Return one line that names the missing module, and all missing extras that ``command`` needs.
 
     None if no extra has the module.
     """

@@ -23,7 +23,7 @@ class FieldError(ValueError):
     Args:
         field: name of the field.
         value: its value.
-        text: what is allowed, and the remedy.
+        text: allowed values, and the remedy.
     """
 
     def __init__(self, field: str, value: object, text: str) -> None:
@@ -41,7 +41,7 @@ class CheckedKeys(Keys):
     """Base class of `Keys` that check their numbers also if Python code makes them.
 
     Raises:
-        FieldError: a number is not what the `Quantity` of its field allows; None stands for a number that is left out.
+        FieldError: the `Quantity` of a field does not allow its number; None, for a missing number, is allowed.
     """
 
     def __post_init__(self) -> None:

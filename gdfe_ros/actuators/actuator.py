@@ -20,7 +20,7 @@ _VOLUME, _PRESSURE = ("volume", "m^3"), ("pressure", "Pa")
 
 
 class Mode(str, Enum):
-    """Quantity that an actuator's command prescribes, and what the actuator reports.
+    """Quantity that an actuator's command prescribes, and the quantities that the actuator reports.
 
     The extent is a function of the positions, and the effort does work on it: length and tension, volume and pressure.
     If the value of a member is also the name of its extent or effort, the command prescribes that quantity. Members are
@@ -44,7 +44,7 @@ class Mode(str, Enum):
     def __new__(
         cls, value: str, unit: str, extent: tuple[str, str], effort: tuple[str, str], limits: tuple[float, float]
     ) -> Mode:
-        """Return a member of this value, with the other entries as attributes."""
+        """Return a member with this value, and with the other arguments as attributes."""
         member = str.__new__(cls, value)
         member._value_, member.unit, member.limits = value, unit, limits
         (member.extent, member.extent_unit), (member.effort, member.effort_unit) = extent, effort
@@ -169,7 +169,7 @@ class Chamber(Actuator):
         return self.quads.ravel() if self.points is None else self.points.corners[self.points.weights != 0.0]
 
     def at(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the positions (k, 3) [m] to which ``quads`` refer: those of ``points`` if given, else of the vertices.
+        """Return the positions (k, 3) [m] to which ``quads`` refer: of ``points`` if given, else of the vertices.
 
         Args:
             positions: positions of the mesh's vertices (n, 3) [m].

@@ -20,7 +20,7 @@ SLACK = 1e-5
 coordinates (-1 .. 1) or barycentric coordinates.
 """
 HALF_A_CELL = {8: 1.0, 10: 0.5}
-"""Half the size of a cell with 8 or 10 nodes, in the same coordinates."""
+"""Half the size of a cell with 8 or 10 nodes, in reference or barycentric coordinates."""
 NEIGHBOURS = 64
 """Number of candidate cells for a point: the cells with the nearest centroids."""
 

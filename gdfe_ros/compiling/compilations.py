@@ -19,7 +19,7 @@ class Compilations:
 
     Attributes:
         compiled: number of kernels that are compiled.
-        running: number of compilations that have begun and not ended; a kernel waits for those that it calls.
+        running: number of compilations in progress; a kernel's compilation includes those of the kernels that it calls.
     """
 
     def __init__(self) -> None:

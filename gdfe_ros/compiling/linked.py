@@ -176,7 +176,7 @@ class LinkedCacheImpl(CompileResultCacheImpl):
 
 
 class LinkedCacheFile(IndexDataCacheFile):
-    """The files of a cache; those of another version of the package, with types that are gone, count as absent."""
+    """The files of a cache; files of another version of the package, with types that are gone, count as absent."""
 
     def _load_index(self) -> dict[Any, str]:
         with suppress(ImportError, AttributeError):
@@ -241,7 +241,7 @@ def releasing(cache: LinkedCache | NullCache) -> Iterator[None]:
 def linking(compiled: object) -> Iterator[None]:
     """Compile ``compiled`` inside the ``with`` block, with `quick`; its calls of large kernels are by symbol.
 
-    The linker resolves a symbol to the address of a kernel that is compiled or loaded by itself. The search for cyclic
+    The linker resolves a symbol to the address of a kernel that is compiled or loaded separately. The search for cyclic
     garbage, which takes a fifth of a compilation's time and finds little, is off.
     """
     with without_collection(keep=False), global_compiler_lock, quick():

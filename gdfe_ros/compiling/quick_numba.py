@@ -63,7 +63,7 @@ def flag_values(self: TargetConfig) -> dict[str, Any]:
 
 
 def resolve_call(self: BaseFunction, context: Any, args: tuple[Any, ...], kws: dict[str, Any]) -> Any:
-    """Return the signature of a call; remember those of built-in functions of numbers.
+    """Return the signature of a call; signatures of built-in functions of numbers are remembered.
 
     Functions that numba implements in Python depend on flags of the caller, and are resolved each time.
     """

@@ -76,8 +76,8 @@ class Handle:
     def error(self, target: Pose, rest: NDArray[np.float64], positions: NDArray[np.float64]) -> float:
         """Return the largest deviation [m] of the handle's vertices from its target, along axes that are not free.
 
-        The deviation of a handle that rotates freely is that of its centre. ``rest`` and ``positions`` are the body's
-        vertices (n, 3) [m], undeformed and now.
+        For a handle that rotates freely, it is the deviation of the centre. ``rest`` and ``positions`` (n, 3) [m] are
+        the body's vertices, undeformed and now.
         """
         before, now = rest[self.vertices], positions[self.vertices]
         centre = before.mean(axis=0)

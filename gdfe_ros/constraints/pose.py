@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Poses, and rotation vectors that go on beyond half a turn."""
+"""Poses, whose rotation vectors may exceed half a turn, and conversions from and to quaternions."""
 
 from __future__ import annotations
 
@@ -91,9 +91,9 @@ NO_TURN = 1e-9
 def nearest_turn(quaternion: Sequence[float], reference: Pose) -> tuple[float, float, float]:
     """Return the rotation vector [rad] of a quaternion (x, y, z, w) that is closest to the rotation of ``reference``.
 
-    A pose message does not distinguish a rotation from the same rotation plus 360 degrees. Of these rotation vectors,
-    the vector closest to the present one is chosen, so that a handle can rotate any number of times. The code uses
-    plain floats, because numpy takes ten times as long for four numbers.
+    A quaternion does not distinguish rotations that differ by 360 degrees. Of their rotation vectors, the vector
+    closest to ``reference`` is chosen, so that a handle can rotate any number of times. The code uses plain floats,
+    because numpy takes ten times as long for four numbers.
     """
     x, y, z, w = map(float, quaternion)
     sine = math.hypot(x, y, z)

@@ -29,7 +29,7 @@ Wrenches = Callable[[State], tuple[Mapping[str, Vector], Mapping[str, Touch]]]
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class JointBalance:
-    """Yielding joints in a step: q (y,) are their positions at the end, of all arms one after the other.
+    """Yielding joints in a step: q (y,) are the positions of all arms' yielding joints at the end of the step.
 
     In balance, the efforts of the links equal the torques of the springs:
 

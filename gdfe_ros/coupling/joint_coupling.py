@@ -154,7 +154,7 @@ class JointCoupling:
             state: state of the body before the step.
             links: motion of the yielding joints before the step.
             motors: motions of the motors before and after the step.
-            targets: poses of handles and obstacles after the step; those on arms are replaced.
+            targets: poses of handles and obstacles after the step; poses of handles and obstacles on arms are replaced.
             commands: commands after the step.
             duration: duration of the step [s].
             deadline: deadline of the step; None for none.

@@ -149,7 +149,7 @@ class Derivatives:
         return join_columns(self._outputs, names, chosen, columns)
 
     def choose_parameters(self, parameters: Sequence[str] | None) -> list[Parameter]:
-        """Return the parameters with these names; None: those of all actuators."""
+        """Return the parameters with these names; None: the commands of all actuators."""
         return self.parameters.find_parameters(self._usual if parameters is None else parameters)
 
     def trail(self, state: State, parameters: Sequence[str] | None) -> Trail:

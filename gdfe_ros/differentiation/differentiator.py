@@ -88,12 +88,7 @@ class Differentiator:
         return self.derivatives.derive_outputs(state, outputs, parameters, interrupted=interrupted)
 
     def jacobian(
-        self,
-        state: State,
-        probes: Sequence[str] | None,
-        actuators: Sequence[str] | None,
-        *,
-        interrupted: Interruption,
+        self, state: State, probes: Sequence[str] | None, actuators: Sequence[str] | None, *, interrupted: Interruption
     ) -> NDArray[np.float64]:
         """Return d(probe position)/d(command) (probes, 3, actuators) at ``state``; in motion, within the last step."""
         self._require_rigid_joints()

@@ -29,7 +29,7 @@ Coefficient = Annotated[
 
 
 class Law(IntEnum):
-    """The stress-strain laws. Kernels know the first four and the last; the others have the kernel of ``OGDEN``."""
+    """The stress-strain laws. The first four and the last have their own kernels; the others use that of ``OGDEN``."""
 
     LINEAR = 0
     NEO_HOOKEAN = 1

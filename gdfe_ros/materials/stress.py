@@ -11,19 +11,7 @@ from __future__ import annotations
 import math
 
 from gdfe_ros.compiled import inlined, internal
-from gdfe_ros.materials.table import (
-    END,
-    GENT,
-    INTERVALS,
-    INVARIANT,
-    LIMIT,
-    OGDEN,
-    POISSON,
-    POWERS,
-    SHEAR,
-    TERMS,
-    YOUNG,
-)
+from gdfe_ros.materials.table import END, GENT, INTERVALS, INVARIANT, LIMIT, OGDEN, POWERS, SHEAR, TERMS
 from gdfe_ros.materials.tensor import cofactor, determinant, squared_norm
 
 LEAST_VOLUME = 0.1
@@ -64,12 +52,6 @@ def corotated_stress(f, r, lam, factor, slope, c):
         factor * (f[7] - lam * r[7]) + slope * c[7],
         factor * (f[8] - lam * r[8]) + slope * c[8],
     )
-
-
-@inlined
-def linear_factor(table, k):
-    """Return E / (1 + nu) [Pa] of the linear law; its deviatoric energy is E / (2 (1 + nu)) |F - lam R|^2."""
-    return table.parameters[k, YOUNG] / (1.0 + table.parameters[k, POISSON])
 
 
 @inlined

@@ -14,7 +14,6 @@ import scipy.sparse as sparse
 from numpy.typing import NDArray
 
 from gdfe_ros.compiled import internal, kernel
-from gdfe_ros.constraints import Pose
 from gdfe_ros.materials.tensor import rotation
 from gdfe_ros.mesh.cells.operators import ShapeOperators
 from gdfe_ros.paper.shape_factor import shape_factors
@@ -145,30 +144,9 @@ class RelativeEquilibrium:
 
     def at_rest(self) -> State:
         """Return the undeformed state; the captured shapes are the rest shapes, with zero strain."""
-        body, loose = self._body, np.zeros((len(self._body.unknowns.slides), 3))
-        operators, commands = self._actuation.growths.ungrown, dict(self._actuation.neutral)
-        poses = {handle.name: Pose() for handle in body.handles}
-        omega, strain = self._factors(body.rest, operators)
-        return State(
-            positions=body.rest,
-            base=body.rest,
-            poses=poses,
-            commands=commands,
-            slides=loose,
-            turns=loose,
-            terms={},
-            shapes=ShapeState(captured=self._rest, strain=np.zeros_like(strain), omega=omega),
-            operators=operators,
-            balance=None,
-            summary=Summary(
-                converged=False,
-                error_estimate=0.0,
-                energy=0.0,
-                min_det=1.0,
-                reactions={handle.name: np.zeros(6) for handle in body.handles},
-                actuators=self._actuation.states(body.rest, commands, operators),
-            ),
-        )
+        omega, strain = self._factors(self._body.rest, self._actuation.growths.ungrown)
+        shapes = ShapeState(captured=self._rest, strain=np.zeros_like(strain), omega=omega)
+        return self._actuation.rest_state(converged=False, terms={}, shapes=shapes, balance=None)
 
     def solve(self, problem: Increment, start: State) -> Solution:
         """Find the equilibrium of shapes for ``problem`` from ``start``, which is not modified."""
@@ -217,11 +195,7 @@ class RelativeEquilibrium:
         return {}
 
     def _iterate(
-        self,
-        problem: Increment,
-        start: State,
-        predicted: State,
-        operators: Operators,
+        self, problem: Increment, start: State, predicted: State, operators: Operators
     ) -> tuple[NDArray, NDArray, NDArray, NDArray, int, float, bool]:
         """Iterate the shape factors, desired shapes and positions to a fixed point.
 
@@ -262,7 +236,7 @@ class RelativeEquilibrium:
         error_estimate: float,
         message: str,
     ) -> Summary:
-        """Return a summary; its energy and reactions are those of the ``energy`` policy at ``x`` (n, 3) [m]."""
+        """Return a summary; energy and reactions follow from the policy ``energy`` at positions ``x`` (n, 3) [m]."""
         body = self._body
         pressure = volume_pressures(body, x, operators=operators)
         force, energies = corner_forces(body, x, pressure, operators=operators)

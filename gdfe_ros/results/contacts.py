@@ -98,7 +98,7 @@ def contact_points(contacts: Mapping[str, Touch]) -> NDArray[np.void]:
 def total_forces(points: Mapping[str, NDArray], handles: Iterable[Handle]) -> dict[str, NDArray[np.float64]]:
     """Return the total contact force (3,) [N] on each obstacle and rigid body, by name.
 
-    The forces of soft bodies and of rigid bodies are counted; those in `StepResult.reactions` are on soft bodies only.
+    Forces by soft bodies and by rigid bodies are counted; `StepResult.reactions` only has forces on soft bodies.
 
     Args:
         points: contact points (k,) as `POINT`, or a dict from each of its fields to an array (k,).

@@ -76,25 +76,17 @@ def element_fields(
     return ElementFields(centroids + origin, strain, volume_ratio, secant, tangent, density, np.asarray(omega))
 
 
-def strain_energies(
-    body: Body, positions: NDArray[np.float64], *, operators: Operators | None = None
-) -> NDArray[np.float64]:
+def strain_energies(body: Body, positions: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the strain energy (m,) [J] of each element with its full volume energy U(J)."""
-    none = np.zeros(len(body.material))
-    counted = corner_forces(body, positions, none, operators=operators)[1]
-    stored = np.empty_like(counted)
-    elements = np.arange(len(counted), dtype=np.int32)
-    shape, least = (operators or body).shape, np.empty_like(stored)
-    store_energies(positions, elements, shape, body.material, body.table, none, counted, stored, least, False)
+    none, elements = np.zeros(len(body.material)), np.arange(len(body.material), dtype=np.int32)
+    counted = corner_forces(body, positions, none)[1]
+    stored, least = np.empty_like(counted), np.empty_like(counted)
+    store_energies(positions, elements, body.shape, body.material, body.table, none, counted, stored, least, False)
     return stored
 
 
 def corner_forces(
-    body: Body,
-    positions: NDArray[np.float64],
-    pressure: NDArray[np.float64],
-    *,
-    operators: Operators | None = None,
+    body: Body, positions: NDArray[np.float64], pressure: NDArray[np.float64], *, operators: Operators | None = None
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return corner forces (m, c, 3) [N] and energies (m,) [J] of all elements for a given pressure (m,) [Pa].
 
@@ -142,7 +134,7 @@ def volume_pressures(
     """Return the pressures p_e (m,) [Pa] with which the kernels' volume term has the derivative U'(J).
 
     U(J) is the volume energy density [Pa] of the material law. For an incompressible element p_e is 0, because the
-    positions do not determine its pressure. Its volume term is then that of a material with nu = 0.45.
+    positions do not determine its pressure. It then has the volume term of a material with nu = 0.45.
     """
     pressure = np.zeros(len(body.material))
     _full_pressures(positions, (operators or body).shape, body.material, body.table, pressure)

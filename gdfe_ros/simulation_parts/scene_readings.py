@@ -28,7 +28,7 @@ from gdfe_ros.solver.state import State
 
 
 class SceneReadings:
-    """A scene with its state: geometry, commands, and what sensors would measure. `Simulation` steps it."""
+    """A scene with its state: geometry, commands, and readings of sensors. `Simulation` steps it."""
 
     scene: Scene
     settings: SolverSettings

@@ -33,23 +33,8 @@ from gdfe_ros.solver.state import (
 )
 from gdfe_ros.solver.stepping.stepper import Stepper
 
-_VALUES = (
-    Bound,
-    Failure,
-    Ledger,
-    Balance,
-    ElementState,
-    Motion,
-    ShapeState,
-    Snapshot,
-    State,
-    Summary,
-    Unfinished,
-    ActuatorState,
-    Pose,
-    Tangent,
-)
-_CLASSES = {kind.__name__: kind for kind in _VALUES}
+_STATES = Bound, Failure, Ledger, Balance, ElementState, Motion, ShapeState, Snapshot, State, Summary, Unfinished
+_CLASSES = {kind.__name__: kind for kind in (*_STATES, ActuatorState, Pose, Tangent)}
 """Dict from name to a dataclass that a tree may contain."""
 
 

@@ -75,7 +75,6 @@ def step_result(
     *,
     time: float,
     origin: NDArray[np.float64],
-    settings: SolverSettings,
     started: float,
     limit: Deadline | None,
 ) -> StepResult:
@@ -87,7 +86,6 @@ def step_result(
         march: outcome of the step; None if nothing had to be solved.
         time: simulation time [s] after the step.
         origin: (3,) [m] origin of the state's positions in the world.
-        settings: settings of the solver.
         started: ``time.perf_counter`` at the beginning [s].
         limit: the deadline; None if there is none.
     """
@@ -108,7 +106,7 @@ def step_result(
         substeps=march.increments if march else 0,
         restarts=march.restarts if march else 0,
         wall_time=clock.perf_counter() - started,
-        policy=settings.policy,
+        policy=stepper.settings.policy,
         message=summary.message,
         stable=summary.stable if summary.converged else None,
         estimated=summary.estimated,

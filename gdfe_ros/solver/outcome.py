@@ -115,11 +115,7 @@ class Deadline:
     """
 
     def __init__(
-        self,
-        moment: float | None = None,
-        *,
-        after: int | None = None,
-        interrupted: Callable[[], bool] | None = None,
+        self, moment: float | None = None, *, after: int | None = None, interrupted: Callable[[], bool] | None = None
     ) -> None:
         self._moment, self._planned, self._interrupted, self._asked = moment, after, interrupted, 0
         self.after: int | None = None

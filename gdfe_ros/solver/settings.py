@@ -235,5 +235,5 @@ class BackwardEuler(Dynamics):
 
     @classmethod
     def of(cls, dynamics: Dynamics) -> BackwardEuler:
-        """Return the same dynamics with other steps."""
+        """Return the dynamics with backward Euler as their scheme."""
         return cls(**{**vars(dynamics), "scheme": Scheme.BDF2, "rho_inf": Dynamics.rho_inf})

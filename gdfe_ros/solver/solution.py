@@ -6,14 +6,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-import numpy as np
-from numpy.typing import NDArray
-
 from gdfe_ros.constraints import Pose
 from gdfe_ros.solver.elements.barrier import THRESHOLD
 from gdfe_ros.solver.outcome import Deadline, Outcome
 from gdfe_ros.solver.state import State, replace_fields
-from gdfe_ros.solver.vectors import largest_distance
+from gdfe_ros.solver.vectors import Array, largest_distance
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -66,7 +63,7 @@ class Found:
         return self.state.summary.converged
 
     @property
-    def positions(self) -> NDArray[np.float64]:
+    def positions(self) -> Array:
         """Positions (n, 3) [m]."""
         return self.state.positions
 
@@ -99,7 +96,7 @@ class Solution(Found):
 
     ended: Outcome
     entered: bool = False
-    began: NDArray[np.float64]
+    began: Array
 
     @property
     def cut(self) -> bool:

@@ -13,12 +13,12 @@ from dataclasses import dataclass, field
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gdfe_ros.actuators.actuator import ActuatorState
 from gdfe_ros.constraints import Pose
 from gdfe_ros.solver.elements.blocks import Operators
 from gdfe_ros.solver.matrix.tangent_assembly import Tangent
+from gdfe_ros.solver.vectors import Array
 
 Value = TypeVar("Value")
 
@@ -97,8 +97,7 @@ class Ledger:
     bound: Bound | None = None
 
 
-Array = NDArray[np.float64]
-Saved = Mapping[str, NDArray[np.float64]]
+Saved = Mapping[str, Array]
 """State of a term between two accepted steps: a dict from name to array, never modified."""
 
 
@@ -304,5 +303,5 @@ class Snapshot:
     targets: Mapping[str, Pose]
     commands: Mapping[str, float]
     scene: str = ""
-    joints: Mapping[str, tuple[NDArray[np.float64], ...]] = field(default_factory=dict)
-    links: Mapping[str, tuple[NDArray[np.float64], ...]] = field(default_factory=dict)
+    joints: Mapping[str, tuple[Array, ...]] = field(default_factory=dict)
+    links: Mapping[str, tuple[Array, ...]] = field(default_factory=dict)

@@ -9,8 +9,13 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+from numpy.typing import NDArray
+
 from gdfe_ros.compiled import inlined, kernel
 
+Array = NDArray[np.float64]
+"""Type of arrays of float64."""
 NEGLIGIBLE = 1e-9
 """Relative difference, or fraction of a whole, that counts as zero."""
 

@@ -65,14 +65,14 @@ def load_yaml(text: str) -> Any:
         raise yaml.YAMLError(f"a value cannot be read: {error}") from error
 
 
-def check_yaml(text: str, *, most_nodes: int = MOST_NODES, largest: int = LARGEST_TEXT) -> None:
+def check_yaml(text: str, *, most_nodes: int = MOST_NODES) -> None:
     """Check that a YAML text is within the limits, without building its data.
 
     Raises:
         yaml.YAMLError: the text is not YAML, or exceeds a limit of this module.
     """
-    if len(text) > largest:
-        raise yaml.YAMLError(f"it has {len(text)} characters; allowed: up to {largest}")
+    if len(text) > LARGEST_TEXT:
+        raise yaml.YAMLError(f"it has {len(text)} characters; allowed: up to {LARGEST_TEXT}")
     try:
         loader = Loader(text)
     except UnicodeError as error:

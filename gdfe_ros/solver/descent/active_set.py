@@ -19,6 +19,7 @@ from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.matrix.unknowns import Unknowns
 from gdfe_ros.solver.outcome import Outcome
 from gdfe_ros.solver.settings import Skip
+from gdfe_ros.solver.vectors import Array
 
 _OUTCOMES = tuple(Outcome)
 
@@ -87,13 +88,7 @@ class ActiveSet:
         turning = self.unknowns.turn_row >= 0
         return turning if turning.any() else None
 
-    def place(
-        self,
-        positions: NDArray[np.float64],
-        base: NDArray[np.float64],
-        slides: NDArray[np.float64],
-        turns: NDArray[np.float64],
-    ) -> None:
+    def place(self, positions: Array, base: Array, slides: Array, turns: Array) -> None:
         """Set the unknowns to the start of a minimisation.
 
         Args:
@@ -116,7 +111,7 @@ class ActiveSet:
             return
         u[unknowns.turn_row[turning]] = (turns * unknowns.turns * unknowns.radius[:, None])[turning]
 
-    def rigid_motion(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def rigid_motion(self) -> tuple[Array, Array]:
         """Return the present translations [m] and rotation vectors [rad], (p, 3) each, of handles with a free axis."""
         unknowns, u = self.unknowns, self.workspace.u.reshape(-1, 3)
         count = len(unknowns.free)

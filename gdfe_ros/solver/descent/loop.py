@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The compiled minimisation: L-BFGS around a tangent that turns with the body.
 
-The initial matrix is M = R K R^T: K is the tangent stiffness at earlier positions, at first those of the undeformed
-body, and R the rotation of each vertex since then. Near an equilibrium, M differs from the present tangent by strains
+The initial matrix is M = R K0 R^T: K0 is the tangent stiffness at earlier positions (at first of the undeformed body),
+and R the rotation of each vertex since then. Near an equilibrium, M differs from the present tangent K by strains
 alone. The eigenvalues of M^-1 K then lie near 1, the steps shrink by half or more in each iteration, and the length of
 the step measures the distance to the equilibrium: if successive steps shrink by the ratio r, the sum of all further
 steps is |d| / (1 - r).
@@ -16,9 +16,6 @@ import math
 import sys
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
 from gdfe_ros.compiled import internal, kernel
 from gdfe_ros.solver.descent.arc import follow_arc
 from gdfe_ros.solver.descent.lbfgs_workspace import begin_recursion, end_recursion, inner, remember
@@ -27,7 +24,7 @@ from gdfe_ros.solver.matrix.constant_matrix import Coupling, apply_inverse
 from gdfe_ros.solver.matrix.rotation import vertex_rotations
 from gdfe_ros.solver.matrix.substitution import Kept, solve_kept
 from gdfe_ros.solver.outcome import Outcome
-from gdfe_ros.solver.vectors import largest
+from gdfe_ros.solver.vectors import Array, largest
 
 RATE, SLOWEST = 0.3, 0.9
 """Ratio of the lengths of two successive steps: value before it is known, and upper limit."""
@@ -64,15 +61,15 @@ class Metric(NamedTuple):
 
     kept: Kept
     coupling: Coupling
-    before: NDArray[np.float64]
+    before: Array
     held: bool
     trust: float
-    weight: NDArray[np.float64]
-    u: NDArray[np.float64]
-    gradient: NDArray[np.float64]
-    x: NDArray[np.float64]
-    force: NDArray[np.float64]
-    sums: NDArray[np.float64]
+    weight: Array
+    u: Array
+    gradient: Array
+    x: Array
+    force: Array
+    sums: Array
 
 
 @kernel
@@ -148,13 +145,6 @@ def measure(status, trust):
 
 
 @internal
-def begin(status):
-    """Reset the fields of ``status`` that belong to one minimisation."""
-    status.before, status.rate, status.nearest = math.inf, RATE, math.inf
-    status.made, status.blocked, status.plateau, status.ended = 0, 0, 0, Outcome.NONE
-
-
-@internal
 def is_exhausted(status):
     """Count an iteration without progress; return whether there are too many."""
     status.plateau += 1
@@ -219,8 +209,9 @@ def move(problem, work, metric, size, target, proven, descends):
 @internal
 def start(problem, work):
     """Begin a minimisation: evaluate all terms at the unknowns."""
-    begin(work.status[0])
-    first = len(work.u) >= 0
+    status, first = work.status[0], len(work.u) >= 0
+    status.before, status.rate, status.nearest = math.inf, RATE, math.inf
+    status.made, status.blocked, status.plateau, status.ended = 0, 0, 0, Outcome.NONE
     advance(problem, work, first)
 
 

@@ -27,7 +27,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gdfe_ros.compiled import inlined, internal
 from gdfe_ros.materials.table import SHEAR
@@ -35,6 +34,7 @@ from gdfe_ros.mesh.quality import list_ids
 from gdfe_ros.mesh.triples import combine, corner, cross, dot
 from gdfe_ros.solver.elements.cell_type import add_slopes, load_points
 from gdfe_ros.solver.elements.hexahedra import SIDES
+from gdfe_ros.solver.vectors import Array
 
 THRESHOLD = 0.2
 """Threshold J_0. A value of 0.3 would act in sound scenes: the least volume ratios of a corner are 0.256 in
@@ -46,8 +46,6 @@ LINE = 0.1
 """Ratio s_0 = J_c / J_0 below which the energy continues as a straight line."""
 NEARLY_FOLDED = 2.0 * THRESHOLD
 """An element is watched if the volume ratio of a corner is below this."""
-NONE = np.zeros(0, dtype=np.int32)
-"""No watched elements."""
 
 
 _CODES, _BITS = SIDES @ (1, 2, 4), np.array((1, 2, 4))
@@ -165,7 +163,7 @@ def add_walls(x, watched, shape, material, table, force, energy):
             add_slopes(slopes, shape, e, force)
 
 
-def tell_flat(least: NDArray[np.float64]) -> str:
+def tell_flat(least: Array) -> str:
     """Return a message that lists the flat or folded elements; empty if there are none.
 
     Args:

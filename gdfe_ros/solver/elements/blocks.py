@@ -18,7 +18,7 @@ from gdfe_ros.compiled import inlined
 from gdfe_ros.mesh.cells.operators import ShapeOperators
 from gdfe_ros.mesh.cells.tet_operators import TetOperators
 from gdfe_ros.solver.elements.hourglass import couplings
-from gdfe_ros.solver.vectors import NEGLIGIBLE
+from gdfe_ros.solver.vectors import NEGLIGIBLE, Array
 
 LANES = 8
 """Number of elements in a block. The innermost loops run over the elements of a block."""
@@ -44,11 +44,11 @@ class Blocks(NamedTuple):
     used: NDArray[np.int32]
     law: NDArray[np.int32]
     parallel: NDArray[np.bool_]
-    geometry: NDArray[np.float64]
+    geometry: Array
 
 
 def make_blocks(
-    geometry: NDArray[np.float64], law: NDArray[np.int32], parallel: NDArray[np.bool_], elements: NDArray[np.int32]
+    geometry: Array, law: NDArray[np.int32], parallel: NDArray[np.bool_], elements: NDArray[np.int32]
 ) -> Blocks:
     """Return the ``elements`` (k,) in blocks, sorted by law and shape; within a kind the order is kept.
 
@@ -59,7 +59,7 @@ def make_blocks(
     return Blocks(element, used, law[first], parallel[first], in_lanes(geometry, element))
 
 
-def in_lanes(rows: NDArray[np.float64], element: NDArray[np.int32]) -> NDArray[np.float64]:
+def in_lanes(rows: Array, element: NDArray[np.int32]) -> Array:
     """Return the ``rows`` (m, g) of the elements (b, LANES) in the layout of ``Blocks.geometry``."""
     return np.ascontiguousarray(rows[element].transpose(0, 2, 1)).ravel()
 
@@ -79,7 +79,7 @@ def lanes_of(kind: NDArray[np.int32], elements: NDArray[np.int32]) -> tuple[NDAr
     return np.array(rows, dtype=np.int32).reshape(-1, LANES), np.array(used, dtype=np.int32)
 
 
-def hex_geometry(shape: ShapeOperators) -> NDArray[np.float64]:
+def hex_geometry(shape: ShapeOperators) -> Array:
     """Return the rows from `REFERENCE` to `COUPLING` of hexahedra (m, GEOMETRY_ROWS)."""
     directions, lengths = shape.edge_axes.reshape(-1, 9), 2.0 / shape.edge_lengths
     across = shape.volume[:, None], couplings(shape.across)[:, None]
@@ -98,7 +98,7 @@ class Operators:
 
     shape: ShapeOperators
     blocks: Blocks
-    stretch: NDArray[np.float64]
+    stretch: Array
 
 
 COORDINATES, GRADIENT, MODES, STRESS, FORCES = 0, 24, 33, 45, 54
@@ -186,7 +186,7 @@ SLOPE, STORED_ENERGY, GEOMETRY_OF_TET = GRADIENTS + 36, GRADIENTS + 37, GRADIENT
 TET_ROWS = GEOMETRY_OF_TET + TET_GEOMETRY_ROWS
 
 
-def tet_geometry(shape: TetOperators) -> NDArray[np.float64]:
+def tet_geometry(shape: TetOperators) -> Array:
     """Return the rows `INVERSE` and `WEIGHT` of tetrahedra (m, TET_GEOMETRY_ROWS)."""
     inverse = shape.inverse.reshape(-1, 4, 9)
     bend = np.abs(inverse - inverse[:, :1]).max(axis=(1, 2), keepdims=True)

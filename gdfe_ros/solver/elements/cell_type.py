@@ -23,6 +23,7 @@ from gdfe_ros.mesh.cells.tet_operators import TetOperators, gradients, grow_tet_
 from gdfe_ros.mesh.cells.tetrahedra import EDGES, PARTS, tet_boundary
 from gdfe_ros.solver.elements import hexahedra, quadratic_tetrahedra
 from gdfe_ros.solver.elements.blocks import Blocks, hex_geometry, make_blocks, tet_geometry
+from gdfe_ros.solver.vectors import Array
 
 
 class CellKernels(NamedTuple):
@@ -97,8 +98,8 @@ class CellType(NamedTuple):
     operators: Callable
     table: Callable[[MaterialTable], MaterialTable]
     grown: Callable
-    geometry: Callable[..., NDArray[np.float64]]
-    matrix_blocks: Callable[..., NDArray[np.float64]]
+    geometry: Callable[..., Array]
+    matrix_blocks: Callable[..., Array]
     tangents: Callable
     softens: bool
     boundary: Callable[[NDArray[np.int32]], Faces]
@@ -117,9 +118,7 @@ class CellType(NamedTuple):
         return make_blocks(self.geometry(shape), table.law[material], parallel, elements)
 
 
-def _hex_matrix(
-    shape: ShapeOperators, weight: NDArray[np.float64], hourglass: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _hex_matrix(shape: ShapeOperators, weight: Array, hourglass: Array) -> Array:
     """Return the elements' blocks of the constant matrix, w V g g^T + c sum_k gamma_k gamma_k^T, (m, 8, 8) [N/m].
 
     w is the ``weight`` (m,) [Pa], V the volume [m^3], g the gradient operators [1/m], c the ``hourglass`` stiffness
@@ -130,9 +129,7 @@ def _hex_matrix(
     return blocks
 
 
-def _tet_matrix(
-    shape: TetOperators, weight: NDArray[np.float64], hourglass: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _tet_matrix(shape: TetOperators, weight: Array, hourglass: Array) -> Array:
     """Return the elements' blocks of the constant matrix, w int g g^T dV; tetrahedra have no hourglass stiffness."""
     local = gradients(shape.inverse)
     return np.einsum("eg,egai,egbi->eab", weight[:, None] * shape.weight, local, local, optimize=True)

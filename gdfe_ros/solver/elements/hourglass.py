@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from gdfe_ros.compiled import inlined
 from gdfe_ros.materials.tensor import scale_vector, times
 from gdfe_ros.mesh.triples import along, combine, dot
+from gdfe_ros.solver.vectors import Array
 
 OWN_SHEAR = (6.0 * 0.14057702, 0.37384848, 0.22901768, 0.15517115)
 """Weight 1 - chi of the uncoupled shear strains in a twisted element, by the number of cells across a square bar. With
@@ -106,6 +107,6 @@ def turning(t, q, d, inverse):
     return scale_vector(along(1.0, m, -dot(m, d), d), inverse)
 
 
-def couplings(across: NDArray[np.int32]) -> NDArray[np.float64]:
+def couplings(across: NDArray[np.int32]) -> Array:
     """Return the coupling chi (m,) of elements in sections that are ``across`` (m,) cells wide."""
     return (1.0 - np.array(OWN_SHEAR))[np.minimum(across, len(OWN_SHEAR)) - 1]

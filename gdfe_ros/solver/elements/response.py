@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 from gdfe_ros.compiled import internal, kernel, parallel_kernel
 from gdfe_ros.solver.elements.barrier import add_walls, room
 from gdfe_ros.solver.elements.cell_type import evaluate_blocks
+from gdfe_ros.solver.vectors import Array
 
 
 class Watch(NamedTuple):
@@ -41,7 +42,7 @@ class Watch(NamedTuple):
     elements: NDArray[np.int32]
     count: NDArray[np.int64]
     member: NDArray[np.bool_]
-    room: NDArray[np.float64]
+    room: Array
 
     @classmethod
     def over(cls, elements: int) -> Watch:

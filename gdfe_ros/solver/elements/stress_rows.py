@@ -16,12 +16,12 @@ from gdfe_ros.materials.stress import (
     CURVE_FACTOR,
     corotated_stress,
     curve_state,
-    linear_factor,
     neo_hookean,
     ogden_continued,
     stable_neo_hookean,
     volumetric,
 )
+from gdfe_ros.materials.table import POISSON, YOUNG
 from gdfe_ros.materials.tensor import (
     NEWTON_STEPS,
     cofactor,
@@ -90,7 +90,7 @@ def stress_rows(b, law, elements, material, table):
                 stored, secant, _ = curve_state(math.sqrt(CURVE_FACTOR * size), table, k)
                 factor = CURVE_FACTOR * secant
             else:
-                factor = linear_factor(table, k)
+                factor = table.parameters[k, YOUNG] / (1.0 + table.parameters[k, POISSON])
                 stored = 0.5 * factor * size
             b[FACTOR * LANES + lane], b[STORED * LANES + lane] = factor, stored
         corotated_stress_rows(b)

@@ -8,7 +8,6 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gdfe_ros.compiled import start_threads
 from gdfe_ros.constraints import Pose
@@ -27,7 +26,8 @@ from gdfe_ros.solver.minimise.level import TangentLevel
 from gdfe_ros.solver.minimise.minimiser import Minimiser, Observer
 from gdfe_ros.solver.settings import Skip
 from gdfe_ros.solver.solution import Increment, Solution
-from gdfe_ros.solver.state import State, Summary, replace_fields
+from gdfe_ros.solver.state import State, replace_fields
+from gdfe_ros.solver.vectors import Array
 from gdfe_ros.threads import one_blas_thread
 
 
@@ -119,7 +119,7 @@ class EquilibriumSolver:
             level.first_shift, self.minimiser.rest = least, tangent
             level.keep(tangent)
 
-    def _weigh(self, field: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _weigh(self, field: Array) -> Array:
         """Return the constant matrix times ``field`` (3 r,), a vector of unknowns; rows of handles become zero."""
         weighed = np.zeros_like(field)
         free = 3 * len(self.whole.unknowns.free)
@@ -128,35 +128,17 @@ class EquilibriumSolver:
 
     def at_rest(self) -> State:
         """Return the undeformed state; it is no equilibrium if the body is inside of an obstacle."""
-        body, handles, loose = self.body, self.body.handles, np.zeros((len(self.body.unknowns.slides), 3))
-        poses = {handle.name: Pose() for handle in handles}
-        still = {handle.name: np.zeros(6) for handle in handles}
-        neutral, ungrown = self.actuation.neutral, self.actuation.growths.ungrown
-        saved = self.actuation.at_rest()
-        self.actuation.begin(neutral, saved, body.rest, poses)
-        entered = [contact.name for contact in self.actuation.contacts if contact.inside]
-        summary = Summary(
+        body, actuation = self.body, self.actuation
+        saved, neutral = actuation.at_rest(), actuation.neutral
+        actuation.begin(neutral, saved, body.rest, {handle.name: Pose() for handle in body.handles})
+        entered = [contact.name for contact in actuation.contacts if contact.inside]
+        return actuation.rest_state(
             converged=not entered,
             message=f"not solved yet: the undeformed body is inside of {', '.join(entered)}" if entered else "",
-            error_estimate=0.0,
-            energy=0.0,
-            min_det=1.0,
-            reactions=still,
-            actuators=self.actuation.states(body.rest, neutral, ungrown),
-        )
-        return State(
-            positions=body.rest,
-            base=body.rest,
-            poses=poses,
-            commands=dict(neutral),
-            slides=loose,
-            turns=loose,
             terms=saved,
             elements=at_rest(body),
-            operators=ungrown,
-            balance=self.actuation.balance(body.rest, neutral),
+            balance=actuation.balance(body.rest, neutral),
             proved=0.0,
-            summary=summary,
         )
 
     @property
@@ -198,7 +180,7 @@ class EquilibriumSolver:
             turns=self.handles.within_a_turn(found.turns),
         )
 
-    def forces(self, state: State) -> NDArray[np.float64]:
+    def forces(self, state: State) -> Array:
         """Return dE/dx (n, 3) [N] of elements and terms at a state; elements inside handles contribute nothing."""
         work, vertices = self.whole.workspace, np.arange(len(self.body.rest), dtype=np.int32)
         Solve.at(self.model, state).evaluate()

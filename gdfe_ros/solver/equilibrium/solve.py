@@ -6,7 +6,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.descent.active_set import ActiveSet
@@ -23,6 +22,7 @@ from gdfe_ros.solver.minimise.minimiser import Minimiser, Task
 from gdfe_ros.solver.outcome import Outcome, join, past, tell
 from gdfe_ros.solver.solution import Increment, Solution
 from gdfe_ros.solver.state import ElementState, State, Summary, Unfinished
+from gdfe_ros.solver.vectors import Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +103,7 @@ class Solve:
 
     @property
     def interrupted(self) -> bool:
-        """Whether this is not the first solve on the way to its command: a part of a load path, or a resumed solve."""
+        """Whether the solve continues an earlier one: on a later part of a divided load path, or after a cut."""
         return self.problem.begins > 0.0 or self._resumed is not None
 
     @classmethod
@@ -149,7 +149,7 @@ class Solve:
         gives_up = self._runs_away if self.problem.divisible else None
         return Task(active, problem, self.problem.deadline, gives_up)
 
-    def _runs_away(self, positions: NDArray[np.float64]) -> bool:
+    def _runs_away(self, positions: Array) -> bool:
         """Return whether an actuator is beyond its limit point since the last equilibrium."""
         last = self.start.anchor or self.start
         return self._actuation.unstable(positions, last.positions, self.problem.commands) is not None
@@ -160,7 +160,9 @@ class Solve:
         ``spent`` is the number of iterations that the solve has made before this call.
         """
         active, limit = self._active, self.problem.limit - spent
-        self._begin_minimiser()
+        self._minimiser.begin(active, self._from.tangent)
+        if self._resumed is not None and not self.iterations:
+            load_history(active.workspace, self._resumed.steps, self._resumed.changes)
         task = self._set_start()
         updates = bool(len(active.carried) or len(active.softening) or self._actuation.updates)
         self._present, self._finest = self._first_tolerance(updates=updates), self.aim
@@ -185,12 +187,6 @@ class Solve:
         if self._resumed is not None:
             return max(self._resumed.tolerance, self.aim)
         return max(self.FIRST_TOLERANCE, self.aim) if updates and not self._predicted.ratio else self.aim
-
-    def _begin_minimiser(self) -> None:
-        """Give the minimiser the tangent of the start, and, in a resumed solve, the history of the unfinished solve."""
-        self._minimiser.begin(self._active, self._from.tangent)
-        if self._resumed is not None and not self.iterations:
-            load_history(self._active.workspace, self._resumed.steps, self._resumed.changes)
 
     def _has_failed(self) -> bool:
         """Return whether the last minimisation failed, so that updates of multipliers are useless."""

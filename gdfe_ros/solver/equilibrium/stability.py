@@ -13,7 +13,6 @@ from functools import partial
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gdfe_ros.solver.descent.loop import UNPROVEN
 from gdfe_ros.solver.descent.search import ROUNDING
@@ -23,7 +22,7 @@ from gdfe_ros.solver.minimise.minimiser import Minimiser, Task
 from gdfe_ros.solver.outcome import Outcome, join, past, tell
 from gdfe_ros.solver.solution import Solution
 from gdfe_ros.solver.state import replace_fields
-from gdfe_ros.solver.vectors import largest, largest_distance
+from gdfe_ros.solver.vectors import Array, largest, largest_distance
 
 
 class Proof(NamedTuple):
@@ -38,7 +37,7 @@ class Proof(NamedTuple):
     """
 
     stable: bool | None
-    direction: NDArray[np.float64]
+    direction: Array
     distance: float
     measured: bool
 
@@ -82,8 +81,8 @@ class Stability:
     worst cases. If rounding is taken for a decrease, another proof follows.
     """
     FIRST, DOUBLINGS, SHORTENINGS = 1e-3, 12, 6
-    """First length of a step along a direction of negative curvature, divided by the body's size. The other two numbers
-    are the largest numbers of doublings of this length and of its divisions by four.
+    """First length of a step along a direction of negative curvature, divided by the body's size; largest numbers of
+    doublings and of divisions by four of this length.
     """
 
     def __init__(self, model: Model) -> None:
@@ -99,7 +98,7 @@ class Stability:
         self._noise[body.unknowns.fixed] = 0.0
 
     def judge(self, solve: Solve, found: Solution) -> Solution:
-        """Return a solution with its stability, which is proved anew if `_is_due`, otherwise that of the last proof.
+        """Return a solution with its stability: by a new proof if `_is_due`, otherwise by the last proof.
 
         From a saddle, the solve continues to an equilibrium of lower energy.
         """
@@ -174,7 +173,7 @@ class Stability:
         near = distance <= min(Minimiser.SHARE, seen.value) * solve.aim
         return _tell(found, stable=True, distance=distance / seen.value) if near else None
 
-    def _leave(self, solve: Solve, found: Solution, task: Task, direction: NDArray[np.float64]) -> bool:
+    def _leave(self, solve: Solve, found: Solution, task: Task, direction: Array) -> bool:
         """Let the solve go on from the point that `leave` finds along ``direction`` (3 r,); return whether it does."""
         if (down := self.leave(task, direction)) is None:
             return False
@@ -183,7 +182,7 @@ class Stability:
         solve.go_on_from(found.state.with_(positions=positions, slides=slides, turns=turns))
         return True
 
-    def _examine(self, task: Task, *, definite: bool) -> tuple[bool | None, NDArray[np.float64] | None]:
+    def _examine(self, task: Task, *, definite: bool) -> tuple[bool | None, Array | None]:
         """Return whether the energy has positive curvature in every direction, None if that is unknown.
 
         The second result is None, or the softest direction (3 r,) if its curvature is not positive.
@@ -209,9 +208,7 @@ class Stability:
                 product = forces.support(task.problem, task.active.workspace, product)
             return self.LANCZOS.lowest(product, partial(self._minimiser.precondition, task), self._noise)
 
-    def leave(
-        self, task: Task, direction: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+    def leave(self, task: Task, direction: Array) -> tuple[Array, Array] | None:
         """Return the point of least energy found along the arc of a direction (3 r,); None if the energy does not fall.
 
         The point is given by its unknowns (3 r,) and vertex positions (n, 3) [m]. The first length is divided by four
@@ -244,8 +241,8 @@ def _tell(
 ) -> Solution:
     """Return a solution with its stability, and a message if it is unstable.
 
-    ``proved`` is the strain energy [J] of the last proof; None stands for that of this solution. ``distance`` is a
-    better estimate of the distance to the equilibrium, divided by the body's size.
+    ``proved`` is the strain energy [J] at the last proof; None if this solution was proved. ``distance`` is a better
+    estimate of the distance to the equilibrium, divided by the body's size.
     """
     if not found.converged:
         return found

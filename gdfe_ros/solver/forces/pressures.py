@@ -17,6 +17,7 @@ from gdfe_ros.solver.elements.cell_type import volume_ratio
 from gdfe_ros.solver.elements.measures import update_pressures, volume_at
 from gdfe_ros.solver.state import ElementState
 from gdfe_ros.solver.terms.multiplier import Anderson
+from gdfe_ros.solver.vectors import Array
 
 
 class Pressures:
@@ -57,13 +58,11 @@ class Pressures:
 
     def begin(self) -> None:
         """Clear the history of updates; the pressures stay."""
-        self._change: NDArray[np.float64] | None = None
+        self._change: Array | None = None
         self._swings, self._still, self._updates = 0, 0, 0
         self._anderson = Anderson()
 
-    def update(
-        self, x: NDArray[np.float64], elements: NDArray[np.int32], shape: ShapeOperators, *, still: bool
-    ) -> float:
+    def update(self, x: Array, elements: NDArray[np.int32], shape: ShapeOperators, *, still: bool) -> float:
         """Update the pressures of ``elements``; return the mean volume error, or a tenth of the largest if larger.
 
         In confined bodies plain updates converge slowly, and Anderson acceleration is used. Beyond a buckling load the
@@ -84,7 +83,7 @@ class Pressures:
         return max(mean, worst / self.LOCAL_SLACK)
 
     @property
-    def bulk(self) -> NDArray[np.float64]:
+    def bulk(self) -> Array:
         """Penalty bulk modulus (k,) [Pa] of each material, for elements with pressures."""
         return self.table.parameters[:, PENALTY].copy()
 
@@ -95,7 +94,7 @@ class Pressures:
         self._swings = 0
 
 
-def with_bulk(table: MaterialTable, bulk: NDArray[np.float64]) -> MaterialTable:
+def with_bulk(table: MaterialTable, bulk: Array) -> MaterialTable:
     """Return a copy of the materials with other penalty bulk moduli (k,) [Pa]."""
     parameters = table.parameters.copy()
     parameters[:, PENALTY] = bulk

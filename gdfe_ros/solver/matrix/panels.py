@@ -48,7 +48,7 @@ def add_six(sums, factor, a):
 
 @inlined
 def reduce_panel(rows, width, first, last, local):
-    """Solve some ``rows`` of U^T, those from ``first`` up to ``last`` of a supernode, in these rows alone."""
+    """Solve with U^T in the rows from ``first`` up to ``last`` of a supernode alone, for ``local``; in place."""
     for i in range(first, last):
         total = local[i]
         for k in range(first, i):
@@ -58,7 +58,7 @@ def reduce_panel(rows, width, first, last, local):
 
 @inlined
 def expand_panel(rows, width, first, last, local):
-    """Solve some ``rows`` of U, those from ``first`` up to ``last`` of a supernode, in these rows alone."""
+    """Solve with U in the rows from ``first`` up to ``last`` of a supernode alone, for ``local``; in place."""
     for i in range(last - 1, first - 1, -1):
         total = local[i]
         for k in range(i + 1, last):

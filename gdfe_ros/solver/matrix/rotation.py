@@ -15,13 +15,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gdfe_ros.compiled import inlined, internal, kernel
 from gdfe_ros.materials.tensor import cofactor, determinant, rotation, scale_vector, times
 from gdfe_ros.mesh.triples import combine, corner, cross
 from gdfe_ros.solver.elements.corners import mean_gradient
-from gdfe_ros.solver.vectors import clear_part
+from gdfe_ros.solver.vectors import Array, clear_part
 
 SMALL = 1e-4
 """Below this angle [rad], two terms of the series of the coefficients a, b and c are exact to double precision."""
@@ -136,7 +135,7 @@ def share_sum(sums):
             sums[k, i] = total
 
 
-def make_unrotated(count: int) -> NDArray[np.float64]:
+def make_unrotated(count: int) -> Array:
     """Return the rotations (f, 9) of ``count`` vertices that have not rotated: identities."""
     return np.tile(np.eye(3).ravel(), (count, 1))
 

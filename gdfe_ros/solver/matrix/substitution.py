@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from gdfe_ros.compiled import inlined, internal, kernel, vector_internal, vector_kernel
 from gdfe_ros.solver.matrix.panels import PANEL, TILE, expand_rows, expand_three, reduce_rows, reduce_three
 from gdfe_ros.solver.matrix.unknowns import clear_fixed
-from gdfe_ros.solver.vectors import clear_part, copy_part
+from gdfe_ros.solver.vectors import Array, clear_part, copy_part
 
 
 class Plan(NamedTuple):
@@ -87,12 +87,12 @@ class Kept(NamedTuple):
     plan: Plan
     values: NDArray[np.floating]
     order: NDArray[np.int64]
-    harmonic: NDArray[np.float64]
-    schur: NDArray[np.float64]
-    springs: NDArray[np.float64]
-    reach: NDArray[np.float64]
-    inner: NDArray[np.float64]
-    frames: NDArray[np.float64]
+    harmonic: Array
+    schur: Array
+    springs: Array
+    reach: Array
+    inner: Array
+    frames: Array
     fixed: NDArray[np.int64]
 
     @classmethod
@@ -267,8 +267,8 @@ def reduce_columns(values, plan, used, x, local):
 def multiply_columns(new, every, out):
     """Add the products (n, k) of the columns of ``new`` (3 f, n) and of ``every`` (3 f, k) to ``out``.
 
-    The last n columns of ``every`` are ``new``; of their products with each other, those below the diagonal may be
-    left out.
+    The last n columns of ``every`` are ``new``. Of the products of ``new`` with itself, entries below the diagonal may
+    be left out.
     """
     count, known = new.shape[1], every.shape[1] - new.shape[1]
     for left in range(0, every.shape[1], TILE):

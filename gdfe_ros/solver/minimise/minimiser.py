@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact.contact_forces import ContactForces
@@ -23,7 +22,7 @@ from gdfe_ros.solver.matrix.substitution import Kept
 from gdfe_ros.solver.matrix.tangent_assembly import Tangent
 from gdfe_ros.solver.minimise.level import TangentLevel
 from gdfe_ros.solver.outcome import Deadline, Outcome, past
-from gdfe_ros.solver.vectors import largest, largest_distance
+from gdfe_ros.solver.vectors import Array, largest, largest_distance
 
 _TEAM = threading.Lock()
 """Lock for numba's threads. They serve one caller at a time; a second one could crash the process."""
@@ -46,7 +45,7 @@ class Task:
     active: ActiveSet
     problem: Problem
     deadline: Deadline | None = None
-    gives_up: Callable[[NDArray[np.float64]], bool] | None = None
+    gives_up: Callable[[Array], bool] | None = None
 
     @property
     def turn(self) -> AbstractContextManager[object]:
@@ -89,14 +88,14 @@ class Minimiser:
     number times its price (`TangentLevel.price`). Otherwise a few far steps would renew it too often.
     """
     UNSOLVED = 1000
-    """A body whose tangent is too expensive gets one nevertheless after this number of iterations of a solve. Solves
-    with its factor take many times as long as those with the constant matrix.
+    """A body whose tangent is too expensive gets one nevertheless after this number of iterations of a solve. A
+    solution with its factor takes many times as long as with the constant matrix.
     """
 
     def __init__(
         self,
         body: Body,
-        weight: NDArray[np.float64],
+        weight: Array,
         level: TangentLevel,
         *,
         moving: bool,
@@ -146,10 +145,12 @@ class Minimiser:
                 task.evaluate()
                 self._show(work, begins=True)
             with task.turn:
-                most = self._age()
-                given = task.problem, work, self.metric(task.active), self._body.size, target, proven, most
+                metric, minimum = self.metric(task.active), (self._body.size, target, proven, self._age())
                 least = max(0, min(chunk, limit - done))
-                used = (self._touching if self.contact_forces else descend)(*given, least, begins)
+                if self.contact_forces:
+                    used = self._touching(task, metric, minimum, least, begins=begins)
+                else:
+                    used = descend(task.problem, work, metric, *minimum, least, begins)
             self._show(work, begins=False)
             begins, done = False, done + used
             self._spent += used
@@ -169,31 +170,21 @@ class Minimiser:
             self.tangent = self.level.reconnect(self.tangent, work.x)
 
     def _touching(
-        self,
-        problem: Problem,
-        work: Workspace,
-        metric: Metric,
-        size: float,
-        target: float,
-        proven: bool,
-        most: int,
-        limit: int,
-        begins: bool,
+        self, task: Task, metric: Metric, minimum: tuple[float, float, bool, int], limit: int, *, begins: bool
     ) -> int:
         """Do `descend` with contact: in each step, the contact forces are found that satisfy the laws of contact."""
-        tangent = self.tangent
-        key = (None,) if tangent is None else (tangent.blocks, tangent.springs)
+        problem, work = task.problem, task.active.workspace
+        key = (None,) if self.tangent is None else (self.tangent.blocks, self.tangent.springs)
         if begins:
-            descend(problem, work, metric, size, target, proven, most, 0, begins)  # only evaluates all terms
+            descend(problem, work, metric, *minimum, 0, begins)  # only evaluates all terms
         show = partial(self._show, work, begins=True) if self.observer else None  # other forces have another energy
-        minimum = size, target, proven, most
         return self.contact_forces.descend(problem, work, metric, key, minimum, limit, show)
 
-    def precondition(self, task: Task, gradient: NDArray[np.float64], step: NDArray[np.float64]) -> None:
+    def precondition(self, task: Task, gradient: Array, step: Array) -> None:
         """Write the product of M^-1 and ``gradient`` (3 r,) [N] to ``step`` (3 r,) [m]."""
         precondition(self.metric(task.active), gradient, step)
 
-    def follow_arc(self, task: Task, step: NDArray[np.float64]) -> NDArray[np.float64]:
+    def follow_arc(self, task: Task, step: Array) -> Array:
         """Return the step (3 r,) [m] to the end of the arc that begins with ``step``, shortened as in `arc`."""
         work = task.active.workspace
         work.direction[...] = step
@@ -224,7 +215,7 @@ class Minimiser:
         status["count"], status["since"], status["turned"], status["before"] = 0, 0, np.inf, np.inf
         status["ended"], self._spent = Outcome.NONE, 0
 
-    def newton_step(self, task: Task) -> tuple[float, NDArray[np.float64]]:
+    def newton_step(self, task: Task) -> tuple[float, Array]:
         """Return the estimated distance to the equilibrium, divided by the body's size, and the step M^-1 g (3 r,) [m].
 
         The estimate is the largest displacement in the step; with the constant matrix, divided by `TRUST`. With a fresh

@@ -30,8 +30,7 @@ from gdfe_ros.solver.motion.inertia import NAME, FreeMass
 from gdfe_ros.solver.motion.scheme import Kinematics, Rule
 from gdfe_ros.solver.settings import Dynamics
 from gdfe_ros.solver.state import State, replace_fields
-
-Array = NDArray[np.float64]
+from gdfe_ros.solver.vectors import Array
 
 
 class Pressing(NamedTuple):
@@ -43,7 +42,7 @@ class Pressing(NamedTuple):
         axes: (k, 3, 3) unit normals and tangents.
         vertices: (k, c) vertices that move the points.
         blocks: (k, c, 3, 3) derivatives of gaps and slips with respect to these vertices.
-        led: (k, 3) [m] displacements along the axes that commanded poses prescribe.
+        led: (k, 3) [m] displacements of the touched surfaces by commanded poses, along the axes.
         first: (k, 3) [N] multipliers along the axes.
         soft, friction, restitution: (k,) compliances of springs [m/N], and coefficients.
     """

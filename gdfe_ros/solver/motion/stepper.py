@@ -7,7 +7,6 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 
 from gdfe_ros.constraints import Pose
@@ -37,7 +36,7 @@ from gdfe_ros.solver.state import State, replace_fields
 from gdfe_ros.solver.stepping.path import Verdict
 from gdfe_ros.solver.stepping.stepper import place
 from gdfe_ros.solver.terms.term import Term
-from gdfe_ros.solver.vectors import NEGLIGIBLE, largest
+from gdfe_ros.solver.vectors import NEGLIGIBLE, Array, largest
 
 
 class MotionStepper:
@@ -149,7 +148,7 @@ class MotionStepper:
         deadline: Deadline | None = None,
         observer: Callable[[InternalStep], None] | None = None,
     ) -> March:
-        """Return the outcome of ``duration`` [s] in which the commands change linearly from those of ``state``.
+        """Return the outcome of ``duration`` [s], in which the commands change linearly from ``state`` to the new ones.
 
         ``state`` is not modified. A duration that is too short for a step is added to the next duration. A deadline
         ends the step between two internal steps: an internal step in progress is finished, because a partial solution
@@ -249,7 +248,7 @@ class MotionStepper:
         """Return the state ``now`` after an internal step from ``before``, with the impulses of the contacts."""
         return self._impulses.add(dynamics, before, now, h, self.equilibrium_of(dynamics, h).actuation.held)
 
-    def place(self, state: State, positions: NDArray[np.float64]) -> State:
+    def place(self, state: State, positions: Array) -> State:
         """Return a state at ``positions`` (n, 3) [m] with the initial velocities; handles keep their poses."""
         found = place(self.body, self.equilibrium.handles, state, positions, afresh=self.at_rest())
         return found.with_(ledger=replace_fields(found.ledger, bound=None))
@@ -271,11 +270,11 @@ class MotionStepper:
         ledger = replace_fields(state.ledger, lost=before.ledger.lost)
         return self.book_imbalance(state.with_(ledger=ledger), self.find_imbalance(before))
 
-    def velocities(self, state: State) -> NDArray[np.float64]:
+    def velocities(self, state: State) -> Array:
         """Return the velocity (n, 3) [m/s] of every vertex, a copy."""
         return self._accounts.kinematics(state).velocity.copy()
 
-    def accelerations(self, state: State) -> NDArray[np.float64]:
+    def accelerations(self, state: State) -> Array:
         """Return the acceleration (n, 3) [m/s^2] of every vertex; with contact, its mean over the last step."""
         return self._accounts.kinematics(state).trend
 

@@ -7,7 +7,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.elements.measures import least_volume_ratio
@@ -20,6 +19,7 @@ from gdfe_ros.solver.settings import Dynamics
 from gdfe_ros.solver.solution import March, Solution
 from gdfe_ros.solver.state import Failure, State, replace_fields
 from gdfe_ros.solver.stepping.path import Path, Verdict
+from gdfe_ros.solver.vectors import Array
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -129,14 +129,12 @@ class MotionPredictor(Predictor):
     momentum would change.
     """
 
-    def __init__(
-        self, body: Body, handles: HandleMotions, matrix: ConstantMatrix, h: float, masses: NDArray[np.float64]
-    ) -> None:
+    def __init__(self, body: Body, handles: HandleMotions, matrix: ConstantMatrix, h: float, masses: Array) -> None:
         super().__init__(body, handles, matrix)
         self._h = h
         self._shares = np.zeros_like(masses) if body.handles else masses / masses.sum()
 
-    def predict(self, state: State, base: NDArray[np.float64], change: NDArray[np.float64]) -> Prediction:
+    def predict(self, state: State, base: Array, change: Array) -> Prediction:
         """Return the start of a solve that moves the handles from ``state`` to ``base`` (n, 3) [m]."""
         now, h, last, held = Kinematics.of(state.terms[inertia.NAME]), self._h, state.motion, self._held
         slides, turns = state.slides, state.turns

@@ -6,11 +6,10 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gdfe_ros.errors import GdfeError
+from gdfe_ros.solver.vectors import Array
 
-Array = NDArray[np.float64]
 Map = Callable[[Array], Array]
 
 

@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.solver.minimise.curvature import TangentProducts
@@ -18,9 +17,10 @@ from gdfe_ros.solver.sensitivity.columns import Column, Pair, Tangents, VariedIn
 from gdfe_ros.solver.sensitivity.parameter import Parameter, move_pose
 from gdfe_ros.solver.state import State
 from gdfe_ros.solver.terms.term import TermTable, terms_energy
+from gdfe_ros.solver.vectors import Array
 from gdfe_ros.threads import one_blas_thread
 
-Kept = Mapping[str, Mapping[str, NDArray[np.float64]]]
+Kept = Mapping[str, Mapping[str, Array]]
 """Dict from term name to the term's stored state, itself a dict from name to array."""
 REACTIONS = "(reactions)"
 """Key of the reactions in a dict from term name to state."""
@@ -38,10 +38,10 @@ class Carried:
         reactions: dict from handle or obstacle name to the derivative (6,) of its reaction.
     """
 
-    positions: NDArray[np.float64]
+    positions: Array
     terms: Kept
     share: float = 0.0
-    reactions: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
+    reactions: Mapping[str, Array] = field(default_factory=dict)
 
 
 class Trail:
@@ -58,11 +58,7 @@ class Trail:
     """Largest number of time step lengths [s] for which tangents are cached."""
 
     def __init__(
-        self,
-        stepper: MotionStepper,
-        parameters: Sequence[Parameter],
-        state: State,
-        tangents: dict[int, Tangents],
+        self, stepper: MotionStepper, parameters: Sequence[Parameter], state: State, tangents: dict[int, Tangents]
     ) -> None:
         self._stepper, self._tangents = stepper, tangents
         self.parameters, self.state, self.flaw = tuple(parameters), state, ""
@@ -125,7 +121,7 @@ class Trail:
         sides = (replace(own, start=_beside(own.start, parameter, column, sign * step)) for sign in (1.0, -1.0))
         return Pair(*sides, own, step)
 
-    def _finish_terms(self, stage: InternalStep, side: VariedInputs, x: NDArray[np.float64]) -> Kept:
+    def _finish_terms(self, stage: InternalStep, side: VariedInputs, x: Array) -> Kept:
         """Return the terms' states, and the reactions as `REACTIONS`, after a varied step that ends at ``x`` (n, 3)."""
         dynamics, h, terms = stage.dynamics, stage.h, {}
         actuation = self._stepper.equilibrium_of(dynamics, h).actuation

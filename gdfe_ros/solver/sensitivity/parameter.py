@@ -65,7 +65,7 @@ class Variant:
         self._heavier = [each.density for each in materials] != [each.density for each in own.materials.values()]
 
     def terms(self, h: float | None = None, scheme: Dynamics | None = None) -> dict[str, Term]:
-        """Return a dict from name to term for the terms that differ from those of the body.
+        """Return a dict from name to term, with the terms that change with materials or damping.
 
         In motion, ``h`` [s] is the step length, and ``scheme`` has the time integration scheme in use. Both are None
         for equilibria.

@@ -10,7 +10,6 @@ from enum import Enum
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gdfe_ros.actuators import Actuator
 from gdfe_ros.constraints import Pose
@@ -20,7 +19,7 @@ from gdfe_ros.solver.matrix.rotation import apply_left_jacobian
 from gdfe_ros.solver.outcome import Outcome, join, tell
 from gdfe_ros.solver.solution import Increment, March, Solution
 from gdfe_ros.solver.state import State, replace_fields
-from gdfe_ros.solver.vectors import largest_distance
+from gdfe_ros.solver.vectors import Array, largest_distance
 
 LARGEST_TURN = math.radians(100.0)
 """Largest rotation of a handle in one increment [rad]."""
@@ -50,8 +49,8 @@ def count_increments(
     return math.ceil(most)
 
 
-def on_path(began: Place, goal: Place, share: float, centres: Mapping[str, NDArray[np.float64]] | None = None) -> Place:
-    """Return the poses and commands at a ``share`` of the linear path; from 1 on they are those of ``goal``.
+def on_path(began: Place, goal: Place, share: float, centres: Mapping[str, Array] | None = None) -> Place:
+    """Return the poses and commands after the fraction ``share`` of a linear path from ``began`` to ``goal``.
 
     ``centres`` is a dict from handle to centre (3,) [m], of handles that move nearly as one rigid body along the path.
     """
@@ -102,7 +101,7 @@ class Path:
     done: int = 0
     iterations: int = 0
     attempts: int = 0
-    centres: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
+    centres: Mapping[str, Array] = field(default_factory=dict)
 
     @classmethod
     def over(cls: type[AnyPath], state: State, goal: Increment, count: int, **more: object) -> AnyPath:
@@ -324,7 +323,7 @@ def has_jumped(old: State, new: Solution, handles: HandleMotions, size: float) -
     return bool(largest_distance(new.positions, new.began) > Attempt.LEAST_MOTION * size)
 
 
-def _displacement(begin: Pose, end: Pose) -> NDArray[np.float64]:
+def _displacement(begin: Pose, end: Pose) -> Array:
     """Return translation [m] and rotation about world axes [rad] (6,); their product with a wrench is its work."""
     middle, change = 0.5 * np.add(end.rotation, begin.rotation), np.subtract(end.rotation, begin.rotation)
     turned = apply_left_jacobian(middle[None], change[None])[0]

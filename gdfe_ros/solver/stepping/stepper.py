@@ -6,7 +6,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gdfe_ros.actuators import Actuator
 from gdfe_ros.constraints import Pose
@@ -21,9 +20,10 @@ from gdfe_ros.solver.settings import Skip, SolverSettings
 from gdfe_ros.solver.solution import Increment, March, Solution, is_crumpled
 from gdfe_ros.solver.state import State, replace_fields
 from gdfe_ros.solver.stepping.path import Attempt, LoadPath, Verdict, count_increments, has_jumped
+from gdfe_ros.solver.vectors import Array
 
 
-def place(body: Body, handles: HandleMotions, state: State, positions: NDArray[np.float64], *, afresh: State) -> State:
+def place(body: Body, handles: HandleMotions, state: State, positions: Array, *, afresh: State) -> State:
     """Return a state at ``positions`` (n, 3) [m] with the handles at their commanded poses.
 
     Args:
@@ -64,7 +64,7 @@ class Stepper:
         body: the discretised body.
         settings: settings of the solver.
         actuation: the external terms; None if there are none.
-        equilibrium: another solver of equilibria with the same methods, instead of that of the policy ``energy``.
+        equilibrium: solver of equilibria of another policy, with the same methods; None for the policy ``energy``.
 
     Attributes:
         body, settings: the arguments.
@@ -138,7 +138,7 @@ class Stepper:
         return replace_fields(march, state=march.state.with_(suspect=suspect))
 
     def _rescue(self, march: March, goal: Increment, state: State) -> March:
-        """Return ``march``, the outcome from ``state``, or, if it failed or is doubtful, a better outcome of a retry."""
+        """Return ``march``, the outcome from ``state``, or a better outcome of a retry if it failed or is doubtful."""
         unfinished, deadline = march.state.unfinished, goal.deadline
         given_up = unfinished is None or max(march.iterations, unfinished.iterations) >= self.equilibrium.patience
         doubtful = is_crumpled(state) or is_crumpled(march.state) or not march.sound
@@ -152,7 +152,7 @@ class Stepper:
             march = self._let_go(march, goal, state)
         return march
 
-    def place(self, state: State, positions: NDArray[np.float64]) -> State:
+    def place(self, state: State, positions: Array) -> State:
         """Return a state at ``positions`` (n, 3) [m]; the handles stay at their commanded poses.
 
         Pressures, captured shapes and the last motion are reset. If an element is folded or inverted there, the next
@@ -170,7 +170,7 @@ class Stepper:
         """Return None: equilibria have no velocity."""
 
     def energies(self, state: State) -> dict[str, float]:
-        """Return no energies beyond those of the summary."""
+        """Return no energies: only a motion has an energy account."""
         return {}
 
     def _unreachable(self, state: State, goal: Increment) -> str:

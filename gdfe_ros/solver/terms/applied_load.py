@@ -28,7 +28,7 @@ from gdfe_ros.solver.state import Saved, State
 from gdfe_ros.solver.terms.multiplier import Anderson, UpdatedTerm
 from gdfe_ros.solver.terms.term import Term, as_arrays, term_kernel
 from gdfe_ros.solver.terms.volume import COUNT, FACES, NODES, PRODUCTS, face_forces, pack_faces, volume_curvature
-from gdfe_ros.solver.vectors import NEGLIGIBLE
+from gdfe_ros.solver.vectors import NEGLIGIBLE, Array
 
 PRESSURE, VOLUME, APEX, EDGE = 0, 1, 2, 5
 """Offsets in ``reals`` of p [Pa], a volume [m^3] that is subtracted to keep energies small, the cones' common point
@@ -94,21 +94,21 @@ class PressureTerm(UpdatedTerm):
         return len(self._edge) > 0 and self.reals[PRESSURE] != 0.0
 
     @property
-    def own_multipliers(self) -> NDArray[np.float64]:
+    def own_multipliers(self) -> Array:
         """The vectors b (k, 3) [m^2] in use, a view."""
         return self.reals[EDGE:].reshape(-1, 3)
 
-    def _sum_forces(self, x: NDArray[np.float64], of_volume: float, of_area: float) -> NDArray[np.float64]:
+    def _sum_forces(self, x: Array, of_volume: float, of_area: float) -> Array:
         """Return ``of_volume`` times dV/dx plus ``of_area`` times f, (n, 3) [m^2], at ``x`` (n, 3) [m]."""
         force = np.zeros_like(x)
         face_forces(x, self.integers, self.reals[APEX:EDGE], of_volume, of_area, force)
         return force
 
-    def renew(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+    def renew(self, positions: Array) -> Array:
         """Return the vectors b (k, 3) [m^2] of the nodes on open edges at ``positions`` (n, 3) [m]."""
         return self._sum_forces(positions, -1.0, 1.0)[self._edge]
 
-    def _volume(self, x: NDArray[np.float64]) -> float:
+    def _volume(self, x: Array) -> float:
         return float(face_forces(x, self.integers, self.reals[APEX:EDGE], 0.0, 0.0, np.zeros((0, 3))))
 
     def fit(self, matrix: ConstantMatrix) -> None:
@@ -120,7 +120,7 @@ class PressureTerm(UpdatedTerm):
         """Return the nodes of the faces (q, c)."""
         return self._faces
 
-    def tangents(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+    def tangents(self, positions: Array) -> Array:
         """Return the tangents -p d2V/dx2 [N/m] of the faces, (q, 3 c, 3 c); without the part of open edges."""
         count, nodes = self._faces.shape
         found = np.zeros((count, 3 * nodes, 3 * nodes))
@@ -137,7 +137,7 @@ class PressureTerm(UpdatedTerm):
         """Store the previous positions, from which the swept volume is counted."""
         self._last = self._rest if last is None else last.positions
 
-    def begin(self, commands: Mapping[str, float], saved: Saved, positions: NDArray[np.float64], ratio: float) -> None:
+    def begin(self, commands: Mapping[str, float], saved: Saved, positions: Array, ratio: float) -> None:
         """Set the pressure, and the forces at open edges as they are at ``positions``."""
         numbers, self._anderson, self.errors = self.reals, Anderson(self.GROWTH), []
         numbers[PRESSURE] = commands[self.name] * self._load.pressure
@@ -146,7 +146,7 @@ class PressureTerm(UpdatedTerm):
         numbers[VOLUME] += np.vdot(self.own_multipliers, positions[self._edge] - numbers[APEX:EDGE])
         self._swept = float(saved["swept"][0])
 
-    def update(self, positions: NDArray[np.float64]) -> float:
+    def update(self, positions: Array) -> float:
         """Update the vectors b; return the change of the forces as a displacement [m], divided by `FINE`."""
         change = (self.renew(positions) - self.own_multipliers).ravel()
         self.own_multipliers[...] = self._anderson.next(self.own_multipliers.ravel(), change).reshape(-1, 3)
@@ -154,11 +154,11 @@ class PressureTerm(UpdatedTerm):
         self.errors.append(float(moved) * self._softness / self.FINE)
         return self.errors[-1]
 
-    def finish(self, saved: Saved, positions: NDArray[np.float64]) -> Saved:
+    def finish(self, saved: Saved, positions: Array) -> Saved:
         """Return the state to store: the volume that the faces have swept, and the vectors b."""
         return {"swept": np.array([self._sweep(positions)]), "edge": self.own_multipliers.copy()}
 
-    def _sweep(self, positions: NDArray[np.float64]) -> float:
+    def _sweep(self, positions: Array) -> float:
         """Return the volume [m^3] int f . dx that the faces have swept since the beginning of the run.
 
         The part of open edges depends on the path and is integrated by the trapezoidal rule.
@@ -169,11 +169,11 @@ class PressureTerm(UpdatedTerm):
         return self._swept + self._volume(positions) - self._volume(last) + along
 
     @property
-    def per_metre(self) -> NDArray[np.float64]:
+    def per_metre(self) -> Array:
         """The order of magnitude (3 k,) [m] of the change of b per 1 m: the size of the faces."""
         return np.full(self.multipliers.shape, np.sqrt(self._area))
 
-    def potential(self, positions: NDArray[np.float64], command: float) -> tuple[float, float]:
+    def potential(self, positions: Array, command: float) -> tuple[float, float]:
         """Return minus the work [J] of the present pressure in the swept volume, and its derivative by the factor."""
         slope = -self._load.pressure * self._sweep(positions)
         return command * slope, slope
@@ -222,11 +222,11 @@ class DeadLoadTerm(Term):
         numbers = np.concatenate([self._forces[acted], body.rest[acted]], axis=1).ravel()
         super().__init__(load.name, np.concatenate([[0.0], numbers]), acted)
 
-    def begin(self, commands: Mapping[str, float], saved: Saved, positions: NDArray[np.float64], ratio: float) -> None:
+    def begin(self, commands: Mapping[str, float], saved: Saved, positions: Array, ratio: float) -> None:
         """Set the factor of the load."""
         self.reals[FACTOR] = commands[self.name]
 
-    def potential(self, positions: NDArray[np.float64], command: float) -> tuple[float, float]:
+    def potential(self, positions: Array, command: float) -> tuple[float, float]:
         """Return the potential [J] at ``positions`` (n, 3) [m] and its derivative with respect to ``command``."""
         slope = -float(np.vdot(self._forces, positions - self._rest))
         return command * slope, slope

@@ -6,13 +6,11 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.state import Saved
 from gdfe_ros.solver.terms.term import Term
-
-Array = NDArray[np.float64]
+from gdfe_ros.solver.vectors import Array
 
 
 class UpdatedTerm(Term):
@@ -179,10 +177,10 @@ class Anderson:
 
     def __init__(self, growth: float = GROWTH) -> None:
         self._growth = growth
-        self._iterates: list[NDArray[np.float64]] = []
-        self._residuals: list[NDArray[np.float64]] = []
+        self._iterates: list[Array] = []
+        self._residuals: list[Array] = []
 
-    def next(self, x: NDArray[np.float64], f: NDArray[np.float64]) -> NDArray[np.float64]:
+    def next(self, x: Array, f: Array) -> Array:
         """Return the iterate that follows ``x`` with the residual ``f``; all are flat (k,).
 
         If the norm of the residual has grown by more than ``growth``, the history is dropped and x + f is returned.

@@ -18,12 +18,13 @@ from gdfe_ros.actuators.load import GAUSS
 from gdfe_ros.compiled import inlined, internal, kernel
 from gdfe_ros.mesh.cells.tetrahedra import face_slopes, face_weights, triangle_rule
 from gdfe_ros.mesh.triples import along, corner, cross, dot, minus, plus
+from gdfe_ros.solver.vectors import Array
 
 NODES, COUNT, FACES = range(3)
 """Offsets in ``integers`` of the number of nodes of a face, the number of faces, and the nodes of all faces."""
 
 
-Products = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
+Products = tuple[Array, Array, Array, Array]
 """The triple products of a face with c nodes: the weights (p, c) of the nodes in u, v and w, and the weight (p,) of
 each product in the volume.
 """
