@@ -33,7 +33,7 @@ from gdfe_ros.solver.outcome import Outcome
 from gdfe_ros.solver.solution import Increment, Solution
 from gdfe_ros.solver.state import ShapeState, State, Summary
 from gdfe_ros.solver.terms.multiplier import Anderson
-from gdfe_ros.solver.vectors import largest
+from gdfe_ros.solver.vectors import Array, largest
 
 LEAST_VOLUME = 1e-3
 """Lower bound of the volume ratio from which the scale of V^V is computed; without this bound, the scale could become
@@ -46,7 +46,7 @@ def assemble_centring(shape: ShapeOperators) -> sparse.csc_matrix:
     return scatter(shape.volume[:, None, None] * (np.eye(8) - 0.125), shape.cells).tocsc()
 
 
-def blend(before: NDArray[np.float64], now: NDArray[np.float64]) -> NDArray[np.float64]:
+def blend(before: Array, now: Array) -> Array:
     """Return alpha = eps_p / eps_c of Eq. 9, or its inverse for a strain that has decreased.
 
     The paper considers loading, where the ratio is at most 1. On unloading, alpha must vanish with the strain.
@@ -228,7 +228,7 @@ class RelativeEquilibrium:
 
     def _summary(
         self,
-        x: NDArray[np.float64],
+        x: Array,
         operators: Operators,
         problem: Increment,
         *,
@@ -256,7 +256,7 @@ class RelativeEquilibrium:
             message=message,
         )
 
-    def _stretch(self, shapes: NDArray[np.float64], operators: Operators, *, back: bool = False) -> NDArray[np.float64]:
+    def _stretch(self, shapes: Array, operators: Operators, *, back: bool = False) -> Array:
         """Apply the growth of the elements to ``shapes`` (m, 8, 3), or remove it if ``back``; return the shapes."""
         cells = self._actuation.growths.cells
         if not len(cells):
@@ -265,7 +265,7 @@ class RelativeEquilibrium:
         grown[cells] = shapes[cells] @ (np.linalg.inv(operators.stretch) if back else operators.stretch)
         return grown
 
-    def _factors(self, x: NDArray[np.float64], operators: Operators) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def _factors(self, x: Array, operators: Operators) -> tuple[Array, Array]:
         """Return the shape factor omega and the equivalent strain of each element (m,) (Algorithm 1)."""
         body, values = self._body, np.empty((4, len(self._given)))
         strain_states(x, operators.shape, body.material, body.table, values)

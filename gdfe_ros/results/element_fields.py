@@ -6,7 +6,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gdfe_ros.compiled import kernel
 from gdfe_ros.materials.material import Law
@@ -18,6 +17,7 @@ from gdfe_ros.solver.elements.cell_type import volume_ratio
 from gdfe_ros.solver.elements.measures import softened_scale, strain_state, update_hourglass_scales
 from gdfe_ros.solver.elements.response import evaluate
 from gdfe_ros.solver.forces.pressures import store_energies, uncounted_energy
+from gdfe_ros.solver.vectors import Array
 
 
 @dataclass(frozen=True)
@@ -35,22 +35,22 @@ class ElementFields:
             modulus.
     """
 
-    centroids: NDArray[np.float64]
-    eps_eq: NDArray[np.float64]
-    J: NDArray[np.float64]
-    secant: NDArray[np.float64]
-    tangent: NDArray[np.float64]
-    energy_density: NDArray[np.float64]
-    omega: NDArray[np.float64]
+    centroids: Array
+    eps_eq: Array
+    J: Array
+    secant: Array
+    tangent: Array
+    energy_density: Array
+    omega: Array
 
 
 def element_fields(
     body: Body,
-    positions: NDArray[np.float64],
-    omega: NDArray[np.float64] | None = None,
+    positions: Array,
+    omega: Array | None = None,
     *,
     operators: Operators | None = None,
-    origin: NDArray[np.float64] | float = 0.0,
+    origin: Array | float = 0.0,
 ) -> ElementFields:
     """Evaluate all fields at ``positions`` (n, 3) [m].
 
@@ -76,7 +76,7 @@ def element_fields(
     return ElementFields(centroids + origin, strain, volume_ratio, secant, tangent, density, np.asarray(omega))
 
 
-def strain_energies(body: Body, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+def strain_energies(body: Body, positions: Array) -> Array:
     """Return the strain energy (m,) [J] of each element with its full volume energy U(J)."""
     none, elements = np.zeros(len(body.material)), np.arange(len(body.material), dtype=np.int32)
     counted = corner_forces(body, positions, none)[1]
@@ -86,8 +86,8 @@ def strain_energies(body: Body, positions: NDArray[np.float64]) -> NDArray[np.fl
 
 
 def corner_forces(
-    body: Body, positions: NDArray[np.float64], pressure: NDArray[np.float64], *, operators: Operators | None = None
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    body: Body, positions: Array, pressure: Array, *, operators: Operators | None = None
+) -> tuple[Array, Array]:
     """Return corner forces (m, c, 3) [N] and energies (m,) [J] of all elements for a given pressure (m,) [Pa].
 
     The hourglass scales are computed at ``positions`` (n, 3) [m]. The energies include the fold barriers.
@@ -128,9 +128,7 @@ def strain_states(x, shape, material, table, values):
         values[0, e], values[1, e], values[2, e], values[3, e] = strain, j, secant, tangent
 
 
-def volume_pressures(
-    body: Body, positions: NDArray[np.float64], *, operators: Operators | None = None
-) -> NDArray[np.float64]:
+def volume_pressures(body: Body, positions: Array, *, operators: Operators | None = None) -> Array:
     """Return the pressures p_e (m,) [Pa] with which the kernels' volume term has the derivative U'(J).
 
     U(J) is the volume energy density [Pa] of the material law. For an incompressible element p_e is 0, because the

@@ -21,6 +21,7 @@ from gdfe_ros.solver.handle_motions import HandleMotions
 from gdfe_ros.solver.motion import inertia, viscosity
 from gdfe_ros.solver.motion.stepper import MotionStepper
 from gdfe_ros.solver.state import Saved, State, replace_fields
+from gdfe_ros.solver.vectors import Array
 
 UNTOLD = "bodies were moved to other places, and no step has been made since"
 
@@ -44,9 +45,7 @@ def put_rigid(stepper: MotionStepper, state: State, places: Mapping[str, Pose]) 
     return stepper.carry_energies(release(stepper, found, vertices), state)
 
 
-def carry_soft(
-    stepper: MotionStepper, state: State, vertices: NDArray[np.int32], positions: NDArray[np.float64]
-) -> State:
+def carry_soft(stepper: MotionStepper, state: State, vertices: NDArray[np.int32], positions: Array) -> State:
     """Return ``state`` with ``vertices`` of soft bodies at their rows of ``positions`` (n, 3) [m], without velocity.
 
     The bodies have moved rigidly. The change of energy counts as work done on them.
@@ -55,7 +54,7 @@ def carry_soft(
     return stepper.carry_energies(release(stepper, found, vertices), state)
 
 
-def _stop(stepper: MotionStepper, state: State, vertices: NDArray[np.int32], positions: NDArray[np.float64]) -> State:
+def _stop(stepper: MotionStepper, state: State, vertices: NDArray[np.int32], positions: Array) -> State:
     """Return ``state`` with ``vertices`` at their rows of ``positions`` (n, 3) [m] and without velocity.
 
     They are all the vertices of some free bodies, which have moved rigidly: their strains are as before.
@@ -101,9 +100,7 @@ def require_free(body: Body, state: State, names: Collection[str]) -> None:
         raise OverlapError("; ".join(text for text in found if text))
 
 
-def move_along(
-    body: Body, handles: HandleMotions, state: State, poses: Mapping[str, Pose]
-) -> tuple[State, NDArray[np.float64]]:
+def move_along(body: Body, handles: HandleMotions, state: State, poses: Mapping[str, Pose]) -> tuple[State, Array]:
     """Return a state with other commanded poses, and the positions (n, 3) [m] of all vertices after that.
 
     Every connected piece of the body that a handle in ``poses`` holds moves with the handle as a rigid body.
@@ -132,7 +129,7 @@ def move_along(
     return state.with_(poses=together, base=handles.base(together, state.poses, state.base)), positions
 
 
-def _with_rows(saved: Saved, rows: NDArray[np.generic], **values: NDArray[np.float64] | float) -> Saved:
+def _with_rows(saved: Saved, rows: NDArray[np.generic], **values: Array | float) -> Saved:
     """Return a term's stored state with ``values``, by name of the array, in the given ``rows`` of its arrays."""
     kept = dict(saved)
     for name, value in values.items():

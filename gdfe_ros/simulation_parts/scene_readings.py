@@ -6,9 +6,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from functools import partial
 
-import numpy as np
-from numpy.typing import NDArray
-
 from gdfe_ros.actuators import ActuatorState, total_gravity
 from gdfe_ros.arms.carriers import Carriers, JointReading, Motions
 from gdfe_ros.arms.dynamics import LinkFrame
@@ -25,6 +22,7 @@ from gdfe_ros.scene.scene import Scene
 from gdfe_ros.scene.solvable import remarks
 from gdfe_ros.solver.settings import Policy, SolverSettings
 from gdfe_ros.solver.state import State
+from gdfe_ros.solver.vectors import Array
 
 
 class SceneReadings:
@@ -32,7 +30,7 @@ class SceneReadings:
 
     scene: Scene
     settings: SolverSettings
-    origin: NDArray[np.float64]
+    origin: Array
     state: State
     targets: Mapping[str, Pose]
     commands: Mapping[str, float]
@@ -62,7 +60,7 @@ class SceneReadings:
         return tuple(actuator.name for actuator in self.scene.actuators)
 
     @property
-    def positions(self) -> NDArray[np.float64]:
+    def positions(self) -> Array:
         """Current vertex positions (n, 3) float64 [m], read-only."""
         own = self.state.positions[: self.mesh.n_vertices]
         positions = own + self.origin if self.origin.any() else own.view()
@@ -121,7 +119,7 @@ class SceneReadings:
 
         return read
 
-    def _pose(self, handle: Handle, state: State, positions: NDArray[np.float64]) -> Pose:
+    def _pose(self, handle: Handle, state: State, positions: Array) -> Pose:
         """Return a handle's pose in a state, whose vertices are at ``positions`` [m]."""
         if isinstance(handle, Obstacle):
             return handle.pose(state.poses[handle.name], positions)
@@ -171,7 +169,7 @@ class SceneReadings:
         gravity = total_gravity(self.scene.loads, self.commands)
         return self._carriers.readings(self._shown, self.targets, **loaded, gravity=gravity, cuts=self._cuts)
 
-    def probe_positions(self) -> dict[str, NDArray[np.float64]]:
+    def probe_positions(self) -> dict[str, Array]:
         """Return dict from probe to its present position (3,) [m]."""
         return {name: point.at(self.positions)[0] for name, point in self.scene.probes.items()}
 

@@ -20,8 +20,7 @@ from gdfe_ros.mesh.overlap import find_overlap
 from gdfe_ros.mesh.touching import outline
 from gdfe_ros.scene.building.soft_bodies import parts_of
 from gdfe_ros.scene.scene import Scene
-
-Array = NDArray[np.float64]
+from gdfe_ros.solver.vectors import Array
 
 
 def vertices_of_soft(scene: Scene, names: Collection[str]) -> NDArray[np.int32]:

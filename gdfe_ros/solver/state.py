@@ -107,11 +107,11 @@ class ElementState:
 
     Attributes:
         pressures: (m,) pressures p_e [Pa] of the last accepted solve, positive in tension.
-        pressures_before: (m,) pressures p_e [Pa] of the accepted solve before that.
+        pressures_before: (m,) pressures p_e [Pa] of the accepted solve before the last one.
         bulk: (k,) penalty bulk modulus [Pa] of each material, for elements with pressures; raised if pressures
             oscillate.
         hourglass_scale: (m,) present hourglass stiffness divided by the initial one.
-        hourglass_scale_before: (m,) the same after the accepted solve before the last one.
+        hourglass_scale_before: (m,) hourglass scale after the accepted solve before that.
     """
 
     pressures: Array

@@ -235,7 +235,7 @@ def parse_xml(text: str) -> ElementTree.Element:
 
 
 _FORMULAS = ("=", "+", "-", "@", "\t", "\r")
-"""Beginnings of cells that spreadsheets execute."""
+"""First characters of table cells that spreadsheets execute as formulas."""
 
 
 def quote_formula(value: Any) -> Any:

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Compiled response, tangents and measures of quadratic tetrahedra (see `CellKernels`).
 
-They are P2 with a split volume term (docs/theory/tetrahedra.md). A material's volume stiffness has two parts: a local
-one acts at the four integration points, and the rest acts on the element's mean volume ratio. `with_local_share`
-computes both for the table of materials.
+They are P2 elements with a split volume term (docs/theory/tetrahedra.md). A material's volume stiffness has two parts:
+a local one acts at the four integration points, and the rest acts on the element's mean volume ratio.
+`with_local_share` computes both for the table of materials.
 """
 
 from __future__ import annotations

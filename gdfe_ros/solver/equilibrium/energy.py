@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
-from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -82,8 +81,8 @@ class EquilibriumSolver:
         self.actuation.fit(self.matrix)
         self.handles = HandleMotions(body)
         self._predictor = (predictor or partial(Predictor, body))(self.handles, self.matrix)
-        whole = ActiveSet.whole(body, self.matrix, rigid=not self.actuation.growths, skip=skip)
-        self.whole = whole if softening else replace(whole, softening=whole.softening[:0])
+        rigid = not self.actuation.growths
+        self.whole = ActiveSet(body, self.matrix, rigid=rigid, skip=skip, softening=softening)
         level = TangentLevel(body, self.matrix.assembled, self.actuation.terms)
         moving, touching = predictor is not None, self.actuation.contacts
         forces = ContactForces(self.actuation.held, body.unknowns, len(body.rest)) if touching else None

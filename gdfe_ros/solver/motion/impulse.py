@@ -130,7 +130,7 @@ class ContactImpulses:
     ) -> tuple[Array, State]:
         """Return the impulses (n, 3) [N s] on all vertices that change ``velocity``, and ``now`` with the mean forces.
 
-        For contacts that push steadily, the impulses are ``time`` [s] times the multipliers: the first guess.
+        The first guess of the impulses, exact for contacts that push steadily, is ``time`` [s] times the multipliers.
         """
         (place, between), (count, width) = self._mass.inverse(now.positions, part.vertices), part.vertices.shape
         given, every = (part.vertices.astype(np.int64), part.blocks, np.full(count, width)), np.arange(count)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Time steps of a body with mass; each consists of internal steps, the minima of a potential."""
+"""Time steps of a body with mass. Each consists of internal steps, which end at minima of a potential."""
 
 from __future__ import annotations
 

@@ -49,7 +49,7 @@ class TimePath(Path):
 
     @property
     def length(self) -> float:
-        """Length [s] of the next internal step, rounded to nine digits because each new length needs a factor."""
+        """Length [s] of the next internal step, rounded to nine digits: each new length needs a factored matrix."""
         return float(f"{self.duration / (self.total / self.size):.9g}")
 
     @property

@@ -31,7 +31,7 @@ Place = tuple[Mapping[str, Pose], Mapping[str, float]]
 def count_increments(
     targets: Mapping[str, Pose], poses: Mapping[str, Pose], size: float, *, together: Collection[str] = ()
 ) -> int:
-    """Return the number of increments. In each, a handle turns by at most `LARGEST_TURN` and moves by at most ``size``.
+    """Return the number of increments in which a handle turns by at most `LARGEST_TURN` and moves by at most ``size``.
 
     Args:
         targets: pose of every handle.

@@ -143,7 +143,7 @@ class CableTerm(EffortTerm):
         return self.actuator.constrains
 
     def fit(self, matrix: ConstantMatrix) -> None:
-        """Set an elastic cable's stiffness, or, for a commanded length, a penalty in proportion to the body's stiffness."""
+        """Set the stiffness of an elastic cable; for a commanded length, set a penalty by the body's stiffness."""
         if self.actuator.mode is Mode.TENSION:
             return
         if self._elastic:
@@ -192,7 +192,7 @@ class CableTerm(EffortTerm):
         return spread(signed, bent)
 
     def springs(self, positions: Array) -> Array:
-        """Return a taut cable with a stiffness or a penalty k as a spring: k dL/dx dL/dx^T."""
+        """Return one spring for a taut cable with a stiffness or penalty k, with the tangent k dL/dx dL/dx^T."""
         numbers = self.reals
         if not numbers[STIFFNESS] or not cable_tension(cable_length(positions, numbers, self.integers), numbers):
             return super().springs(positions)

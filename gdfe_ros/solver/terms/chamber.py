@@ -145,7 +145,7 @@ class ChamberTerm(EffortTerm):
         return found
 
     def springs(self, positions: Array) -> Array:
-        """Return a commanded volume with its penalty k as a spring: k dV/dx dV/dx^T."""
+        """Return one spring for a commanded volume, with the tangent k dV/dx dV/dx^T of its penalty k."""
         if not self.updates:
             return super().springs(positions)
         return np.sqrt(self.reals[STIFFNESS]) * self._find_unit_forces(positions)[None]

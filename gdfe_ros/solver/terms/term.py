@@ -94,9 +94,9 @@ def share(force, vertices, at, weights, first, count, pull):
 
 
 def spread(weights: Array, blocks: Array) -> Array:
-    """Return the tangents (k, 3 c, 3 c) of energies of sums of positions with ``weights`` (k, c).
+    """Return the tangents (k, 3 c, 3 c) of k energies; each depends on a sum of c positions with ``weights`` (k, c).
 
-    ``blocks`` (k, 3, 3) are the second derivatives with respect to the sums.
+    ``blocks`` (k, 3, 3) are the second derivatives of the energies with respect to these sums.
     """
     found = weights[:, :, None, None, None] * weights[:, None, None, :, None] * blocks[:, None, :, None, :]
     return found.reshape(len(found), 3 * weights.shape[1], 3 * weights.shape[1])
