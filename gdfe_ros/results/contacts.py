@@ -16,7 +16,6 @@ from gdfe_ros.constraints.obstacle import Obstacle, SelfContact
 from gdfe_ros.constraints.rigid_body import RigidBody, rigid_pairs
 from gdfe_ros.results.step_result import StepResult
 from gdfe_ros.solver.contact.touch import Touch
-from gdfe_ros.solver.vectors import Array
 
 _PLACE, _NORMAL, _PUSH, _SHEAR = ("x", "y", "z"), ("nx", "ny", "nz"), ("fx", "fy", "fz"), ("tx", "ty", "tz")
 POINT = np.dtype(
@@ -51,13 +50,13 @@ class ContactSensor:
     numbers: NDArray[np.int32] = field(default_factory=lambda: np.zeros(0, dtype=np.int32))
     points: Embedding | None = None
 
-    def centre(self, positions: Array) -> Array:
+    def centre(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the mean (3,) [m] of the sensor's vertices and points, for the body's ``positions`` (n, 3) [m]."""
         if self.points is None:
             return positions[self.vertices].mean(axis=0)
         return np.concatenate([positions[self.vertices], self.points.at(positions)]).mean(axis=0)
 
-    def wrench(self, result: StepResult) -> Array:
+    def wrench(self, result: StepResult) -> NDArray[np.float64]:
         """Return the contact force [N] and moment [N m] on the sensor (6,), about the sensor's present centre."""
         total, centre = np.zeros(6), self.centre(result.positions)
         for touch in result.contacts.values():
@@ -96,7 +95,7 @@ def contact_points(contacts: Mapping[str, Touch]) -> NDArray[np.void]:
     return np.concatenate(rows) if rows else np.zeros(0, POINT)
 
 
-def total_forces(points: Mapping[str, NDArray], handles: Iterable[Handle]) -> dict[str, Array]:
+def total_forces(points: Mapping[str, NDArray], handles: Iterable[Handle]) -> dict[str, NDArray[np.float64]]:
     """Return the total contact force (3,) [N] on each obstacle and rigid body, by name.
 
     Forces by soft bodies and by rigid bodies are counted; `StepResult.reactions` only has forces on soft bodies.
