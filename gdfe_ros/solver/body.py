@@ -27,7 +27,7 @@ from gdfe_ros.mesh.cells.operators import ShapeOperators
 from gdfe_ros.mesh.cells.tet_operators import TetOperators
 from gdfe_ros.mesh.touching import Touching
 from gdfe_ros.solver.elements.blocks import Blocks, Operators, in_lanes
-from gdfe_ros.solver.elements.cell_type import CellType, cell_type_of, cell_type_with
+from gdfe_ros.solver.elements.cell_type import CELL_TYPES, CellType, cell_type_of
 from gdfe_ros.solver.matrix.unknowns import Unknowns, number_unknowns
 from gdfe_ros.solver.settings import Torsion
 from gdfe_ros.solver.vectors import Array
@@ -84,7 +84,7 @@ class Body:
         for the diagonal of the cells' bounding box.
         """
         material = np.ascontiguousarray(material, dtype=np.int32)
-        kind = cell_type_with(cells.shape[1])
+        kind = CELL_TYPES[cells.shape[1]]
         shape, table = kind.operators(rest, cells, filling), kind.table(pack(materials))
         if torsion is Torsion.SECTION and kind.softens:
             shape = shape._replace(across=cells_across(cells, material, shape.parallel).min(axis=1))

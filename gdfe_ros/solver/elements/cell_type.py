@@ -161,14 +161,10 @@ TETRAHEDRA = CellType(
     tuple((corner, middle) for middle, ends in enumerate(EDGES, start=4) for corner in ends),
     PARTS[:, [0, 1, 2, 2, 3, 3, 3, 3]],
 )
-_BY_CORNERS = {kind.corners: kind for kind in (HEXAHEDRA, TETRAHEDRA)}
+CELL_TYPES = {kind.corners: kind for kind in (HEXAHEDRA, TETRAHEDRA)}
+"""Cell types by the number of nodes of a cell."""
 
 
 def cell_type_of(shape: ShapeOperators | TetOperators) -> CellType:
     """Return the cell type of element operators, by the number of nodes c of their ``cells`` (m, c)."""
-    return _BY_CORNERS[shape.cells.shape[1]]
-
-
-def cell_type_with(corners: int) -> CellType:
-    """Return the cell type whose cells have ``corners`` nodes."""
-    return _BY_CORNERS[corners]
+    return CELL_TYPES[shape.cells.shape[1]]
