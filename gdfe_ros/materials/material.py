@@ -29,7 +29,7 @@ Coefficient = Annotated[
 
 
 class Law(IntEnum):
-    """The stress-strain laws. The first four and the last have their own kernels; the others use that of ``OGDEN``."""
+    """The stress-strain laws. The first four and the last have kernels of their own; the others use that of Ogden."""
 
     LINEAR = 0
     NEO_HOOKEAN = 1
@@ -157,12 +157,12 @@ class NeoHookean(Linear):
     law = Law.NEO_HOOKEAN
 
     def stress_at(self, strain: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return E/3 (l - l^-2) [Pa] at l = 1 + e."""
+        """Return the nominal stress E/3 (l - l^-2) [Pa] at the stretch l = 1 + ``strain``."""
         stretch = 1.0 + strain
         return self.young / 3.0 * (stretch - stretch**-2.0)
 
     def tangent_at(self, strain: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return E/3 (1 + 2 l^-3) [Pa] at l = 1 + e."""
+        """Return the tangent E/3 (1 + 2 l^-3) [Pa] at the stretch l = 1 + ``strain``."""
         return self.young / 3.0 * (1.0 + 2.0 * (1.0 + strain) ** -3.0)
 
 

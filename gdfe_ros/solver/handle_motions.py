@@ -91,7 +91,7 @@ class HandleMotions:
         return moved
 
     def put(self, slides: Array, turns: Array, places: Mapping[str, Pose]) -> tuple[Array, Array]:
-        """Return ``slides`` [m] and ``turns`` [rad] (p, 3) in which the free handles of ``places`` have these poses."""
+        """Return ``slides`` [m] and ``turns`` [rad] (p, 3) that give the free handles in ``places`` these poses."""
         slides, turns = slides.copy(), turns.copy()
         for name, pose in places.items():
             slides[self._row[name]], turns[self._row[name]] = pose.translation, pose.rotation

@@ -215,7 +215,7 @@ class Dynamics(CheckedKeys):
 
     @property
     def damps(self) -> bool:
-        """Whether the material has viscosity or Prony branches, which resist rates of strain."""
+        """Whether the material has viscosity or Prony branches, whose stresses depend on the rate of strain."""
         return bool(self.damping.viscosity or self.prony)
 
     def relaxation(self, shear: float) -> float:

@@ -87,7 +87,7 @@ class Predictor:
         return found
 
     def _extrapolate(self, state: State, base: Array, ratio: float) -> Prediction:
-        """Return the start with the last motion extrapolated by ``ratio``."""
+        """Return ``state`` with handles at ``base`` (n, 3) [m], displaced by ``ratio`` times the last step's motion."""
         held, last = self._held, state.motion
         motion = base[held] - state.base[held]
         start, rest, slides, turns = state.positions.copy(), motion, state.slides, state.turns

@@ -62,8 +62,8 @@ class Solve:
     FIRST_TOLERANCE, TIGHTEN = 1e-2, 0.1
     """If multipliers are updated: tolerance of the first minimisation, and ratio of successive tolerances."""
     LINEAR = 1e-4
-    """Coarsest tolerance of the last minimisation in statics. Farther from the equilibrium, a step with the tangent
-    does not measure the distance: the bending stiffness of a sheet or of a hanging bar changes within a thickness.
+    """Coarsest tolerance of the last minimisation in statics. Farther from the equilibrium, the length of a step
+    is no estimate of the distance: the bending stiffness of a sheet or a hanging bar changes within a thickness.
     """
     FAINT = 0.3
     """If the error of a constraint, or the change of an hourglass scale, exceeds this multiple of the tolerance, a

@@ -41,7 +41,7 @@ POINT = 5
 
 
 class Hold(IntEnum):
-    """State of a grip: nothing is held, it holds, or its forces fall."""
+    """State of a grip: it holds nothing, it holds, or its forces fall to zero."""
 
     OFF, HOLDS, FADES = range(3)
 

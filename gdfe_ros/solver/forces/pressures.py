@@ -38,8 +38,8 @@ class Pressures:
     the second number of updates in all.
     """
     LOCAL_SLACK = 10.0
-    """Allowed volume error of a single element, divided by the allowed mean error. Both errors move positions by the
-    same amount.
+    """Allowed volume error of a single element, divided by the allowed mean error. Either error
+    displaces the vertices by about the same distance.
     """
     SWINGING = 0.3
     """An update counts as an oscillation if it reverses more than this fraction of the last one."""

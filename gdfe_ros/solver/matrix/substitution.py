@@ -97,7 +97,7 @@ class Kept(NamedTuple):
 
     @classmethod
     def none(cls) -> Kept:
-        """Return an empty factor: it means that the constant matrix preconditions."""
+        """Return an empty factor; with it, the constant matrix is the preconditioner."""
         index, squares = np.zeros(0, np.int64), [np.zeros((0, 0))] * 5
         return cls(Plan(*[index] * 9), np.zeros(0, np.float32), index, *squares, np.zeros((0, 9)), index)
 

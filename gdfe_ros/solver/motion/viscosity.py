@@ -131,7 +131,7 @@ def all_strains(x, reals, integers, out):
 
 @kernel
 def viscous_tangents(x, reals, integers, out):
-    """Write the tangents (m, 3 c, 3 c) [N/m] of elements at positions ``x`` (n, 3) [m]: sums over their places."""
+    """Write the tangents (m, 3 c, 3 c) [N/m] of elements at positions ``x`` (n, 3) [m], summed over their places."""
     count, modes = integers[0], integers[1]
     rows, cells = places(reals, integers, count, modes)
     f, q, strain, each = np.empty((3, 3)), np.empty((modes, 3)), np.empty(GREEN + 3 * modes), len(rows) // len(out)

@@ -99,7 +99,7 @@ class PressureTerm(UpdatedTerm):
         return self.reals[EDGE:].reshape(-1, 3)
 
     def _sum_forces(self, x: Array, of_volume: float, of_area: float) -> Array:
-        """Return ``of_volume`` times dV/dx plus ``of_area`` times f, (n, 3) [m^2], at ``x`` (n, 3) [m]."""
+        """Return ``of_volume`` times dV/dx_a plus ``of_area`` times f_a for all nodes a, (n, 3) [m^2]."""
         force = np.zeros_like(x)
         face_forces(x, self.integers, self.reals[APEX:EDGE], of_volume, of_area, force)
         return force

@@ -221,7 +221,7 @@ class CableTerm(EffortTerm):
         numbers[EFFORT] += self._lifted
 
     def vary(self, commands: Mapping[str, float], saved: Saved, positions: Array) -> None:
-        """Set another command or another stored state after `resume`."""
+        """Begin a solve from another command or stored state after `resume`, to differentiate by it."""
         self.begin(commands, saved, positions, 0.0)
         self.reals[EFFORT] += self._lifted
 

@@ -187,7 +187,7 @@ class ChamberTerm(EffortTerm):
         return ActuatorState(self.actuator.mode, self._command, extent, float(self.reals[EFFORT]))
 
     def potential(self, positions: Array, command: float) -> tuple[float, float]:
-        """Return the potential [J] and its derivative with respect to the command; for a volume it is the pressure."""
+        """Return the potential [J] and its derivative by the command; for a commanded volume, that is the pressure."""
         if self.updates:
             return 0.0, float(self.reals[EFFORT])
         slope = self._rest_volume - self._volume(positions)

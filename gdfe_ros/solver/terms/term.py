@@ -188,7 +188,7 @@ class Term:
         self.begin(commands, saved, positions, 0.0)
 
     def vary(self, commands: Mapping[str, float], saved: Saved, positions: Array) -> None:
-        """Set other commands and initial states after `resume`, with the same vertices in contact."""
+        """Begin a solve from other commands or states after `resume`, to differentiate by them; no contact changes."""
         self.begin(commands, saved, positions, 0.0)
 
     @property
