@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Motion of the yielding joints of an arm, on the side of the links."""
+"""Motion of the links that the yielding joints of an arm move."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Vector = NDArray[np.float64]
 
 
 class LinkMotion(NamedTuple):
-    """Yielding joints of an arm at the end of a step, on the side of the links; (y,) each.
+    """Positions and motions (y,) of the links that yielding joints move, at the end of a step.
 
     Attributes:
         positions: q [rad] or [m].

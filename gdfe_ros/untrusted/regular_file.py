@@ -82,7 +82,7 @@ def _require_regular(status: os.stat_result, path: Path, most: int) -> None:
 
 
 def defect_of(path: Path) -> str:
-    """Return why no file can have this path: a name is too long, or has a null character; empty if one can."""
+    """Return why no file can have this path: a name is too long or has a null character. Empty for other paths."""
     try:
         os.lstat(path)
     except ValueError as error:

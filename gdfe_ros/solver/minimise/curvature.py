@@ -86,7 +86,7 @@ class Lowest(NamedTuple):
 class Lanczos:
     """The preconditioned Lanczos method.
 
-    Array are not reorthogonalised; the loss of orthogonality only repeats converged values.
+    Vectors are not reorthogonalised; the loss of orthogonality only repeats converged values.
 
     Attributes:
         most: number of products after which the least eigenvalue counts as unknown.
