@@ -191,7 +191,7 @@ class BalanceSearch:
 
         Args:
             q: positions (y,) of the last evaluation.
-            gap: (y,) gap there.
+            gap: (y,) value of `JointBalance.gap` at ``q``.
             longest: largest fraction of a new BFGS step that may be made.
         """
         here, rest = q * self._scale, gap / self._scale

@@ -167,7 +167,7 @@ class GripTerm(UpdatedTerm):
         self._poses, self._last = poses, last
 
     def begin(self, commands: Mapping[str, float], saved: Saved, positions: Array, ratio: float) -> None:
-        """Take hold, hold on, or let go, according to the change of the command since the state ``saved``."""
+        """Close, keep or open the grip, according to the change of the command since the state ``saved``."""
         before, self._command = float(saved["command"][0]), commands[self.name]
         self._hold, kept = Hold(int(saved["hold"][0])), dict(saved)
         if self._command > before and self._hold is not Hold.HOLDS:
