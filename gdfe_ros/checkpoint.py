@@ -15,6 +15,7 @@ import io
 import json
 import struct
 import zipfile
+import zlib
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -33,7 +34,7 @@ FORMAT = 3
 """Version of the archive's format; an archive of another version is refused."""
 _DAMAGED = (
     zipfile.BadZipFile, NotImplementedError, RuntimeError, LookupError, ValueError, TypeError, AttributeError, EOFError,
-    OSError, OverflowError, MemoryError, RecursionError, struct.error, TreeError,
+    OSError, OverflowError, MemoryError, RecursionError, struct.error, zlib.error, TreeError,
 )  # fmt: skip
 """Exceptions that may occur while a damaged archive is read."""
 
@@ -85,13 +86,13 @@ def load_state(simulation: Simulation, data: bytes) -> None:
     try:
         archive = zipfile.ZipFile(io.BytesIO(data))
         size = sum(entry.file_size for entry in archive.infolist())
-    except (*_DAMAGED, zipfile.zlib.error) as error:
+    except _DAMAGED as error:
         raise GdfeError(f"these {len(data)} bytes are not a state that save_state wrote") from error
     if size > LARGEST:
         raise GdfeError(f"the state has {size} bytes of data; allowed: up to {LARGEST}")
     try:
         given = load_json_object(archive.read("head.json"))
-    except (*_DAMAGED, zipfile.zlib.error) as error:
+    except _DAMAGED as error:
         raise GdfeError(f"the state is damaged: {error!r}") from error
     own = {"format": FORMAT, **_origin(simulation)}
     wrong = [_difference(key, given.get(key), own[key]) for key in own if given.get(key) != own[key]]
@@ -100,9 +101,10 @@ def load_state(simulation: Simulation, data: bytes) -> None:
     try:
         tree = load_json(archive.read("state.json"))
         names = [name.removesuffix(".npy") for name in archive.namelist() if name.endswith(".npy")]
-        arrays = {name: _array(archive.read(f"{name}.npy")) for name in names}
+        files = {name: io.BytesIO(archive.read(f"{name}.npy")) for name in names}
+        arrays = {name: np.lib.format.read_array(file, allow_pickle=False) for name, file in files.items()}
         snapshot = from_tree(tree, arrays)
-    except (*_DAMAGED, zipfile.zlib.error) as error:
+    except _DAMAGED as error:
         raise GdfeError(f"the state is damaged: {error!r}") from error
     simulation.restore(replace(snapshot, scene=simulation.snapshot().scene))
 
@@ -113,10 +115,6 @@ def _difference(key: str, given: object, own: str) -> str:
         return f"its {key} is {given}, the simulation's {own}"
     remedy = "remedy: load it with the scene, the overrides and the files (meshes, skins) that it was saved with"
     return f"its scene has another text than the simulation's; {remedy}"
-
-
-def _array(data: bytes) -> NDArray[Any]:
-    return np.lib.format.read_array(io.BytesIO(data), allow_pickle=False)
 
 
 def _origin(simulation: Simulation) -> dict[str, str]:

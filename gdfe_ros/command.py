@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Commands to a simulation, checked against its scene, and the times of a step."""
+"""Commands to a simulation, and checks of commands, states and times against its scene."""
 
 from __future__ import annotations
 
@@ -144,7 +144,7 @@ class Orders:
         return places
 
     def require_own(self, snapshot: Snapshot) -> None:
-        """Check that a snapshot belongs to this scene; forces of another scene differ even for the same positions.
+        """Check that a snapshot belongs to this scene: in another scene, the same positions have other forces.
 
         Raises:
             CommandError: the scene's text (materials, dynamics or anything else), the policy or the torsion differs.
@@ -161,7 +161,7 @@ class Orders:
             raise CommandError(text)
 
     def _distance(self, what: str, pose: Pose) -> str:
-        """Return what is wrong with a pose that is too far from the rest pose; empty if it is near enough."""
+        """Return a message about a pose that is too far from the rest pose; empty if it is near enough."""
         far = math.hypot(*pose.translation) / self._scene.mesh.size
         turns = math.hypot(*pose.rotation) / (2.0 * math.pi)
         if far <= FARTHEST and turns <= FARTHEST:

@@ -34,7 +34,7 @@ internal = compile_linked(cache=True, **_EXACT, no_cpython_wrapper=True)
 """Decorator of functions that only other kernels call. Without an entry for Python they compile and load faster."""
 
 inlined = compile_linked(cache=False, **INLINED)
-"""Decorator of the parts of an element kernel. They are always inlined; this keeps structs and tuples in registers."""
+"""Decorator of functions that are always inlined into kernels; this keeps structs and tuples in registers."""
 
 merged = njit(nogil=True, error_model="numpy", inline="always")
 """Decorator of a function that is compiled as part of its only caller: it has no code of its own and compiles
@@ -54,5 +54,5 @@ parallel_kernel = compile_linked(cache=True, **_EXACT, parallel=True)
 
 
 def start_threads() -> None:
-    """Start numba's thread pool; a cached parallel function that is inlined into another one does not start it."""
+    """Start numba's thread pool: a cached parallel function that is part of another kernel does not start it."""
     numba.get_num_threads()

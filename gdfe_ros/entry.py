@@ -19,8 +19,8 @@ from gdfe_ros.installation import remedy
 ENDINGS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 """Signals that ask a process to end: from a terminal, from a manager of processes, and if the terminal is closed."""
 NODE_ENDINGS = (signal.SIGINT,)
-"""Signals that end a node even if they were ignored at its start, as with rclpy: a shell script lets its background
-processes ignore SIGINT, and may then send it to end them.
+"""Signals that end a node even if they were ignored at its start; rclpy does the same. A shell script starts background
+processes with SIGINT ignored, and may later send SIGINT to end them.
 """
 INTERRUPTED = 130
 """Exit status of an interrupted command, as in shells; the exit status of an interrupted node is 0."""
@@ -90,9 +90,8 @@ def quiet_imports(name: str, status: int, *, always: Sequence[signal.Signals] = 
     """End the process at once if SIGINT, SIGTERM or SIGHUP arrives inside the ``with`` block, without open resources.
 
     A signal that is ignored at the start, as SIGHUP is by ``nohup``, stays ignored, except those in ``always``.
-    KeyboardInterrupt is not
-    sufficient, because libraries that look for optional packages catch it and continue. A dependency that is too old,
-    and an extra that is not installed, also end the process, with a message of one line.
+    KeyboardInterrupt is not sufficient: libraries that look for optional packages catch it and continue. A dependency
+    that is too old, and an extra that is not installed, also end the process, with a message of one line.
     """
 
     def end(number: int, frame: FrameType | None) -> None:

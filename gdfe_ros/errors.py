@@ -11,7 +11,7 @@ class GdfeError(Exception):
 
 
 def show_point(place: Iterable[float]) -> str:
-    """Return a place as text for a message: ``(0.1, 0.02, 0)``, with four digits."""
+    """Return a point as text for a message, with four digits, e.g. ``(0.1, 0.02, 0)``."""
     return f"({', '.join(f'{value:.4g}' for value in place)})"
 
 
@@ -20,7 +20,7 @@ ENDED = "the derivatives were ended before they were found"
 
 
 _LONGEST_DEFECT, _MOST_DEFECTS = 2000, 100
-"""Largest number of characters of a defect, and of defects, that the text of an error shows."""
+"""The text of an error shows at most this number of characters of a defect, and at most this number of defects."""
 
 
 class DefectsError(GdfeError):
@@ -62,7 +62,7 @@ class CommandError(GdfeError):
 
 
 def require_named(noun: str, name: str, known: Collection[str], of: str = "") -> None:
-    """Check the name of an item; ``of``, e.g. `` in scene 'bend5'``, says of what the ``known`` items are.
+    """Check the name of an item; ``of``, e.g. `` in scene 'bend5'``, tells where the ``known`` items are.
 
     Raises:
         CommandError: the name is not among the known ones; the error lists them.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The installed package: its files that are not code, and the extras that install what is missing."""
+"""The installed package: its directory of data files, and the extras that install missing packages."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _EXTRAS: dict[str, tuple[str, ...]] = {
     "fast": ("threadpoolctl",),
 }
 _ROBOTS = {"airo-models": "ur5e", "example-robot-data": "panda"}
-"""Dict from package with robots of scenes that are shipped to the extra that installs it."""
+"""Dict from a package whose robots occur in shipped scenes to the extra that installs the package."""
 _ROS = ("rclpy", "rpyutils", "builtin_interfaces", "action_msgs", "rcl_interfaces", "unique_identifier_msgs")
 
 _TOGETHER: dict[str, tuple[str, ...]] = {"demo": ("ros", "mcap", "plot"), "report": ("mcap", "plot")}
@@ -43,7 +43,7 @@ def robots_extra(package: str) -> str | None:
 
 
 def remedy(error: ModuleNotFoundError, *, command: str = "") -> str | None:
-    """Return one line: the missing module and what installs it, and all else that a command of ``gdfe`` misses.
+    """Return one line that names the missing module, and all missing extras that ``command`` needs.
 
     None if no extra has the module.
     """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Base classes of objects that a scene file fills in. They know nothing of the file: the scene reads their fields."""
+"""Base classes of the objects that a scene file defines: each field of such a class is a key of the file."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from gdfe_ros.quantity import quantities_of
 
 @dataclass(frozen=True)
 class Meaning:
-    """Annotation of a field that holds no number: what its value means."""
+    """Annotation of a field whose value is not a number: the meaning of the value, for users."""
 
     text: str
 
@@ -23,7 +23,7 @@ class FieldError(ValueError):
     Args:
         field: name of the field.
         value: its value.
-        text: what is allowed, and the remedy.
+        text: allowed values, and the remedy.
     """
 
     def __init__(self, field: str, value: object, text: str) -> None:
@@ -32,16 +32,16 @@ class FieldError(ValueError):
 
 
 class Keys:
-    """Base class of dataclasses that a scene file fills in: each field is a key, and other keys are refused."""
+    """Base class of dataclasses that a scene file defines: each field is a key, and other keys are refused."""
 
     __pydantic_config__: ClassVar[Mapping[str, str]] = {"extra": "forbid"}
 
 
 class CheckedKeys(Keys):
-    """Base class of those that check their numbers also if they are made in Python.
+    """Base class of `Keys` that check their numbers also if Python code makes them.
 
     Raises:
-        FieldError: a number is not what the `Quantity` of its field allows; None stands for a number that is left out.
+        FieldError: the `Quantity` of a field does not allow its number; None, for a missing number, is allowed.
     """
 
     def __post_init__(self) -> None:

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Description of the number in a field: meaning, unit, range, and remedy; written once, beside the field.
 
-Scene files, their reference, options of commands, and objects that are made in Python follow the same description.
+The description checks scene files, options of commands, and objects made in Python; the reference of scenes prints it.
 """
 
 from __future__ import annotations

@@ -67,11 +67,7 @@ class Simulation(SceneReadings):
     """
 
     def __init__(
-        self,
-        scene: Scene,
-        *,
-        settings: SolverSettings | None = None,
-        terms: Sequence[Callable[[Body], Term]] = (),
+        self, scene: Scene, *, settings: SolverSettings | None = None, terms: Sequence[Callable[[Body], Term]] = ()
     ) -> None:
         self.scene = scene
         self.settings = settings or scene.solver
@@ -122,7 +118,7 @@ class Simulation(SceneReadings):
             raise
 
     def reset_arms(self) -> None:
-        """Put all arms back to their initial joint positions at once; what an arm holds moves with it, in its shape.
+        """Put all arms back to their initial joint positions at once; bodies that they hold move along, in their shape.
 
         Time, loads and actuators stay, rigid bodies keep their places, and all velocities are the initial ones.
 
@@ -158,7 +154,7 @@ class Simulation(SceneReadings):
         return Snapshot(state=self.state, time=self.time, joints=self._joints, links=self._links, **given)
 
     def restore(self, snapshot: Snapshot) -> None:
-        """Restore a snapshot of a simulation of the same scene; raise `CommandError` if its scene is another one."""
+        """Restore a snapshot of a simulation of the same scene; raise `CommandError` if the scene differs."""
         require_snapshot(snapshot)
         state = complete(snapshot.state, self.stepper)
         self._orders.require_own(snapshot)
@@ -223,8 +219,8 @@ class Simulation(SceneReadings):
             if march.simulated is not None and march.simulated < dt:
                 self._joints = self._carriers.part_way(before, self._joints, march.simulated / dt)
         self.time += dt if march is None or march.simulated is None else march.simulated
-        given = {"time": self.time, "origin": self.origin, "settings": self.settings}
-        self.result = step_result(self.stepper, self.state, march, **given, started=started, limit=limit)
+        given = {"time": self.time, "origin": self.origin, "started": started, "limit": limit}
+        self.result = step_result(self.stepper, self.state, march, **given)
         return self.result
 
     def put(self, places: Mapping[str, Pose]) -> State:
@@ -304,7 +300,7 @@ class Simulation(SceneReadings):
 
         Args:
             steps: number of equal load steps of the whole program; None: the number in the settings, or else
-                `usual_steps`. Those that end before the present time are left out.
+                `usual_steps`. Load steps that end before the present time are left out.
 
         Raises:
             CommandError: the scene has no program, the program has ended, or ``steps`` is not 1 or more.
@@ -352,7 +348,7 @@ class Simulation(SceneReadings):
         return self._differentiator.sensitivities(self.state, outputs, parameters, **given)
 
     def follow(self, parameters: Sequence[str] | None = None) -> None:
-        """Update derivatives in all further steps; `sensitivities` then returns those of the motion from now on.
+        """Update derivatives in all further steps; `sensitivities` then returns those of the motion after this call.
 
         Effects of a parameter before this call are not included: a modulus counts as changed from the present time, a
         command from the next step. After the state was replaced, e.g. by `restore` or `reset`, and a step was made,

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """scipy's LU factors, made and freed in one thread.
 
-scipy notes the memory of a factor in the thread that makes it, and frees nothing if another thread drops the factor. A
-node builds simulations in one thread and drops them in another: each left its factors in memory for good.
+scipy frees the memory of a factor only in the thread that made the factor. A node builds simulations in one thread and
+drops them in another, so that their factors would never be freed.
 """
 
 from __future__ import annotations

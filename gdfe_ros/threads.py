@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Threads: their names for ``top -H``, ``perf`` and debuggers, and BLAS limited to one for small matrices."""
+"""Names of threads, as ``top -H``, ``perf`` and debuggers show them, and BLAS with one thread for small matrices."""
 
 from __future__ import annotations
 

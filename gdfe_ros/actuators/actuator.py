@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Actuators of a scene, their reported states, and the positions that messages state. SI units."""
+"""Actuators of a scene, their states, and the positions in messages about joints. SI units."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ _VOLUME, _PRESSURE = ("volume", "m^3"), ("pressure", "Pa")
 
 
 class Mode(str, Enum):
-    """Quantity that an actuator's command prescribes, and what the actuator reports.
+    """Quantity that an actuator's command prescribes, and the quantities that the actuator reports.
 
-    A member is written as value, unit, extent, effort and limits. The extent is a function of the positions, and the
-    effort does work on it (length and tension, volume and pressure). A value that is the name of the member's extent or
-    effort commands it.
+    The extent is a function of the positions, and the effort does work on it: length and tension, volume and pressure.
+    If the value of a member is also the name of its extent or effort, the command prescribes that quantity. Members are
+    written as value, unit, extent, effort and limits.
 
     Attributes:
         unit: SI unit of the command; empty if it has no unit.
@@ -44,7 +44,7 @@ class Mode(str, Enum):
     def __new__(
         cls, value: str, unit: str, extent: tuple[str, str], effort: tuple[str, str], limits: tuple[float, float]
     ) -> Mode:
-        """Return a member of this value, with the other entries as attributes."""
+        """Return a member with this value, and with the other arguments as attributes."""
         member = str.__new__(cls, value)
         member._value_, member.unit, member.limits = value, unit, limits
         (member.extent, member.extent_unit), (member.effort, member.effort_unit) = extent, effort
@@ -67,7 +67,7 @@ class Mode(str, Enum):
 
     @property
     def position(self) -> tuple[str, str]:
-        """Name and SI unit of the ``position`` in ``~/joint_states``: the extent, or a command that is neither."""
+        """Name and SI unit of the ``position`` in ``~/joint_states``: the extent, or a command of another quantity."""
         plain = self.by_effort or self.by_extent
         return (self.extent, self.extent_unit) if plain else (self.value, self.unit)
 
@@ -102,13 +102,13 @@ class Actuator:
         """Return a command, after a check.
 
         Raises:
-            CommandError: it is no finite number within the range.
+            CommandError: the command is no finite number within the range.
         """
         what = f"actuator {self.name!r}: {self.mode.value}"
         return require_command(what, value, low=self.low, high=self.high, unit=self.mode.unit)
 
     def seen_from(self, origin: NDArray[np.float64]) -> Actuator:
-        """Return the actuator for positions relative to ``origin`` (3,) [m]; only points in the world differ."""
+        """Return the actuator for positions relative to ``origin`` (3,) [m]: only points fixed in the world change."""
         return self
 
 
@@ -148,7 +148,7 @@ class Cable(Actuator):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Chamber(Actuator):
-    """A surface of the body that is filled with a fluid, closed by itself or by plates that move with handles.
+    """A cavity of the body with fluid in it; its surface is closed, or plates that move with handles close it.
 
     With a commanded pressure p its energy is -p V. A commanded volume is a constraint, whose pressure is an unknown.
 
@@ -156,7 +156,7 @@ class Chamber(Actuator):
         quads: int32 vertex ids of the faces, (q, 4), or (q, 6) for tetrahedra; normals point into the material. If
             ``points`` are given, indices (q, 4) of these points; a triangle repeats its last corner.
         points: material points as corners of the faces; None if the corners are vertices.
-        least: volume [m^3] for comparison if plates close the surface, because the undeformed volume may be zero.
+        least: least reference volume [m^3] of relative limits; with plates, the undeformed volume may be zero.
     """
 
     quads: NDArray[np.int32]
@@ -169,7 +169,7 @@ class Chamber(Actuator):
         return self.quads.ravel() if self.points is None else self.points.corners[self.points.weights != 0.0]
 
     def at(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the positions (k, 3) [m] to which ``quads`` refer: those of ``points`` if given, else of the vertices.
+        """Return the positions (k, 3) [m] to which ``quads`` refer: of ``points`` if given, else of the vertices.
 
         Args:
             positions: positions of the mesh's vertices (n, 3) [m].
@@ -205,14 +205,14 @@ class Growth(Actuator):
 class Grip(Actuator):
     """A hold of a handle, an obstacle or a rigid body on vertices of the body, or on another rigid body.
 
-    At command 1 the held points keep the places on the holder that they have when the command becomes 1, at command 0
-    nothing is held. Other commands count as the nearer of the two.
+    When the command becomes 1, the held points are fixed to the holder where they are. At command 0 nothing is held. A
+    command between them counts as the nearer one.
 
     Attributes:
         holder: name of the handle, the obstacle or the rigid body that holds.
         held: name of the rigid body that is held; empty if vertices of the body are held.
         vertices: (k,) int32 held vertices of the body; empty if a rigid body is held.
-        reach: largest distance [m] from which it takes hold.
+        reach: largest distance [m] between the holder and the held points when the grip closes.
     """
 
     holder: str
@@ -224,7 +224,7 @@ class Grip(Actuator):
 
     @property
     def constrains(self) -> bool:
-        """Whether the command is a constraint: always, on the places of the held points."""
+        """Whether the command is a constraint: always, on the positions of the held points."""
         return True
 
 
@@ -259,7 +259,7 @@ class ActuatorState:
 
 
 class Readings:
-    """Converter of actuator states to positions, whose names and units are `Mode.position`.
+    """Converter of actuator states to the positions in messages, whose names and units are `Mode.position`.
 
     Args:
         actuators: actuators of a scene.

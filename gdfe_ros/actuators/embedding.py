@@ -20,7 +20,7 @@ SLACK = 1e-5
 coordinates (-1 .. 1) or barycentric coordinates.
 """
 HALF_A_CELL = {8: 1.0, 10: 0.5}
-"""Half the size of a cell with 8 or 10 nodes, in the same coordinates."""
+"""Half the size of a cell with 8 or 10 nodes, in reference or barycentric coordinates."""
 NEIGHBOURS = 64
 """Number of candidate cells for a point: the cells with the nearest centroids."""
 
@@ -32,9 +32,9 @@ class Embedding:
     Attributes:
         corners: (p, c) int32 vertices of the cell around each point; (p, 1) for points that are vertices.
         weights: (p, c) or (p, 1) float64 weights of these vertices; each row sums to one, or is zero.
-        anchors: (p, 3) places [m] of points in the world, which have zero weights; zero for points of the body. None if
-            all points belong to the body.
-        moved: largest distance [m] by which points beside the body were moved onto it.
+        anchors: (p, 3) positions [m] of points that are fixed in the world, whose weights are zero; zero for points of
+            the body. None if all points belong to the body.
+        moved: largest distance [m] by which a point outside of the body was moved onto it.
     """
 
     corners: NDArray[np.int32]

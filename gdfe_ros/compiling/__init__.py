@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compilation of kernels: once for this machine, linked by address, and quicker than by numba alone."""
+"""Compilation of kernels: once per machine, with calls of large kernels by address, and faster than by numba alone."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compilations of this process, counted for a waiting user, and locks, so that one process compiles for all.
+"""Count of the kernels that this process compiles, for a waiting user, and file locks: one process compiles for all.
 
 This module imports no numba.
 """
@@ -19,7 +19,7 @@ class Compilations:
 
     Attributes:
         compiled: number of kernels that are compiled.
-        running: number of compilations that have begun and not ended; a kernel waits for those that it calls.
+        running: number of compilations in progress; a kernel's compilation includes those of the kernels that it calls.
     """
 
     def __init__(self) -> None:
@@ -33,11 +33,11 @@ class Compilations:
 
 
 compilations = Compilations()
-"""Those of this process."""
+"""The counter of this process."""
 
 
 _WITHOUT = (errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS)
-"""Errors of file systems that have no locks."""
+"""Numbers of the errors that file systems without locks raise."""
 
 
 def lock_file(path: str) -> int:

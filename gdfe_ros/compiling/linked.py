@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Kernels that call each other by their addresses, so that each kernel is compiled once.
 
-Numba compiles all kernels that a kernel calls, and what these call, again as a part of it. A chain of ten kernels costs
-ten times its own code, in time and in the cache. Here a kernel above `LARGE` instructions gets a symbol, and its
-callers contain nothing but this symbol. LLVM would not inline such a kernel anyway. Smaller kernels are still inlined.
+Numba compiles a kernel anew as a part of each kernel that calls it, directly or through others. In a chain of ten
+kernels, the last is thus compiled, and stored in the cache, ten times. Here a kernel above `LARGE` instructions gets a
+symbol, and its callers contain only this symbol. LLVM would not inline such a kernel anyway. Smaller ones are inlined.
 
 The cache of a kernel lists the symbols that it calls. They are loaded, or compiled, before the kernel is loaded. If a
 called kernel now returns another type, the caller is compiled anew. All this uses private parts of numba: with a
@@ -58,7 +58,7 @@ class CalledKernel(NamedTuple):
 FORMAT = "gdfe 5"
 """Mark of cache files with links."""
 PARTS = {"build_tuple", "cast", "exhaust_iter", "getattr", "getiter", "iternext", "pair_first", "pair_second"}
-"""Operations of numba whose results are parts of what they are given, or packs of it."""
+"""Operations of numba's intermediate code that only unpack or pack their operands, and allocate nothing."""
 _compiling: list[object] = []
 """The functions of this module's caches that are being compiled; numba compiles one at a time."""
 _links: dict[str, CalledKernel] = {}
@@ -66,7 +66,7 @@ _links: dict[str, CalledKernel] = {}
 
 
 def link_of(result: CompileResult) -> CalledKernel:
-    """Return the link of a compiled kernel; its symbol is made of name, types of the arguments, and the result's."""
+    """Return the link of a compiled kernel; its symbol is made of the name and the types of arguments and result."""
     given = result.signature.args, result.signature.return_type
     digest = hashlib.sha256(repr(given).encode()).hexdigest()[:16]
     module, name = result.fndesc.modname, result.fndesc.qualname
@@ -129,10 +129,10 @@ def links_in(result: CompileResult) -> list[CalledKernel]:
 
 
 def names_in(module: llvm.ModuleRef) -> bytes:
-    """Return bitcode that defines the symbols of a module, without what they do.
+    """Return bitcode that defines the symbols of a module, with empty functions.
 
-    Numba reads the bitcode of each kernel that it loads, in order to inline it. Callers of a large kernel need its
-    machine code alone, and numba the symbols in there.
+    Numba reads the bitcode of each kernel that it loads, in order to inline the kernel. A large kernel is not inlined:
+    its machine code and the names of its symbols are enough.
     """
     functions = [
         f'define void @"{each.name}"() {{ unreachable }}' for each in module.functions if not each.is_declaration
@@ -165,7 +165,7 @@ class LinkedCacheImpl(CompileResultCacheImpl):
         return links, large, ((name, kind, (code, bitcode)), *others)
 
     def rebuild(self, context: Any, stored: tuple[Any, ...]) -> CompileResult | None:
-        """Return the kernel from the contents of a cache file; None if what it calls has changed."""
+        """Return the kernel from the contents of a cache file; None if a kernel that it calls has changed."""
         links, large, contents = stored
         if not all(resolve(CalledKernel(*link)) for link in links):
             return None
@@ -176,7 +176,7 @@ class LinkedCacheImpl(CompileResultCacheImpl):
 
 
 class LinkedCacheFile(IndexDataCacheFile):
-    """The files of a cache; those of another version of the package, with types that are gone, count as absent."""
+    """The files of a cache; files of another version of the package, with types that are gone, count as absent."""
 
     def _load_index(self) -> dict[Any, str]:
         with suppress(ImportError, AttributeError):
@@ -202,9 +202,9 @@ class LinkedCache(FunctionCache):
         self._cache_file = LinkedCacheFile(self._cache_path, self._impl.filename_base, stamp)
 
     def load_overload(self, signature: Any, context: Any) -> CompileResult | None:
-        """Return the kernel; if it has to be compiled, None, and other processes wait until `release`.
+        """Return the stored kernel; None if it must be compiled: other processes then wait until `release`.
 
-        Numba would import all that it can compile first, which takes half as long as to load the kernels of a scene.
+        Numba's own method first imports everything that it can compile: half of the time to load a scene's kernels.
         """
         rtsys.initialize(context)
         with self._guard_against_spurious_io_errors():
@@ -239,9 +239,9 @@ def releasing(cache: LinkedCache | NullCache) -> Iterator[None]:
 
 @contextmanager
 def linking(compiled: object) -> Iterator[None]:
-    """Compile ``compiled`` inside the ``with`` block: with `quick`, and with its calls of large kernels as symbols.
+    """Compile ``compiled`` inside the ``with`` block, with `quick`; its calls of large kernels are by symbol.
 
-    The linker resolves a symbol to the address of a kernel that is compiled or loaded by itself. The search for cyclic
+    The linker resolves a symbol to the address of a kernel that is compiled or loaded separately. The search for cyclic
     garbage, which takes a fifth of a compilation's time and finds little, is off.
     """
     with without_collection(keep=False), global_compiler_lock, quick():
@@ -254,9 +254,9 @@ def linking(compiled: object) -> Iterator[None]:
 
 @register_pass(mutates_CFG=False, analysis_only=False)
 class LeaveOutReferences(AnalysisPass):
-    """Lets a function that makes no array count no references to arrays, which are a tenth of the time to compile it.
+    """Switches off the counting of references to arrays in functions that make none; compiling takes a tenth less time.
 
-    Its caller holds the arrays that it is given. Parts of them need no counts, either.
+    The caller of such a function holds references to the arrays that it passes, and thus to their parts.
     """
 
     _name = "leave_out_references"
@@ -319,11 +319,11 @@ class LinkedDispatcher(CPUDispatcher):
     """A compiled function that other ones call by its address, if it is large."""
 
     def enable_caching(self) -> None:
-        """Store what is compiled on disk."""
+        """Store compiled versions on disk."""
         self._cache = LinkedCache(self.py_func)
 
     def get_call_template(self, args: Any, kws: Any) -> Any:
-        """Return the function for types of arguments, each `plain`, so that they add no versions."""
+        """Return the function for types of arguments, each made `plain`, so that fewer versions are compiled."""
         return super().get_call_template(tuple(map(plain, args)), {name: plain(each) for name, each in kws.items()})
 
     def compile(self, signature: Any) -> Any:
@@ -351,7 +351,7 @@ class LinkedEntry(CFunc):
     """A compiled function for C that calls linked kernels, with a cache."""
 
     def enable_caching(self) -> None:
-        """Store what is compiled on disk."""
+        """Store compiled versions on disk."""
         self._cache = LinkedCache(self._pyfunc)
 
     def compile(self) -> None:

@@ -1,14 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Quicker versions of functions of numba's compiler, in use while kernels are compiled.
 
-They return what numba's own versions return. Together they save a fifth of a compilation's time, most of which numba
-spends in Python: with comparisons of flags, with the types of sums and products of two numbers, which it finds anew
-among fifty templates each time, and with two messages for each call of LLVM. LLVM's passes over single functions are
-light ones, because its passes over the whole module repeat them; without any, steps take 3 % longer. A function that is
-always inlined gets no machine code of its own, and its code is optimised as part of its callers alone.
+They return the same results as numba's own versions. Together they save a fifth of a compilation's time. Numba spends
+most of this fifth in Python: it compares flags, searches fifty templates for the type of each sum and product of two
+numbers, and sends two messages for each call of LLVM. LLVM's passes over single functions are light ones here, because
+its passes over the whole module repeat them; without any, steps take 3 % longer. A function that is always inlined gets
+no machine code of its own. It is optimised only as part of its callers.
 
-This uses private parts of numba, as `gdfe_ros.compiling.linked` does, which uses it only with a version of numba that
-was tested.
+This module uses private parts of numba. `gdfe_ros.compiling.linked` uses it only with a tested version of numba.
 """
 
 from __future__ import annotations
@@ -64,7 +63,7 @@ def flag_values(self: TargetConfig) -> dict[str, Any]:
 
 
 def resolve_call(self: BaseFunction, context: Any, args: tuple[Any, ...], kws: dict[str, Any]) -> Any:
-    """Return the signature of a call; remember those of built-in functions of numbers.
+    """Return the signature of a call; signatures of built-in functions of numbers are remembered.
 
     Functions that numba implements in Python depend on flags of the caller, and are resolved each time.
     """
@@ -108,7 +107,7 @@ def pass_lightly(self: codegen.CPUCodegen, **options: Any) -> tuple[Any, Any]:
 
 
 def plain(kind: types.Type) -> types.Type:
-    """Return the type as which an argument counts: constants are variables, and integers of 32 bits have 64."""
+    """Return the type for which a kernel is compiled: a constant counts as a variable, an int32 as an int64."""
     kind = types.unliteral(kind)
     return types.int64 if kind == types.int32 else kind
 
@@ -116,14 +115,14 @@ def plain(kind: types.Type) -> types.Type:
 def is_inlined() -> bool:
     """Return whether the function that numba compiles now is always inlined, and has no entry for Python.
 
-    A function of a user inherits the first from a caller, and has such an entry.
+    A user's function may inherit the first flag from its caller, but always has an entry for Python.
     """
     flags = ConfigStack.top_or_none()
     return flags is not None and flags.forceinline and flags.no_cpython_wrapper
 
 
 def optimise(self: codegen.CPUCodeLibrary) -> None:
-    """Run LLVM's passes over a module; of one that is always inlined, the cheap ones."""
+    """Run LLVM's passes over a module; only the cheap ones if it is always inlined."""
     if not is_inlined():
         _optimise(self)
         return

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Handles: sets of vertices that are fixed, or move together as a rigid body."""
+"""Constraints on a body: handles, obstacles, rigid bodies and their shapes, and poses."""
 
 from gdfe_ros.constraints.handle import Axis, Handle
 from gdfe_ros.constraints.pose import Pose, nearest_turn

@@ -28,7 +28,7 @@ INSET = 0.01
 points exactly on the rim of another box's equal face, rounding would decide which face is the nearest.
 """
 MOST_ALONG = 8
-"""Limit of the number of intervals between contact points along a rigid body."""
+"""Largest number of intervals between contact points along an edge or the axis of a rigid body."""
 AROUND = 16
 """Number of points on each circle of a sphere's or capsule's surface. The points are tested for being inside the soft
 body.
@@ -39,13 +39,15 @@ class Shape(Keys):
     """Base class of shapes.
 
     Attributes:
-        kind: number of the shape in the kernels.
+        kind: number of this kind of shapes in the kernels.
+        numbers: parameters of the shape for the kernels; a plane needs none.
         samples: further numbers for the kernels.
         skin: points of the surface (k, 3) [m]; a plane has none.
         rounding: distance [m] of the surface from the `corners`, or from the lines between them.
     """
 
     kind: ClassVar[int]
+    numbers: tuple[float, float, float] = (0.0, 0.0, 0.0)
     samples: NDArray[np.float64] = np.zeros(0)
     skin: NDArray[np.float64] = np.zeros((0, 3))
     rounding: float = 0.0
@@ -56,11 +58,6 @@ class Plane(Shape):
     """The half space z < 0 in the obstacle's frame."""
 
     kind: ClassVar[int] = 0
-
-    @property
-    def numbers(self) -> tuple[float, float, float]:
-        """Parameters of the shape for the kernels: a plane has none."""
-        return 0.0, 0.0, 0.0
 
 
 class _Round(Shape):
@@ -88,7 +85,7 @@ class _Round(Shape):
     def corners(self) -> NDArray[np.float64]:
         """Points of the axis, (k, 3) [m]; the surface is one radius away from the axis.
 
-        They are at most a radius apart, except in a long capsule, which has 2 `MOST_ALONG` intervals.
+        The points are at most a radius apart; a long capsule has 2 `MOST_ALONG` intervals at most.
         """
         heights = np.linspace(-0.5, 0.5, 1 + min(2 * MOST_ALONG, math.ceil(self.length / self.radius))) * self.length
         return heights[:, None] * [0.0, 0.0, 1.0]
@@ -99,10 +96,7 @@ class _Round(Shape):
         turn = np.linspace(0.0, 2.0 * np.pi, AROUND, endpoint=False)
         rise = np.linspace(0.0, 0.5 * np.pi, AROUND // 4, endpoint=False)
         radii, heights = self.radius * np.cos(rise), self.radius * np.sin(rise) + 0.5 * self.length
-        radii, heights = np.concatenate([radii, radii]), np.concatenate([heights, -heights])
-        rings = np.stack(
-            [np.outer(radii, np.cos(turn)), np.outer(radii, np.sin(turn)), np.tile(heights[:, None], AROUND)], axis=-1
-        )
+        rings = _make_rings(np.concatenate([radii, radii]), np.concatenate([heights, -heights]), turn)
         pole = np.array([0.0, 0.0, self.radius + 0.5 * self.length])
         return np.concatenate([rings.reshape(-1, 3), [pole, -pole]])
 
@@ -340,6 +334,14 @@ def form_faces(form: Sphere | Box | Capsule | Cylinder | TriangleMesh) -> NDArra
             return solid.vertices[solid.triangles]
 
 
+def _make_rings(
+    radii: NDArray[np.float64], heights: NDArray[np.float64], turn: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return points (k, t, 3) [m] at angles ``turn`` (t,) on circles about z, with ``radii`` and ``heights`` (k,)."""
+    places = np.outer(radii, np.cos(turn)), np.outer(radii, np.sin(turn)), np.tile(heights[:, None], len(turn))
+    return np.stack(places, axis=-1)
+
+
 def _polar() -> NDArray[np.float64]:
     return np.linspace(0.0, np.pi, FACES_ALONG + 1)
 
@@ -349,10 +351,6 @@ def _revolve(radii: NDArray[np.float64], heights: NDArray[np.float64]) -> NDArra
 
     Its profile has the ``radii`` at the ``heights`` [m].
     """
-    turn = np.linspace(0.0, 2.0 * np.pi, FACES_AROUND + 1)
-    rings = np.stack(
-        [np.outer(radii, np.cos(turn)), np.outer(radii, np.sin(turn)), np.tile(heights[:, None], FACES_AROUND + 1)],
-        axis=-1,
-    )
+    rings = _make_rings(radii, heights, np.linspace(0.0, 2.0 * np.pi, FACES_AROUND + 1))
     corners = rings[:-1, :-1], rings[1:, :-1], rings[1:, 1:], rings[:-1, 1:]
     return np.stack(corners, axis=2).reshape(-1, 4, 3)

@@ -62,7 +62,7 @@ class Handle:
 
     @property
     def pieces(self) -> tuple[Handle, ...]:
-        """The parts that move as rigid bodies: the whole handle; none of vertices on rollers."""
+        """The parts that move as rigid bodies: the handle itself, or none if its vertices are on rollers."""
         return (self,) if self.slide is None else ()
 
     def seen_from(self, origin: NDArray[np.float64]) -> Handle:
@@ -76,8 +76,8 @@ class Handle:
     def error(self, target: Pose, rest: NDArray[np.float64], positions: NDArray[np.float64]) -> float:
         """Return the largest deviation [m] of the handle's vertices from its target, along axes that are not free.
 
-        The deviation of a handle that rotates freely is that of its centre. ``rest`` and ``positions`` are the body's
-        vertices (n, 3) [m], undeformed and now.
+        For a handle that rotates freely, it is the deviation of the centre. ``rest`` and ``positions`` (n, 3) [m] are
+        the body's vertices, undeformed and now.
         """
         before, now = rest[self.vertices], positions[self.vertices]
         centre = before.mean(axis=0)

@@ -20,12 +20,8 @@ from gdfe_ros.constraints.pose import Pose
 _Vector = tuple[float, float, float]
 
 
-def _no_vertices() -> NDArray[np.int32]:
-    return np.zeros(0, dtype=np.int32)
-
-
 class ContactPoints(str, Enum):
-    """Evaluation of the contact gaps: the mean gap of the faces around each vertex, or the gap at the vertex itself."""
+    """Definition of the contact gap of a vertex: the mean gap of the faces around it, or the gap at the vertex."""
 
     FACES = "faces"
     VERTICES = "vertices"
@@ -44,12 +40,12 @@ class Obstacle(Handle):
         turn: rotation vector of the obstacle's frame in the rest pose [rad].
         friction: Coulomb's coefficient of friction.
         restitution: ratio of the normal speeds of a point after and before an impact, between 0 and 1.
-        points: evaluation of contact gaps.
+        points: definition of contact gaps.
     """
 
     noun: ClassVar[str] = "obstacle"
     section: ClassVar[str] = "obstacles"
-    vertices: NDArray[np.int32] = field(default_factory=_no_vertices)
+    vertices: NDArray[np.int32] = field(default_factory=lambda: np.zeros(0, dtype=np.int32))
     form: Form
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
     turn: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -66,7 +62,7 @@ class Obstacle(Handle):
         return np.array(self.origin)
 
     def error(self, target: Pose, rest: NDArray[np.float64], positions: NDArray[np.float64]) -> float:
-        """Return 0: an obstacle is at its target, and a rigid body has none."""
+        """Return 0 [m]: an obstacle is always at its target, and a rigid body has no target."""
         return 0.0
 
     def pose(self, commanded: Pose, positions: NDArray[np.float64]) -> Pose:
@@ -80,7 +76,7 @@ class Obstacle(Handle):
 
 @lru_cache(maxsize=1024)
 def _frame(origin: _Vector, turn: _Vector, shift: _Vector, rotation: _Vector) -> tuple[NDArray, NDArray]:
-    """Return origin and rotation of a frame; recent ones are kept, because each contact asks for them several times."""
+    """Return origin and rotation of a frame; cached, because each contact needs them several times."""
     axes = (Rotation.from_rotvec(rotation) * Rotation.from_rotvec(turn)).as_matrix()
     place = np.add(origin, shift)
     place.flags.writeable = axes.flags.writeable = False
@@ -114,7 +110,7 @@ class SelfContact:
 
     Attributes:
         quads: (q, 4) int32 vertex ids of the boundary faces in contact; triangles repeat their last corner.
-        triangles: (t, 3) int32 triangles of contact points of skins, which touch instead of faces of cells.
+        triangles: (t, 3) int32 triangles of skins: ids of their contact points. A skin touches in place of cell faces.
         friction: Coulomb's coefficient of friction.
         restitution: ratio of the normal speeds of a point after and before an impact, between 0 and 1.
         parts: dict from the name of each mesh of an assembly to the index of its first vertex; empty for a single mesh.

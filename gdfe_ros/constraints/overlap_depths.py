@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Penetration depths of rigid bodies in each other, in obstacles and in the soft body, for starts and teleports."""
+"""Checks that a rigid body does not penetrate other bodies or obstacles at the start or after a teleport."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from gdfe_ros.mesh.surfaces.shells import inside
 TOUCHING = 1e-3
 """Penetration depth, divided by the rigid body's diagonal, up to which bodies count as touching, not as overlapping."""
 POINTS, ROUNDS, CLOSER = 9, 14, 0.4
-"""Search grid for the deepest point: points along each edge, number of refinements, and factor of the grid's size in
-each refinement.
+"""Search grid for the deepest point: number of points along an edge, number of refinements, and factor by which each
+refinement shrinks the grid.
 """
 MOST_SHIFTS = 20
-"""Largest number of shifts that move a body out of another one. One shift is enough, except where edges cross."""
+"""Largest number of shifts that move a body out of another one; one shift is enough, except where edges cross."""
 SKIN = 0.98
 """Factor by which a rigid body is shrunk before its surface points are tested for being inside of the soft body."""
 
@@ -92,7 +92,7 @@ def overlaps(placed: Sequence[Placed], names: Collection[str] | None = None) -> 
 
 
 def inside_surface(one: Placed, points: NDArray[np.float64], quads: NDArray[np.int32]) -> str:
-    """Return a sentence if a rigid body penetrates the soft body or lies inside of it; else an empty string.
+    """Return a sentence about a rigid body that penetrates the soft body or lies inside of it; empty if it does not.
 
     Args:
         one: the rigid body.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Poses, and rotation vectors that go on beyond half a turn."""
+"""Poses, whose rotation vectors may exceed half a turn, and conversions from and to quaternions."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class Pose:
 
     @cached_property
     def _matrix(self) -> NDArray[np.float64]:
-        """The rotation matrix, by Rodrigues' formula; SciPy's takes longer than a small body's whole step."""
+        """The rotation matrix, by Rodrigues' formula; SciPy takes longer for it than a whole step of a small body."""
         x, y, z = self.rotation
         square = x * x + y * y + z * z
         angle = sqrt(square)
@@ -91,18 +91,20 @@ NO_TURN = 1e-9
 def nearest_turn(quaternion: Sequence[float], reference: Pose) -> tuple[float, float, float]:
     """Return the rotation vector [rad] of a quaternion (x, y, z, w) that is closest to the rotation of ``reference``.
 
-    A pose message does not distinguish a rotation from the same rotation plus 360 degrees. Of these rotation vectors,
-    the vector closest to the present one is chosen, so that a handle can rotate any number of times. The code uses
-    plain floats, because numpy takes ten times as long for four numbers.
+    A quaternion does not distinguish rotations that differ by 360 degrees. Of their rotation vectors, the vector
+    closest to ``reference`` is chosen, so that a handle can rotate any number of times. The code uses plain floats,
+    because numpy takes ten times as long for four numbers.
     """
     x, y, z, w = map(float, quaternion)
     sine = math.hypot(x, y, z)
     # Both signs of a quaternion are one rotation; the one with w >= 0 rotates by at most 180 degrees.
     angle = 2.0 * math.atan2(sine, abs(w))
-    axis = _direction(reference)
+    axis, length = (1.0, 0.0, 0.0), math.hypot(*reference.rotation)
     if angle > NO_TURN:
         sign = math.copysign(1.0 / sine, w)
         axis = (sign * x, sign * y, sign * z)
+    elif length > NO_TURN:
+        axis = tuple(part / length for part in reference.rotation)
     reach = sum(turn * part for turn, part in zip(reference.rotation, axis, strict=True))
     whole = angle + 2.0 * math.pi * round((reach - angle) / (2.0 * math.pi))
     return (whole * axis[0], whole * axis[1], whole * axis[2])
@@ -122,11 +124,3 @@ def quaternion_of(rotation: Sequence[Sequence[float]]) -> tuple[float, float, fl
     length = math.hypot(*rows[largest])
     x, y, z, w = (part / length for part in rows[largest])
     return x, y, z, w
-
-
-def _direction(pose: Pose) -> tuple[float, float, float]:
-    length = math.hypot(*pose.rotation)
-    if length <= NO_TURN:
-        return 1.0, 0.0, 0.0
-    x, y, z = pose.rotation
-    return x / length, y / length, z / length

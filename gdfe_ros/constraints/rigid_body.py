@@ -75,7 +75,7 @@ class RigidBody(Obstacle):
     def find_frame(self, positions: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the origin (3,) [m] and the rotation (3, 3) of the body's frame.
 
-        ``positions`` (n, 3) [m] are those of all vertices.
+        ``positions`` (n, 3) [m] has all vertices of the body and its rigid bodies.
         """
         own = positions[self.vertices]
         return own.mean(axis=0), own.T @ self.signs

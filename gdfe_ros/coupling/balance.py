@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The balance of a body and its yielding joints: misfit of efforts, and the search for the balance."""
+"""Balance of forces between a body and the yielding joints that carry it: the residual, and the search for its zero."""
 
 from __future__ import annotations
 
@@ -29,24 +29,24 @@ Wrenches = Callable[[State], tuple[Mapping[str, Vector], Mapping[str, Touch]]]
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class JointBalance:
-    """Yielding joints in a step: q (y,) are their positions at the end, of all arms one after the other.
+    """Yielding joints in a step: q (y,) are the positions of all arms' yielding joints at the end of the step.
 
     In balance, the efforts of the links equal the torques of the springs:
 
         M(q) q'' + C(q, q') q' + g(q) - sum_k J_k^T w_k = k (theta - q) + d (theta' - q')
 
-    theta are the positions of the motors. q' and q'' follow from q by the time scheme; without dynamics they are those
-    of the motors.
+    theta are the positions of the motors. q' and q'' follow from q by the time scheme; without dynamics they are
+    theta' and theta''.
 
     Attributes:
         arms: arms with yielding joints.
-        size: of the body [m].
-        before, after: motions of the motors.
+        size: size of the body [m].
+        before, after: motions of the motors before and after the step.
         links: motion of the yielding joints before the step.
         rules: dict from arm to the rule of its time scheme; empty without dynamics.
-        gravity: (3,) [m/s^2] at the end.
-        h: duration [s].
-        last: poses of handles and of obstacles of links before the step.
+        gravity: (3,) gravitational acceleration [m/s^2] at the end.
+        h: duration of the step [s].
+        last: poses of handles and obstacles before the step.
         wrenches: function that returns the wrenches on the links in a state of the body.
     """
 
@@ -62,7 +62,7 @@ class JointBalance:
     wrenches: Wrenches
 
     def predict_positions(self) -> Vector:
-        """Return the positions (y,) by constant accelerations; without dynamics, the springs keep their stretch."""
+        """Return first guesses (y,): constant accelerations; without dynamics, constant stretch of the springs."""
         found = []
         for arm in self.arms:
             now, soft = self.links[arm.name], arm.springs.yielding
@@ -73,7 +73,7 @@ class JointBalance:
         return np.concatenate(found)
 
     def first_derivative(self, q: Vector) -> Vector:
-        """Return k + theta_v d + kappa M (y, y): the derivative of `gap` without that of the body's wrench."""
+        """Return k + theta_v d + kappa M (y, y): the derivative of `gap` for a constant wrench of the body."""
         blocks = []
         for arm, own in self._split(q):
             block, soft = np.diag(arm.springs.stiffness), arm.springs.yielding
@@ -98,7 +98,7 @@ class JointBalance:
         return np.concatenate(found)
 
     def poses(self, q: Vector) -> dict[str, Pose]:
-        """Return dict from handle or obstacle of a link to its pose."""
+        """Return a dict from each handle or obstacle that a link moves to its pose."""
         found: dict[str, Pose] = {}
         for arm, own in self._split(q):
             found |= arm.poses(joint_positions(arm, self.after, own), self.last)
@@ -149,30 +149,30 @@ def on_links(arm: Arm, motor: JointMotion, link: LinkMotion) -> JointMotion:
 
 
 def distance(arm: Arm, motors: Motions, one: Vector, other: Vector, size: float) -> float:
-    """Return how far [m] a body of ``size`` [m] on the flange moves between two positions (y,) of the joints."""
+    """Return the largest motion [m] of a body of ``size`` [m] on the flange between two joint positions (y,)."""
     return arm.flange_distance(joint_positions(arm, motors, one), joint_positions(arm, motors, other), size)
 
 
 def joint_positions(arm: Arm, motors: Motions, own: Vector) -> Vector:
-    """Return the positions (n,) of all joints of an arm, with those of the yielding joints at ``own`` (y,)."""
+    """Return the positions (n,) of all joints of an arm: of the motors, or ``own`` (y,) for the yielding joints."""
     q = motors[arm.name].positions.copy()
     q[arm.springs.yielding] = own
     return q
 
 
 ENOUGH = 0.02
-"""A step of the search ends if it reduces the gap along its direction to at most this fraction."""
+"""A search along a direction ends if the gap along it is at most this fraction of the gap at its beginning."""
 
 
 class BalanceSearch:
-    """Search for a zero of ``gap``, the gradient of a convex function that has kinks where contacts close or open.
+    """Search for a zero of the gap, which is the gradient of a convex function with kinks where contacts open or close.
 
     Steps are those of the BFGS method. Across a kink, a step may be many times too long. If the gap along a step has
-    the other sign and is not small enough, the step is therefore shortened: to the zero of the line through the last
-    two points on the same side of the zero, or else through the two ends of the bracket.
+    changed its sign and is not small, the step is shortened to the zero of a secant: through the last two points on
+    one side of the zero, or else through the two ends of the bracket.
 
     Args:
-        derivative: (y, y) symmetric part of the derivative of the gap that is known, a lower bound of the whole.
+        derivative: (y, y) known, symmetric part of the gap's derivative; a lower bound of the whole derivative.
     """
 
     def __init__(self, derivative: Vector) -> None:
@@ -183,7 +183,7 @@ class BalanceSearch:
         self._last: tuple[Vector, Vector] | None = None
 
     def bound(self, gap: Vector) -> Vector:
-        """Return a correction (y,) at least as long as the distance to the zero, from the known derivative alone."""
+        """Return a correction (y,) that is at least as long as the distance to the zero, by the known derivative."""
         return -np.linalg.solve(self._least, gap / self._scale) / self._scale
 
     def next(self, q: Vector, gap: Vector, *, longest: float = np.inf) -> Vector:
@@ -191,7 +191,7 @@ class BalanceSearch:
 
         Args:
             q: positions (y,) of the last evaluation.
-            gap: (y,) gap there.
+            gap: (y,) value of `JointBalance.gap` at ``q``.
             longest: largest fraction of a new BFGS step that may be made.
         """
         here, rest = q * self._scale, gap / self._scale
@@ -203,7 +203,7 @@ class BalanceSearch:
         return (self._base[0] + self._length * self._direction) / self._scale
 
     def _ends(self, rest: Vector) -> bool:
-        """Store the gap along the direction; return whether it is small enough, or the step is only too short."""
+        """Store the gap along the direction; return whether the search along it ends: it is small, or not bracketed."""
         slope, enough = float(rest @ self._direction), ENOUGH * abs(self._below[0][1])
         if abs(slope) <= enough or (slope < 0.0 and not self._above):
             return True

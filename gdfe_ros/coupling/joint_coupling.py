@@ -30,15 +30,15 @@ from gdfe_ros.solver.vectors import NEGLIGIBLE
 
 Vector = NDArray[np.float64]
 BALANCED = 0.1
-"""Longest correction that is not worth another solve, divided by the allowed correction."""
+"""A correction at most this long, divided by the allowed correction, causes no further solve."""
 PATIENCE = 4
-"""Number of solves that do not halve the correction, after which an allowed correction is left out."""
+"""After this number of solves that did not halve the correction, an allowed correction is left out."""
 SOLVES = 24
 """Largest number of solves of the body for one balance; usually there are 2 to 4."""
 HALVINGS, MOVING_HALVINGS = 6, 2
-"""How often a failing step without dynamics, and an internal step of a motion, is halved."""
+"""Largest number of halvings of a failing step: without dynamics, and of an internal step of a motion."""
 LONGEST_CORRECTION = 1.0
-"""Largest motion of a flange by one correction, over the body's size."""
+"""Largest motion of a flange by one correction, divided by the body's size."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -48,7 +48,7 @@ class CoupledStep:
     Attributes:
         march: outcome of the body.
         links: motion of the yielding joints after the step.
-        poses: dict from handle or obstacle of a link to its pose.
+        poses: dict from each handle or obstacle that a link moves to its pose.
         balanced: whether the joints are in balance, or the body has not converged.
     """
 
@@ -85,11 +85,11 @@ class JointCoupling:
     a wrench moves joints that are softer than the body by more than the tolerance.
 
     Args:
-        arms: of the scene; arms without springs are left out.
-        stepper: of the body.
+        arms: arms of the scene; arms without springs are left out.
+        stepper: stepper of the body.
         dynamics: time scheme of the scene; None for equilibria.
-        loads: of the scene; gravity acts on the links.
-        tolerance: of the solver, over the size of the body.
+        loads: loads of the scene; gravity acts on the links.
+        tolerance: tolerance of the solver, divided by the size of the body.
         origin: (3,) [m] origin of the positions in a state.
     """
 
@@ -151,13 +151,13 @@ class JointCoupling:
         """Return the outcome of a step; with dynamics, the joints are in balance after each internal step.
 
         Args:
-            state: of the body.
+            state: state of the body before the step.
             links: motion of the yielding joints before the step.
             motors: motions of the motors before and after the step.
-            targets: poses of handles and obstacles after the step; those on arms are replaced.
-            commands: after the step.
-            duration: of the step [s].
-            deadline: of the step; None for none.
+            targets: poses of handles and obstacles after the step; poses of handles and obstacles on arms are replaced.
+            commands: commands after the step.
+            duration: duration of the step [s].
+            deadline: deadline of the step; None for none.
         """
         count, halvings = 1, HALVINGS
         if self._dynamics is not None:
@@ -169,7 +169,7 @@ class JointCoupling:
     def _step_in_parts(
         self, task: _Task, count: int, duration: float, deadline: Deadline | None, halvings: int
     ) -> CoupledStep:
-        """Return the outcome of a task in ``count`` equal parts; it ends with the first part that fails."""
+        """Return the outcome of a task in ``count`` equal parts, up to the first part that fails."""
         h, state, links, march = float(f"{duration / count:.9g}"), task.state, task.links, None
         for number in range(count):
             found = self._make(task.part(number, count, state, links), h, deadline, halvings)
@@ -183,10 +183,10 @@ class JointCoupling:
         return CoupledStep(march=march, links=links, poses=found.poses)
 
     def _make(self, task: _Task, h: float, deadline: Deadline | None, halvings: int) -> CoupledStep:
-        """Return the outcome of a task; if it fails, that of its two halves if they succeed.
+        """Return the outcome of a task; if it fails, the outcome of its two halves if they succeed.
 
-        At the joints' first positions a long step may press the body too far. In a motion, the wrench may jump where
-        the stepper of the body chooses another scheme for the step.
+        At the first guess of the joints' positions, a long step may press the body too far. In a motion, the wrench may
+        jump if the stepper of the body chooses another scheme for the step.
         """
         found = self._balance(task, h, deadline)
         hopeless = self._dynamics is not None and found.balanced
@@ -198,7 +198,7 @@ class JointCoupling:
         return replace_fields(chosen, march=replace_fields(chosen.march, iterations=spent))
 
     def _balance(self, task: _Task, h: float, deadline: Deadline | None) -> CoupledStep:
-        """Return body and joints in balance at the end of a task, or what is nearest to it."""
+        """Return body and joints in balance at the end of a task, or the outcome with the smallest correction."""
         balance = JointBalance(
             arms=self._arms,
             size=self._size,

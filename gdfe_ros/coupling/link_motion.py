@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Motion of the yielding joints of an arm, on the side of the links."""
+"""Motion of the links that the yielding joints of an arm move."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ Vector = NDArray[np.float64]
 
 
 class LinkMotion(NamedTuple):
-    """Yielding joints of an arm at the end of a step, on the side of the links; (y,) each.
+    """Positions and motions (y,) of the links that yielding joints move, at the end of a step.
 
     Attributes:
         positions: q [rad] or [m].
         velocities: [rad/s] or [m/s].
         accelerations: of the time scheme [rad/s^2] or [m/s^2].
-        balanced: accelerations [rad/s^2] or [m/s^2] by the forces.
+        balanced: accelerations [rad/s^2] or [m/s^2] by the forces at the end of the step.
         before, velocities_before: positions and velocities at the end of the previous step.
         step: (1,) duration of the previous step [s]; 0 if there is none.
     """
@@ -67,7 +67,7 @@ class LinkMotion(NamedTuple):
         )
 
     def part_way(self, after: LinkMotion, fraction: float) -> LinkMotion:
-        """Return the links at a ``fraction`` of the step to ``after``; the next step starts without a previous one."""
+        """Return the links at a ``fraction`` of the step to ``after``; for the next step, there is no previous step."""
         if fraction == 0.0:
             return self
         positions = self.positions + fraction * (after.positions - self.positions)

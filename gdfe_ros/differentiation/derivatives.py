@@ -7,7 +7,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gdfe_ros.differentiation.named_parameters import Parameters
 from gdfe_ros.errors import CommandError, GdfeError, require_named
@@ -19,6 +18,7 @@ from gdfe_ros.solver.sensitivity.motion import Trail
 from gdfe_ros.solver.sensitivity.parameter import MaterialVariant, Parameter
 from gdfe_ros.solver.state import State
 from gdfe_ros.solver.stepping.stepper import Stepper
+from gdfe_ros.solver.vectors import Array
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -36,10 +36,10 @@ class Sensitivities:
     outputs: tuple[str, ...]
     parameters: tuple[str, ...]
     units: tuple[str, ...]
-    values: Mapping[str, NDArray[np.float64]]
+    values: Mapping[str, Array]
 
     @property
-    def matrix(self) -> NDArray[np.float64]:
+    def matrix(self) -> Array:
         """All rows (sum of k, p), output by output.
 
         Raises:
@@ -50,7 +50,7 @@ class Sensitivities:
         rows = [self.values[name] for name in self.outputs]
         return np.concatenate(rows) if rows else np.zeros((0, len(self.parameters)))
 
-    def of(self, output: str, parameter: str) -> NDArray[np.float64]:
+    def of(self, output: str, parameter: str) -> Array:
         """Return d(output)/d(parameter) (k,).
 
         Raises:
@@ -92,9 +92,7 @@ class Outputs:
             require_named("output", name, self.names, " in this scene")
         return tuple(names)
 
-    def row(
-        self, name: str, motion: NDArray[np.float64], reactions: Mapping[str, NDArray[np.float64]]
-    ) -> NDArray[np.float64]:
+    def row(self, name: str, motion: Array, reactions: Mapping[str, Array]) -> Array:
         """Return the derivative (k,) of an output from the derivatives of positions (n, 3) and reactions (6,)."""
         if name == "positions":
             return motion[: self._count].ravel()
@@ -149,7 +147,7 @@ class Derivatives:
         return join_columns(self._outputs, names, chosen, columns)
 
     def choose_parameters(self, parameters: Sequence[str] | None) -> list[Parameter]:
-        """Return the parameters with these names; None: those of all actuators."""
+        """Return the parameters with these names; None: the commands of all actuators."""
         return self.parameters.find_parameters(self._usual if parameters is None else parameters)
 
     def trail(self, state: State, parameters: Sequence[str] | None) -> Trail:
@@ -180,9 +178,9 @@ def join_columns(
     outputs: Outputs,
     names: Sequence[str],
     parameters: Sequence[Parameter],
-    columns: Sequence[tuple[NDArray[np.float64], Mapping[str, NDArray[np.float64]]]],
+    columns: Sequence[tuple[Array, Mapping[str, Array]]],
 ) -> Sensitivities:
-    """Return the columns of all parameters as one result; each has derivatives of positions and of reactions."""
+    """Return the columns of all parameters as one result; a column has derivatives of positions and of reactions."""
     rows = {name: [outputs.row(name, *column) for column in columns] for name in names} if columns else {}
     return Sensitivities(
         outputs=tuple(names),

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Derivatives of a running simulation: its last step, and the parameters that it follows."""
+"""Derivatives of a running simulation, at equilibria and along motions."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gdfe_ros.command import Orders
 from gdfe_ros.constraints import Pose
@@ -20,15 +19,18 @@ from gdfe_ros.solver.settings import Policy
 from gdfe_ros.solver.solution import March
 from gdfe_ros.solver.state import State
 from gdfe_ros.solver.stepping.stepper import Stepper
+from gdfe_ros.solver.vectors import Array
 
 if TYPE_CHECKING:
     from gdfe_ros.differentiation.derivatives import Derivatives, Sensitivities
     from gdfe_ros.solver.sensitivity.motion import Trail
 
 CHANGE, TOLERANCE = 1e-2, 1e-8
-"""Change of a growth's command in a difference, and tolerance of the steps to both ends of it."""
+"""Change of a growth's command in a difference, and tolerance of the two steps from which the difference is taken."""
 Interruption = Callable[[], bool] | None
 """Function that is called repeatedly; if it returns True, an error is raised."""
+Names = Sequence[str] | None
+"""Names of outputs or parameters; None for a default."""
 
 
 def make_differentiator(scene: Scene, stepper: Stepper | MotionStepper, orders: Orders) -> Differentiator:
@@ -65,7 +67,7 @@ class Differentiator:
         """Make a step with the arguments of the stepper; update the derivatives if `follow` requested them."""
         return self._stepper.step(state, targets, commands, **given)
 
-    def follow(self, state: State, parameters: Sequence[str] | None) -> None:
+    def follow(self, state: State, parameters: Names) -> None:
         """Update derivatives with respect to ``parameters`` in all further steps from ``state``."""
         self._require_rigid_joints()
         if not self.derivatives.choose_parameters(parameters):
@@ -73,13 +75,7 @@ class Differentiator:
             raise CommandError(f"nothing to follow; parameters of this scene: {known}")
 
     def sensitivities(
-        self,
-        state: State,
-        outputs: Sequence[str] | None,
-        parameters: Sequence[str] | None,
-        *,
-        solved: bool,
-        interrupted: Interruption,
+        self, state: State, outputs: Names, parameters: Names, *, solved: bool, interrupted: Interruption
     ) -> Sensitivities:
         """Return d(output)/d(parameter) at ``state``; ``solved`` is False before the first commands are solved."""
         self._require_rigid_joints()
@@ -87,15 +83,8 @@ class Differentiator:
             raise GdfeError("no derivative: the first commands, as of loads, are not solved yet; remedy: step first")
         return self.derivatives.derive_outputs(state, outputs, parameters, interrupted=interrupted)
 
-    def jacobian(
-        self,
-        state: State,
-        probes: Sequence[str] | None,
-        actuators: Sequence[str] | None,
-        *,
-        interrupted: Interruption,
-    ) -> NDArray[np.float64]:
-        """Return d(probe position)/d(command) (probes, 3, actuators) at ``state``, of a motion over the last step."""
+    def jacobian(self, state: State, probes: Names, actuators: Names, *, interrupted: Interruption) -> Array:
+        """Return d(probe position)/d(command) (probes, 3, actuators) at ``state``; in motion, within the last step."""
         self._require_rigid_joints()
         points = list(self._scene.probes) if probes is None else list(probes)
         names = [each.name for each in self._scene.actuators] if actuators is None else list(actuators)
@@ -106,9 +95,7 @@ class Differentiator:
             return np.zeros((len(points), 3, 0))
         return self._jacobian(state, points, names, interrupted)
 
-    def _jacobian(
-        self, state: State, probes: list[str], actuators: list[str], interrupted: Interruption
-    ) -> NDArray[np.float64]:
+    def _jacobian(self, state: State, probes: list[str], actuators: list[str], interrupted: Interruption) -> Array:
         outputs, wanted = [f"probes.{name}" for name in probes], [f"actuators.{name}" for name in actuators]
         found = self._derivatives_now(state, outputs, wanted, interrupted)
         return found.matrix.reshape(len(probes), 3, len(actuators))
@@ -116,7 +103,7 @@ class Differentiator:
     def _derivatives_now(
         self, state: State, outputs: Sequence[str], parameters: Sequence[str], interrupted: Interruption
     ) -> Sensitivities:
-        """Return d(output)/d(parameter) at ``state``, without the effects of steps before the last one."""
+        """Return d(output)/d(parameter) at ``state``; in motion, only the last step depends on the parameters."""
         return self.derivatives.derive_outputs(state, outputs, parameters, interrupted=interrupted)
 
     def _require_rigid_joints(self) -> None:
@@ -130,9 +117,7 @@ class Differentiator:
 class RelativeDifferentiator(Differentiator):
     """Derivatives of the policy ``relative``, which has no forces: differences of two steps from the present state."""
 
-    def _jacobian(
-        self, state: State, probes: list[str], actuators: list[str], interrupted: Interruption
-    ) -> NDArray[np.float64]:
+    def _jacobian(self, state: State, probes: list[str], actuators: list[str], interrupted: Interruption) -> Array:
         points, columns = self._orders.probes(probes), []
         deadline = Deadline(interrupted=interrupted) if interrupted else None
         for growth in map(self._orders.actuator, actuators):
@@ -163,7 +148,7 @@ class _Step(NamedTuple):
 
 
 class MotionDifferentiator(Differentiator):
-    """Derivatives of a motion: those of the last step, which is repeated for them, or of all steps since `follow`."""
+    """Derivatives of a motion: of all steps since `follow`, or of the last step alone, which is repeated for them."""
 
     def __init__(self, scene: Scene, stepper: MotionStepper, orders: Orders) -> None:
         super().__init__(scene, stepper, orders)
@@ -183,19 +168,13 @@ class MotionDifferentiator(Differentiator):
         self._last = _Step(state, march.state, targets, commands, given["duration"])
         return march
 
-    def follow(self, state: State, parameters: Sequence[str] | None) -> None:
+    def follow(self, state: State, parameters: Names) -> None:
         """Update derivatives with respect to ``parameters`` in all further steps from ``state``."""
         super().follow(state, parameters)
         self._trail = self.derivatives.trail(state, parameters)
 
     def sensitivities(
-        self,
-        state: State,
-        outputs: Sequence[str] | None,
-        parameters: Sequence[str] | None,
-        *,
-        solved: bool,
-        interrupted: Interruption,
+        self, state: State, outputs: Names, parameters: Names, *, solved: bool, interrupted: Interruption
     ) -> Sensitivities:
         """Return d(output)/d(parameter) at ``state``, which a step in motion has reached."""
         self._require_rigid_joints()
@@ -210,7 +189,7 @@ class MotionDifferentiator(Differentiator):
         trail = self._last_step_followed(state, parameters, interrupted)
         return self.derivatives.along(trail, outputs, parameters)
 
-    def _last_step_followed(self, state: State, parameters: Sequence[str] | None, interrupted: Interruption) -> Trail:
+    def _last_step_followed(self, state: State, parameters: Names, interrupted: Interruption) -> Trail:
         """Repeat the last step, which led to ``state``, and return the trail with its derivatives."""
         last = self._last
         if last is None or last.found.positions is not state.positions:

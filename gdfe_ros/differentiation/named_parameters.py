@@ -80,7 +80,7 @@ class Parameters:
         self._made[name] = Parameter(name=name, unit=unit, scale=scale, **more)
 
     def _vary(self, name: str, unit: str, scale: float, *keys: str | int) -> None:
-        """Add the number of the model at ``keys`` as a parameter; they are those of `with_number`."""
+        """Add, as a parameter, the number that `with_number` replaces in the model at these ``keys``."""
 
         @cache
         def model(changed: float) -> Variant:
@@ -130,7 +130,7 @@ class Parameters:
 
 
 def with_number(thing: object, keys: Sequence[str | int], value: float) -> object:
-    """Return ``thing`` with ``value`` at ``keys``, names of fields, keys of dicts and indices, outermost first."""
+    """Return ``thing`` with ``value`` at the end of the path ``keys``: names of fields, keys of dicts, and indices."""
     if not keys:
         return value
     first, *rest = keys

@@ -29,11 +29,11 @@ def drucker_remarks(hessian: Hessian) -> list[str]:
     """Return remarks on stretches at which the tangent stiffness is not positive definite; empty if there are none.
 
     Each deformation of `MODES` is checked in tension and in compression. The Kirchhoff stresses of an incompressible
-    body obey d(tau_1 - tau_3) = h11 d ln l1 + h12 d ln l2, and the same with 1 and 2 exchanged. The law is stable if
-    this matrix is positive definite.
+    body obey d(tau_1 - tau_3) = h11 d ln l1 + h12 d ln l2 and d(tau_2 - tau_3) = h12 d ln l1 + h22 d ln l2. The law is
+    stable if the matrix h is positive definite.
 
     Args:
-        hessian: of the law's energy.
+        hessian: Hessian of the law's energy.
     """
     notes = []
     for mode, stretches in MODES.items():

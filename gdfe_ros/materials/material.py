@@ -29,7 +29,7 @@ Coefficient = Annotated[
 
 
 class Law(IntEnum):
-    """The stress-strain laws. Kernels know the first four and the last; the others have the kernel of ``OGDEN``."""
+    """The stress-strain laws. The first four and the last have kernels of their own; the others use that of Ogden."""
 
     LINEAR = 0
     NEO_HOOKEAN = 1
@@ -70,13 +70,13 @@ class Material(CheckedKeys):
 
     @classmethod
     def parameters(cls) -> dict[str, Quantity]:
-        """Return a dict from the name of each parameter of this law alone, with numbers, to its quantity."""
+        """Return a dict from name to quantity, for the numbers that this law has in addition to those of `Material`."""
         common = quantities_of(Material)
         return {name: quantity for name, quantity in quantities_of(cls).items() if name not in common}
 
     @property
     def kernel(self) -> Law:
-        """Law whose kernel computes this one."""
+        """Law whose compiled kernel computes this law."""
         return self.law
 
     @property
@@ -98,7 +98,7 @@ class Material(CheckedKeys):
 
     @property
     def volume_modulus(self) -> float:
-        """Modulus [Pa] of the volume energy, K unless a law says otherwise; infinite at nu = 0.5."""
+        """Modulus [Pa] of the volume energy: K, unless a law overrides it; infinite at nu = 0.5."""
         return self.bulk
 
     @property
@@ -157,12 +157,12 @@ class NeoHookean(Linear):
     law = Law.NEO_HOOKEAN
 
     def stress_at(self, strain: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return E/3 (l - l^-2) [Pa] at l = 1 + e."""
+        """Return the nominal stress E/3 (l - l^-2) [Pa] at the stretch l = 1 + ``strain``."""
         stretch = 1.0 + strain
         return self.young / 3.0 * (stretch - stretch**-2.0)
 
     def tangent_at(self, strain: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return E/3 (1 + 2 l^-3) [Pa] at l = 1 + e."""
+        """Return the tangent E/3 (1 + 2 l^-3) [Pa] at the stretch l = 1 + ``strain``."""
         return self.young / 3.0 * (1.0 + 2.0 * (1.0 + strain) ** -3.0)
 
 

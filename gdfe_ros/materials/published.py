@@ -40,10 +40,10 @@ _Fit = tuple[float, float, float, str, float, float, float]
 
 
 def _yeoh_fits(reference: str, fits: dict[str, _Fit]) -> dict[str, PublishedSet]:
-    """Return a dict from name to each set that was fitted here to a tensile test of others.
+    """Return a dict from name to set; this project fitted the constants to published tensile tests.
 
     Args:
-        reference: the tests.
+        reference: reference of the tests.
         fits: dict from material to the coefficients c10, c20, c30 [Pa] of Yeoh's law, the range of strains, the
             relative misfit (root mean square) [%], and modulus [kPa] and misfit [%] of a neo-Hookean law.
     """
@@ -159,7 +159,7 @@ PUBLISHED: dict[str, PublishedSet] = {
         "uniaxial stretch 1.04..3.70", "own fit, relative rms 2 %", "Kawabata et al. 1981"),
 }
 # fmt: on
-"""Dict from name to set."""
+"""Dict from the name of each published set to the set."""
 
 
 def make_published(
@@ -175,9 +175,9 @@ def make_published(
     Args:
         name: one of `PUBLISHED`.
         scale: factor on all stresses.
-        poisson: initial Poisson's ratio; None for that of the set.
-        density: mass density [kg/m^3]; None for that of the set, if it has one.
-        omega: shape factor for the ``relative`` policy; None for the law's own.
+        poisson: initial Poisson's ratio; None for the set's ratio.
+        density: mass density [kg/m^3]; None for the set's density, if it has one.
+        omega: shape factor for the ``relative`` policy; None for the law's own factor.
 
     Raises:
         ValueError: there is no such set.

@@ -11,24 +11,8 @@ from __future__ import annotations
 import math
 
 from gdfe_ros.compiled import inlined, internal
-from gdfe_ros.materials.table import (
-    END,
-    GENT,
-    INTERVALS,
-    INVARIANT,
-    LIMIT,
-    OGDEN,
-    POISSON,
-    POWERS,
-    SHEAR,
-    TERMS,
-    YOUNG,
-)
-from gdfe_ros.materials.tensor import (
-    cofactor,
-    determinant,
-    squared_norm,
-)
+from gdfe_ros.materials.table import END, GENT, INTERVALS, INVARIANT, LIMIT, OGDEN, POWERS, SHEAR, TERMS
+from gdfe_ros.materials.tensor import cofactor, determinant, squared_norm
 
 LEAST_VOLUME = 0.1
 """Volume ratio J below which parabolas (C2) replace the logarithms of the neo-Hookean law."""
@@ -68,12 +52,6 @@ def corotated_stress(f, r, lam, factor, slope, c):
         factor * (f[7] - lam * r[7]) + slope * c[7],
         factor * (f[8] - lam * r[8]) + slope * c[8],
     )
-
-
-@inlined
-def linear_factor(table, k):
-    """Return E / (1 + nu) [Pa] of the linear law; its deviatoric energy is E / (2 (1 + nu)) |F - lam R|^2."""
-    return table.parameters[k, YOUNG] / (1.0 + table.parameters[k, POISSON])
 
 
 @inlined
@@ -127,13 +105,19 @@ def stable_neo_hookean(f, pressure, mu, kappa):
 
 
 @inlined
-def ogden_powers(l0, l1, l2, table, k, term):
-    """Return mu and alpha of a term, and the isochoric stretches of (l0, l1, l2) to the power alpha."""
-    mu, alpha = table.parameters[k, OGDEN + 2 * term], table.parameters[k, OGDEN + 2 * term + 1]
+def isochoric_powers(l0, l1, l2, alpha):
+    """Return the isochoric stretches of the principal stretches (l0, l1, l2) to the power alpha."""
     n0, n1, n2 = math.log(l0), math.log(l1), math.log(l2)
     mean = (n0 + n1 + n2) / 3.0
     e0, e1 = math.exp(alpha * (n0 - mean)), math.exp(alpha * (n1 - mean))
-    return mu, alpha, e0, e1, 1.0 / (e0 * e1)
+    return e0, e1, 1.0 / (e0 * e1)
+
+
+@inlined
+def ogden_powers(l0, l1, l2, table, k, term):
+    """Return mu and alpha of a term, and the isochoric stretches of (l0, l1, l2) to the power alpha."""
+    mu, alpha = table.parameters[k, OGDEN + 2 * term], table.parameters[k, OGDEN + 2 * term + 1]
+    return mu, alpha, *isochoric_powers(l0, l1, l2, alpha)
 
 
 @inlined
@@ -163,15 +147,6 @@ def invariant_energy(x, table, k):
 
 
 @inlined
-def isochoric_squares(l0, l1, l2):
-    """Return the squares of the isochoric principal stretches."""
-    n0, n1, n2 = math.log(l0), math.log(l1), math.log(l2)
-    mean = (n0 + n1 + n2) / 3.0
-    e0, e1 = math.exp(2.0 * (n0 - mean)), math.exp(2.0 * (n1 - mean))
-    return e0, e1, 1.0 / (e0 * e1)
-
-
-@inlined
 def ogden_terms(l0, l1, l2, table, k):
     """Return the isochoric energy W, and its derivatives with respect to the three principal stretches.
 
@@ -187,7 +162,7 @@ def ogden_terms(l0, l1, l2, table, k):
         t1 += factor * (e1 - total / 3.0)
         t2 += factor * (e2 - total / 3.0)
     if table.parameters[k, INVARIANT] > 0.0:
-        e0, e1, e2 = isochoric_squares(l0, l1, l2)
+        e0, e1, e2 = isochoric_powers(l0, l1, l2, 2.0)
         total = e0 + e1 + e2
         more, first, _ = invariant_energy(total - 3.0, table, k)
         w += more
@@ -211,7 +186,7 @@ def ogden_mixed(l0, l1, l2, d0, d1, d2, table, k):
         m1 += 2.0 * mu * (e1 * (u1 - mean) - weighted + total * mean / 3.0) - factor * (e1 - total / 3.0) * u1
         m2 += 2.0 * mu * (e2 * (u2 - mean) - weighted + total * mean / 3.0) - factor * (e2 - total / 3.0) * u2
     if table.parameters[k, INVARIANT] > 0.0:
-        e0, e1, e2 = isochoric_squares(l0, l1, l2)
+        e0, e1, e2 = isochoric_powers(l0, l1, l2, 2.0)
         total, mean = e0 + e1 + e2, (u0 + u1 + u2) / 3.0
         c0, c1, c2 = 2.0 * e0 * (u0 - mean), 2.0 * e1 * (u1 - mean), 2.0 * e2 * (u2 - mean)
         change = c0 + c1 + c2

@@ -116,7 +116,7 @@ def rotation_from_stretch_sum(f, c, first, s, jacobian):
 
 @inlined
 def rotation(f):
-    """Return the rotation of F and the measure of its uniqueness, as in `rotation_from_stretch_sum`, and det F."""
+    """Return the rotation of F, the measure of its uniqueness (see `rotation_from_stretch_sum`), and det F."""
     c = cofactor(f)
     j = determinant(f, c)
     first = squared_norm(f)
@@ -136,8 +136,8 @@ def off_diagonal(a):
 def jacobi_sweep(a, v):
     """Apply three Jacobi rotations to a symmetric matrix (00, 01, 02, 11, 12, 22) and its eigenvectors; return both.
 
-    The eigenvectors are the columns of a matrix of nine floats. Nothing is rotated if `off_diagonal` is false. A lane
-    that has converged thus stays constant in further sweeps of its block.
+    The eigenvectors are the columns of a matrix of nine floats. Nothing is rotated if `off_diagonal` is false: a matrix
+    that has converged stays constant, while other matrices of the same SIMD block need further sweeps.
     """
     a00, a01, a02, a11, a12, a22 = a
     v00, v01, v02, v10, v11, v12, v20, v21, v22 = v
@@ -167,7 +167,7 @@ def jacobi_sweep(a, v):
 def _jacobi(app, aqq, apq, going):
     """Return cosine, sine and tangent of the Jacobi rotation that zeroes the entry apq (Golub and Van Loan).
 
-    If ``going`` is false or apq is zero, they are those of no rotation: 1, 0, 0.
+    If ``going`` is false or apq is zero, nothing rotates: they are 1, 0 and 0.
     """
     theta = (aqq - app) / (2.0 * apq)
     t = math.copysign(1.0, theta) / (abs(theta) + math.sqrt(1.0 + theta * theta))

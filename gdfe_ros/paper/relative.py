@@ -14,7 +14,6 @@ import scipy.sparse as sparse
 from numpy.typing import NDArray
 
 from gdfe_ros.compiled import internal, kernel
-from gdfe_ros.constraints import Pose
 from gdfe_ros.materials.tensor import rotation
 from gdfe_ros.mesh.cells.operators import ShapeOperators
 from gdfe_ros.paper.shape_factor import shape_factors
@@ -34,7 +33,7 @@ from gdfe_ros.solver.outcome import Outcome
 from gdfe_ros.solver.solution import Increment, Solution
 from gdfe_ros.solver.state import ShapeState, State, Summary
 from gdfe_ros.solver.terms.multiplier import Anderson
-from gdfe_ros.solver.vectors import largest
+from gdfe_ros.solver.vectors import Array, largest
 
 LEAST_VOLUME = 1e-3
 """Lower bound of the volume ratio from which the scale of V^V is computed; without this bound, the scale could become
@@ -47,7 +46,7 @@ def assemble_centring(shape: ShapeOperators) -> sparse.csc_matrix:
     return scatter(shape.volume[:, None, None] * (np.eye(8) - 0.125), shape.cells).tocsc()
 
 
-def blend(before: NDArray[np.float64], now: NDArray[np.float64]) -> NDArray[np.float64]:
+def blend(before: Array, now: Array) -> Array:
     """Return alpha = eps_p / eps_c of Eq. 9, or its inverse for a strain that has decreased.
 
     The paper considers loading, where the ratio is at most 1. On unloading, alpha must vanish with the strain.
@@ -59,7 +58,7 @@ def blend(before: NDArray[np.float64], now: NDArray[np.float64]) -> NDArray[np.f
 
 @internal
 def _frame(x, shape, e):
-    """Return the proper rotation of an element and the factor that scales it to its rest volume."""
+    """Return the proper rotation of an element, and the factor that scales its current shape to its rest volume."""
     r, _, j = rotation(mean_gradient(x, shape, e))
     return r, max(abs(j), LEAST_VOLUME) ** (-1.0 / 3.0)
 
@@ -120,7 +119,7 @@ class RelativeEquilibrium:
     """
 
     SAFETY = 0.01
-    """Lower bound of the length of a fixed-point step, divided by the distance to the fixed point."""
+    """Assumed least ratio of the length of a fixed-point step to the distance to the fixed point."""
 
     patience = 120
 
@@ -140,35 +139,14 @@ class RelativeEquilibrium:
 
     @property
     def remarks(self) -> list[str]:
-        """No remarks: the constant matrix is the whole method."""
+        """No remarks on accuracy: this policy never needs a tangent."""
         return []
 
     def at_rest(self) -> State:
         """Return the undeformed state; the captured shapes are the rest shapes, with zero strain."""
-        body, loose = self._body, np.zeros((len(self._body.unknowns.slides), 3))
-        operators, commands = self._actuation.growths.ungrown, dict(self._actuation.neutral)
-        poses = {handle.name: Pose() for handle in body.handles}
-        omega, strain = self._factors(body.rest, operators)
-        return State(
-            positions=body.rest,
-            base=body.rest,
-            poses=poses,
-            commands=commands,
-            slides=loose,
-            turns=loose,
-            terms={},
-            shapes=ShapeState(captured=self._rest, strain=np.zeros_like(strain), omega=omega),
-            operators=operators,
-            balance=None,
-            summary=Summary(
-                converged=False,
-                error_estimate=0.0,
-                energy=0.0,
-                min_det=1.0,
-                reactions={handle.name: np.zeros(6) for handle in body.handles},
-                actuators=self._actuation.states(body.rest, commands, operators),
-            ),
-        )
+        omega, strain = self._factors(self._body.rest, self._actuation.growths.ungrown)
+        shapes = ShapeState(captured=self._rest, strain=np.zeros_like(strain), omega=omega)
+        return self._actuation.rest_state(converged=False, terms={}, shapes=shapes, balance=None)
 
     def solve(self, problem: Increment, start: State) -> Solution:
         """Find the equilibrium of shapes for ``problem`` from ``start``, which is not modified."""
@@ -217,11 +195,7 @@ class RelativeEquilibrium:
         return {}
 
     def _iterate(
-        self,
-        problem: Increment,
-        start: State,
-        predicted: State,
-        operators: Operators,
+        self, problem: Increment, start: State, predicted: State, operators: Operators
     ) -> tuple[NDArray, NDArray, NDArray, NDArray, int, float, bool]:
         """Iterate the shape factors, desired shapes and positions to a fixed point.
 
@@ -254,7 +228,7 @@ class RelativeEquilibrium:
 
     def _summary(
         self,
-        x: NDArray[np.float64],
+        x: Array,
         operators: Operators,
         problem: Increment,
         *,
@@ -262,7 +236,7 @@ class RelativeEquilibrium:
         error_estimate: float,
         message: str,
     ) -> Summary:
-        """Return a summary; its energy and reactions are those of the ``energy`` policy at ``x`` (n, 3) [m]."""
+        """Return a summary; energy and reactions follow from the policy ``energy`` at positions ``x`` (n, 3) [m]."""
         body = self._body
         pressure = volume_pressures(body, x, operators=operators)
         force, energies = corner_forces(body, x, pressure, operators=operators)
@@ -282,7 +256,7 @@ class RelativeEquilibrium:
             message=message,
         )
 
-    def _stretch(self, shapes: NDArray[np.float64], operators: Operators, *, back: bool = False) -> NDArray[np.float64]:
+    def _stretch(self, shapes: Array, operators: Operators, *, back: bool = False) -> Array:
         """Apply the growth of the elements to ``shapes`` (m, 8, 3), or remove it if ``back``; return the shapes."""
         cells = self._actuation.growths.cells
         if not len(cells):
@@ -291,7 +265,7 @@ class RelativeEquilibrium:
         grown[cells] = shapes[cells] @ (np.linalg.inv(operators.stretch) if back else operators.stretch)
         return grown
 
-    def _factors(self, x: NDArray[np.float64], operators: Operators) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def _factors(self, x: Array, operators: Operators) -> tuple[Array, Array]:
         """Return the shape factor omega and the equivalent strain of each element (m,) (Algorithm 1)."""
         body, values = self._body, np.empty((4, len(self._given)))
         strain_states(x, operators.shape, body.material, body.table, values)

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a step results in: its numbers, contacts, fields of the elements, and readings of inertial units."""
+"""Results of a step: its numbers, contacts, fields of the elements, and readings of inertial units."""

@@ -24,8 +24,8 @@ POINT = np.dtype(
 )
 """A contact point, with these fields: ``x, y, z`` position [m]; ``nx, ny, nz`` normal of the touched surface; ``gap``
 [m]; ``fx, fy, fz`` normal force [N]; ``tx, ty, tz`` friction force [N]; ``slips`` 1 if the point slips; ``vertex`` of
-the point; ``contact`` index of the contact's name; ``other`` touched vertex. The vertex of a skin point is the one with
-the largest weight. The vertex of a rigid body's corner is -1. The touched vertex is -1 unless the body touches itself.
+the point; ``contact`` index of the contact's name; ``other`` touched vertex. For a point of a skin, ``vertex`` is the
+vertex with the largest weight; for a corner of a rigid body, it is -1. ``other`` is -1 unless the body touches itself.
 """
 
 
@@ -84,7 +84,7 @@ def contact_names(handles: Iterable[Handle], self_contact: SelfContact | None = 
 
 
 def _contact_pairs(handles: Iterable[Handle]) -> list[tuple[RigidBody | None, Obstacle]]:
-    """Return the two sides of each contact but self-contact, in the order of `contact_names`; None: the soft body."""
+    """Return both sides of each contact, in the order of `contact_names`, without self-contact; None: the soft body."""
     touched = [handle for handle in handles if isinstance(handle, Obstacle)]
     return [(None, thing) for thing in touched] + list(rigid_pairs(touched))
 
@@ -98,7 +98,7 @@ def contact_points(contacts: Mapping[str, Touch]) -> NDArray[np.void]:
 def total_forces(points: Mapping[str, NDArray], handles: Iterable[Handle]) -> dict[str, NDArray[np.float64]]:
     """Return the total contact force (3,) [N] on each obstacle and rigid body, by name.
 
-    The forces of soft bodies and of rigid bodies are counted; those in `StepResult.reactions` are on soft bodies only.
+    Forces by soft bodies and by rigid bodies are counted; `StepResult.reactions` only has forces on soft bodies.
 
     Args:
         points: contact points (k,) as `POINT`, or a dict from each of its fields to an array (k,).
@@ -115,7 +115,7 @@ def total_forces(points: Mapping[str, NDArray], handles: Iterable[Handle]) -> di
 
 
 def places_and_forces(points: Mapping[str, NDArray]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Return the positions (k, 3) [m] of contact points as in `total_forces`, and the forces (k, 3) [N] on them."""
+    """Return the positions (k, 3) [m] of ``points``, given as in `total_forces`, and the forces (k, 3) [N] on them."""
     places = np.stack([points[axis] for axis in _PLACE], axis=1)
     return places, np.stack([points[push] + points[shear] for push, shear in zip(_PUSH, _SHEAR, strict=True)], axis=1)
 

@@ -6,7 +6,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gdfe_ros.compiled import kernel
 from gdfe_ros.materials.material import Law
@@ -18,6 +17,7 @@ from gdfe_ros.solver.elements.cell_type import volume_ratio
 from gdfe_ros.solver.elements.measures import softened_scale, strain_state, update_hourglass_scales
 from gdfe_ros.solver.elements.response import evaluate
 from gdfe_ros.solver.forces.pressures import store_energies, uncounted_energy
+from gdfe_ros.solver.vectors import Array
 
 
 @dataclass(frozen=True)
@@ -35,22 +35,22 @@ class ElementFields:
             modulus.
     """
 
-    centroids: NDArray[np.float64]
-    eps_eq: NDArray[np.float64]
-    J: NDArray[np.float64]
-    secant: NDArray[np.float64]
-    tangent: NDArray[np.float64]
-    energy_density: NDArray[np.float64]
-    omega: NDArray[np.float64]
+    centroids: Array
+    eps_eq: Array
+    J: Array
+    secant: Array
+    tangent: Array
+    energy_density: Array
+    omega: Array
 
 
 def element_fields(
     body: Body,
-    positions: NDArray[np.float64],
-    omega: NDArray[np.float64] | None = None,
+    positions: Array,
+    omega: Array | None = None,
     *,
     operators: Operators | None = None,
-    origin: NDArray[np.float64] | float = 0.0,
+    origin: Array | float = 0.0,
 ) -> ElementFields:
     """Evaluate all fields at ``positions`` (n, 3) [m].
 
@@ -58,7 +58,7 @@ def element_fields(
         body: the discretised body.
         positions: (n, 3) [m], relative to ``origin``.
         omega: (m,) shape factors of the ``relative`` policy; None to compute the shape factors of ``energy``.
-        operators: operators of the present growth; None without growth, as everywhere in this module.
+        operators: operators of the present growth; None without growth.
         origin: (3,) [m] world position of the origin of ``positions``. The returned centroids are in world coordinates.
     """
     count, shape = len(body.material), (operators or body).shape
@@ -76,29 +76,21 @@ def element_fields(
     return ElementFields(centroids + origin, strain, volume_ratio, secant, tangent, density, np.asarray(omega))
 
 
-def strain_energies(
-    body: Body, positions: NDArray[np.float64], *, operators: Operators | None = None
-) -> NDArray[np.float64]:
+def strain_energies(body: Body, positions: Array) -> Array:
     """Return the strain energy (m,) [J] of each element with its full volume energy U(J)."""
-    none = np.zeros(len(body.material))
-    counted = corner_forces(body, positions, none, operators=operators)[1]
-    stored = np.empty_like(counted)
-    elements = np.arange(len(counted), dtype=np.int32)
-    shape, least = (operators or body).shape, np.empty_like(stored)
-    store_energies(positions, elements, shape, body.material, body.table, none, counted, stored, least, False)
+    none, elements = np.zeros(len(body.material)), np.arange(len(body.material), dtype=np.int32)
+    counted = corner_forces(body, positions, none)[1]
+    stored, least = np.empty_like(counted), np.empty_like(counted)
+    store_energies(positions, elements, body.shape, body.material, body.table, none, counted, stored, least, False)
     return stored
 
 
 def corner_forces(
-    body: Body,
-    positions: NDArray[np.float64],
-    pressure: NDArray[np.float64],
-    *,
-    operators: Operators | None = None,
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    body: Body, positions: Array, pressure: Array, *, operators: Operators | None = None
+) -> tuple[Array, Array]:
     """Return corner forces (m, c, 3) [N] and energies (m,) [J] of all elements for a given pressure (m,) [Pa].
 
-    The hourglass scales are computed at ``positions`` (n, 3) [m]. The fold barriers of all elements act.
+    The hourglass scales are computed at ``positions`` (n, 3) [m]. The energies include the fold barriers.
     """
     force, energies = np.zeros((*body.cells.shape, 3)), np.zeros(len(body.material))
     scale, elements = np.ones(len(body.material)), np.arange(len(body.material), dtype=np.int32)
@@ -111,7 +103,7 @@ def corner_forces(
 
 @kernel
 def _element_states(x, shape, material, table, values, centroids, scale, missing):
-    """Write, in one pass, the values of `strain_states`, centroids [m], scales and the `uncounted_energy` [J]."""
+    """Write the values of `strain_states`, centroids [m], hourglass scales and `uncounted_energy` [J], in one pass."""
     corners = 8 if shape.cells.shape[1] == 8 else 4
     for e in range(len(material)):
         k = material[e]
@@ -136,13 +128,11 @@ def strain_states(x, shape, material, table, values):
         values[0, e], values[1, e], values[2, e], values[3, e] = strain, j, secant, tangent
 
 
-def volume_pressures(
-    body: Body, positions: NDArray[np.float64], *, operators: Operators | None = None
-) -> NDArray[np.float64]:
-    """Return the pressures p_e (m,) [Pa] for which the derivative of the kernels' volume term by J is U'(J).
+def volume_pressures(body: Body, positions: Array, *, operators: Operators | None = None) -> Array:
+    """Return the pressures p_e (m,) [Pa] with which the kernels' volume term has the derivative U'(J).
 
     U(J) is the volume energy density [Pa] of the material law. For an incompressible element p_e is 0, because the
-    positions do not determine its pressure. Its volume term is then that of a material with nu = 0.45.
+    positions do not determine its pressure. It then has the volume term of a material with nu = 0.45.
     """
     pressure = np.zeros(len(body.material))
     _full_pressures(positions, (operators or body).shape, body.material, body.table, pressure)

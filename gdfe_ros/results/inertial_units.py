@@ -27,8 +27,7 @@ from gdfe_ros.mesh.cells.operators import ShapeOperators
 from gdfe_ros.solver.motion.stepper import MotionStepper
 from gdfe_ros.solver.state import State
 from gdfe_ros.solver.stepping.stepper import Stepper
-
-Vector = NDArray[np.float64]
+from gdfe_ros.solver.vectors import Array
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -42,8 +41,8 @@ class ImuReading:
     """
 
     orientation: Rotation
-    angular_velocity: Vector
-    linear_acceleration: Vector
+    angular_velocity: Array
+    linear_acceleration: Array
 
 
 def later_readings(
@@ -56,7 +55,7 @@ def later_readings(
     """Return a function that returns a dict from unit name to reading.
 
     The function evaluates the readings once and may run in any thread. Before the first step of a run, a unit has the
-    readings that it has at rest.
+    readings of a body at rest.
 
     Args:
         points: dict from unit name to its material point.
@@ -83,11 +82,11 @@ def later_readings(
 def imu_reading(
     shape: ShapeOperators,
     point: Embedding,
-    positions: Vector,
-    velocities: Vector,
-    accelerations: Vector,
+    positions: Array,
+    velocities: Array,
+    accelerations: Array,
     *,
-    gravity: Vector,
+    gravity: Array,
 ) -> ImuReading:
     """Return the reading of a unit at a material point.
 
@@ -117,7 +116,7 @@ def _cell(shape: ShapeOperators, corners: NDArray[np.int32]) -> int:
     return int(near[(shape.cells[near] == corners).all(axis=1)][0])
 
 
-def _polar(gradient: Vector) -> tuple[Vector, Vector]:
+def _polar(gradient: Array) -> tuple[Array, Array]:
     """Return R and U (3, 3) of the deformation gradient F = R U; R is a rotation even for an inverted element."""
     left, stretches, right = np.linalg.svd(gradient)
     if np.linalg.det(left @ right) < 0.0:

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The parts of `Simulation`: what it reads, teleports, and the choice of its stepper."""
+"""Parts of `Simulation`: readings, teleports, stored states, and the choice of its stepper."""

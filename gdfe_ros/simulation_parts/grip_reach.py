@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Distance of grips from what they would hold, and the refusal of a command that would take hold from too far away."""
+"""Distance between a grip's holder and the vertices or body to be held, and a check that it is within reach."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from gdfe_ros.solver.state import State
 
 
 def find_far_grips(actuation: Actuation, state: State, commands: Mapping[str, float]) -> dict[str, str]:
-    """Return a dict from each grip that takes hold at ``commands`` of something too far away to a message."""
+    """Return a dict from each grip that closes at ``commands``, but out of its reach, to a message."""
     found, handles = {}, {handle.name: handle for handle in actuation.body.handles}
     for grip in (each.actuator for each in actuation.grips):
         takes = commands[grip.name] > 0.0 and state.commands[grip.name] == 0.0
@@ -30,7 +30,7 @@ def find_far_grips(actuation: Actuation, state: State, commands: Mapping[str, fl
 
 
 def measure_gap(grip: Grip, handles: Mapping[str, Handle], state: State) -> float:
-    """Return the distance [m] of what a grip holds from the handle, obstacle or rigid body that it is held to.
+    """Return the distance [m] between a grip's holder and the vertices or the rigid body that it would hold.
 
     Args:
         grip: the grip.

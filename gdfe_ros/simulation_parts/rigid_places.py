@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Teleports: of rigid bodies, of soft bodies that keep their shape, and of what a handle holds."""
+"""Teleports: of rigid bodies, of soft bodies that keep their shape, and of pieces that a handle holds."""
 
 from __future__ import annotations
 
@@ -21,6 +21,7 @@ from gdfe_ros.solver.handle_motions import HandleMotions
 from gdfe_ros.solver.motion import inertia, viscosity
 from gdfe_ros.solver.motion.stepper import MotionStepper
 from gdfe_ros.solver.state import Saved, State, replace_fields
+from gdfe_ros.solver.vectors import Array
 
 UNTOLD = "bodies were moved to other places, and no step has been made since"
 
@@ -44,9 +45,7 @@ def put_rigid(stepper: MotionStepper, state: State, places: Mapping[str, Pose]) 
     return stepper.carry_energies(release(stepper, found, vertices), state)
 
 
-def carry_soft(
-    stepper: MotionStepper, state: State, vertices: NDArray[np.int32], positions: NDArray[np.float64]
-) -> State:
+def carry_soft(stepper: MotionStepper, state: State, vertices: NDArray[np.int32], positions: Array) -> State:
     """Return ``state`` with ``vertices`` of soft bodies at their rows of ``positions`` (n, 3) [m], without velocity.
 
     The bodies have moved rigidly. The change of energy counts as work done on them.
@@ -55,10 +54,10 @@ def carry_soft(
     return stepper.carry_energies(release(stepper, found, vertices), state)
 
 
-def _stop(stepper: MotionStepper, state: State, vertices: NDArray[np.int32], positions: NDArray[np.float64]) -> State:
+def _stop(stepper: MotionStepper, state: State, vertices: NDArray[np.int32], positions: Array) -> State:
     """Return ``state`` with ``vertices`` at their rows of ``positions`` (n, 3) [m] and without velocity.
 
-    The vertices are all those of some free bodies, which have moved rigidly, so that strains are as before.
+    They are all the vertices of some free bodies, which have moved rigidly: their strains are as before.
     """
     terms, places = dict(state.terms), positions[vertices]
     for contact in stepper.actuation.contacts:
@@ -76,9 +75,9 @@ def _stop(stepper: MotionStepper, state: State, vertices: NDArray[np.int32], pos
 
 
 def release(stepper: MotionStepper, state: State, vertices: NDArray[np.int32]) -> State:
-    """Return ``state`` in which ``vertices``, which do not move, have the accelerations by their forces.
+    """Return ``state`` with the accelerations that the forces give to ``vertices``, which are at rest.
 
-    The previous step is the one that a motion with these constant accelerations would have had.
+    The stored previous step is that of a motion with these accelerations, so that the time scheme can continue.
     """
     saved = state.terms[inertia.NAME]
     h, places = float(saved["h"][0]), saved["positions"][vertices]
@@ -101,12 +100,10 @@ def require_free(body: Body, state: State, names: Collection[str]) -> None:
         raise OverlapError("; ".join(text for text in found if text))
 
 
-def move_along(
-    body: Body, handles: HandleMotions, state: State, poses: Mapping[str, Pose]
-) -> tuple[State, NDArray[np.float64]]:
-    """Return a state with other commanded poses, and the positions (n, 3) [m] of the vertices that move along.
+def move_along(body: Body, handles: HandleMotions, state: State, poses: Mapping[str, Pose]) -> tuple[State, Array]:
+    """Return a state with other commanded poses, and the positions (n, 3) [m] of all vertices after that.
 
-    Every connected piece of the body that a handle in ``poses`` holds moves with it as a rigid body.
+    Every connected piece of the body that a handle in ``poses`` holds moves with the handle as a rigid body.
 
     Args:
         body: the discretised body.
@@ -132,8 +129,8 @@ def move_along(
     return state.with_(poses=together, base=handles.base(together, state.poses, state.base)), positions
 
 
-def _with_rows(saved: Saved, rows: NDArray[np.generic], **values: NDArray[np.float64] | float) -> Saved:
-    """Return a stored state of a term with other ``values`` in some rows of its arrays."""
+def _with_rows(saved: Saved, rows: NDArray[np.generic], **values: Array | float) -> Saved:
+    """Return a term's stored state with ``values``, by name of the array, in the given ``rows`` of its arrays."""
     kept = dict(saved)
     for name, value in values.items():
         kept[name] = saved[name].copy()

@@ -1,13 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What can be read of a simulated scene and its state."""
+"""Readings of a simulated scene: geometry, poses, fields, actuators, joints and sensors."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import partial
-
-import numpy as np
-from numpy.typing import NDArray
 
 from gdfe_ros.actuators import ActuatorState, total_gravity
 from gdfe_ros.arms.carriers import Carriers, JointReading, Motions
@@ -25,14 +22,15 @@ from gdfe_ros.scene.scene import Scene
 from gdfe_ros.scene.solvable import remarks
 from gdfe_ros.solver.settings import Policy, SolverSettings
 from gdfe_ros.solver.state import State
+from gdfe_ros.solver.vectors import Array
 
 
 class SceneReadings:
-    """A scene with its state: geometry, commands, and what sensors would measure. `Simulation` steps it."""
+    """A scene with its state: geometry, commands, and readings of sensors. `Simulation` steps it."""
 
     scene: Scene
     settings: SolverSettings
-    origin: NDArray[np.float64]
+    origin: Array
     state: State
     targets: Mapping[str, Pose]
     commands: Mapping[str, float]
@@ -62,7 +60,7 @@ class SceneReadings:
         return tuple(actuator.name for actuator in self.scene.actuators)
 
     @property
-    def positions(self) -> NDArray[np.float64]:
+    def positions(self) -> Array:
         """Current vertex positions (n, 3) float64 [m], read-only."""
         own = self.state.positions[: self.mesh.n_vertices]
         positions = own + self.origin if self.origin.any() else own.view()
@@ -104,7 +102,7 @@ class SceneReadings:
     def handle_pose(self, name: str) -> Pose:
         """Return the present pose of a handle, obstacle or rigid body, relative to its rest pose.
 
-        That of a handle or obstacle is its target, with the computed components along free axes.
+        A handle or obstacle is at its commanded pose; components along free axes are computed.
 
         Raises:
             CommandError: no such handle, obstacle or rigid body.
@@ -121,7 +119,7 @@ class SceneReadings:
 
         return read
 
-    def _pose(self, handle: Handle, state: State, positions: NDArray[np.float64]) -> Pose:
+    def _pose(self, handle: Handle, state: State, positions: Array) -> Pose:
         """Return a handle's pose in a state, whose vertices are at ``positions`` [m]."""
         if isinstance(handle, Obstacle):
             return handle.pose(state.poses[handle.name], positions)
@@ -131,7 +129,7 @@ class SceneReadings:
         return Pose(tuple(moved), self.stepper.equilibrium.handles.pose(handle.name, state.poses, state.turns).rotation)
 
     def actuator_states(self) -> dict[str, ActuatorState]:
-        """Return dict from actuator to its command, its extent and its effort."""
+        """Return a dict from actuator to its command, its extent and its effort."""
         return dict(self.state.summary.actuators)
 
     @property
@@ -155,7 +153,7 @@ class SceneReadings:
 
     @property
     def _shown(self) -> Motions:
-        """Motions of the joints on the side of the links; for rigid joints they are those of the motors."""
+        """Motions of the joints on the side of the links; rigid joints move as their motors do."""
         return self._coupling.on_links(self._joints, self._links)
 
     def joint_states(self) -> dict[str, JointReading]:
@@ -171,7 +169,7 @@ class SceneReadings:
         gravity = total_gravity(self.scene.loads, self.commands)
         return self._carriers.readings(self._shown, self.targets, **loaded, gravity=gravity, cuts=self._cuts)
 
-    def probe_positions(self) -> dict[str, NDArray[np.float64]]:
+    def probe_positions(self) -> dict[str, Array]:
         """Return dict from probe to its present position (3,) [m]."""
         return {name: point.at(self.positions)[0] for name, point in self.scene.probes.items()}
 

@@ -20,8 +20,7 @@ from gdfe_ros.mesh.overlap import find_overlap
 from gdfe_ros.mesh.touching import outline
 from gdfe_ros.scene.building.soft_bodies import parts_of
 from gdfe_ros.scene.scene import Scene
-
-Array = NDArray[np.float64]
+from gdfe_ros.solver.vectors import Array
 
 
 def vertices_of_soft(scene: Scene, names: Collection[str]) -> NDArray[np.int32]:
@@ -32,8 +31,8 @@ def vertices_of_soft(scene: Scene, names: Collection[str]) -> NDArray[np.int32]:
 def put_soft(scene: Scene, positions: Array, places: Mapping[str, Pose]) -> Array:
     """Return positions (n, 3) [m] in which soft bodies are moved rigidly.
 
-    The present pose of a soft body is that of the rigid motion which takes its undeformed shape closest to the present
-    one, in the mean square. It becomes the wanted pose, and the deformation moves with it.
+    The pose of a deformed body is that of the rigid motion that brings its undeformed shape closest to the present
+    shape, in the mean square. This pose becomes the wanted pose, and the deformation moves with it.
 
     Args:
         scene: the scene.
@@ -62,7 +61,7 @@ def fit_rigidly(rest: Array, now: Array) -> tuple[Array, Array]:
 def require_soft_free(scene: Scene, poses: Mapping[str, Pose], positions: Array, names: Collection[str]) -> None:
     """Raise OverlapError if a soft body in ``names`` is inside of an obstacle, a rigid body or another soft body.
 
-    ``positions`` are those of all vertices (n, 3) [m], of rigid bodies, too, and ``poses`` those of obstacles.
+    ``positions`` (n, 3) [m] has the vertices of soft and rigid bodies, and ``poses`` the poses of obstacles.
     """
     parts = {
         name: replace(part.mesh, vertices=positions[_vertices(part)]) for name, part in parts_of(scene.mesh).items()

@@ -33,23 +33,8 @@ from gdfe_ros.solver.state import (
 )
 from gdfe_ros.solver.stepping.stepper import Stepper
 
-_VALUES = (
-    Bound,
-    Failure,
-    Ledger,
-    Balance,
-    ElementState,
-    Motion,
-    ShapeState,
-    Snapshot,
-    State,
-    Summary,
-    Unfinished,
-    ActuatorState,
-    Pose,
-    Tangent,
-)
-_CLASSES = {kind.__name__: kind for kind in _VALUES}
+_STATES = Bound, Failure, Ledger, Balance, ElementState, Motion, ShapeState, Snapshot, State, Summary, Unfinished
+_CLASSES = {kind.__name__: kind for kind in (*_STATES, ActuatorState, Pose, Tangent)}
 """Dict from name to a dataclass that a tree may contain."""
 
 
@@ -85,7 +70,7 @@ def to_tree(value: Any, arrays: dict[str, NDArray[Any]]) -> Any:
 
 
 def from_tree(tree: Any, arrays: Mapping[str, NDArray[Any]]) -> Any:
-    """Return the value of a tree. Its operators are None: the caller computes them from the commands.
+    """Return the value of a tree. `State.operators` is None: `complete` computes it from the commands.
 
     Raises:
         TreeError: the tree was not written by `to_tree`.

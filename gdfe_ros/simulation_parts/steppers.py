@@ -31,7 +31,7 @@ from gdfe_ros.solver.terms.fibres import FibreTerm
 from gdfe_ros.solver.terms.term import Term
 
 SHARPER = 0.1
-"""Factor of the tolerance in a motion with yielding joints of arms, which feel the error of the body's wrench."""
+"""Factor of the tolerance in a motion with yielding joints of arms: errors of the body's wrench move these joints."""
 RELATIVE_STEPS = 20
 """Default load steps of a program under the ``relative`` policy."""
 FAR_AWAY = 10.0
@@ -75,7 +75,6 @@ def step_result(
     *,
     time: float,
     origin: NDArray[np.float64],
-    settings: SolverSettings,
     started: float,
     limit: Deadline | None,
 ) -> StepResult:
@@ -87,7 +86,6 @@ def step_result(
         march: outcome of the step; None if nothing had to be solved.
         time: simulation time [s] after the step.
         origin: (3,) [m] origin of the state's positions in the world.
-        settings: settings of the solver.
         started: ``time.perf_counter`` at the beginning [s].
         limit: the deadline; None if there is none.
     """
@@ -108,7 +106,7 @@ def step_result(
         substeps=march.increments if march else 0,
         restarts=march.restarts if march else 0,
         wall_time=clock.perf_counter() - started,
-        policy=settings.policy,
+        policy=stepper.settings.policy,
         message=summary.message,
         stable=summary.stable if summary.converged else None,
         estimated=summary.estimated,

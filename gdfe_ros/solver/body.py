@@ -2,8 +2,8 @@
 """The discretised body: all data of a scene that stay constant during a simulation, and growth.
 
 Growth changes the operators of the cells' rest shape, and has no energy of its own. Let G be the growth and
-F_e = F G^-1 the elastic part of F. The operators of the cells that grow are replaced by those of their grown rest shape
-(`CellType.grown`). The element kernels then compute F_e in place of F.
+F_e = F G^-1 the elastic part of F. Cells that grow get the operators of their grown rest shape (`CellType.grown`). The
+element kernels then compute F_e in place of F.
 """
 
 from __future__ import annotations
@@ -27,9 +27,10 @@ from gdfe_ros.mesh.cells.operators import ShapeOperators
 from gdfe_ros.mesh.cells.tet_operators import TetOperators
 from gdfe_ros.mesh.touching import Touching
 from gdfe_ros.solver.elements.blocks import Blocks, Operators, in_lanes
-from gdfe_ros.solver.elements.cell_type import CellType, cell_type_of, cell_type_with
+from gdfe_ros.solver.elements.cell_type import CELL_TYPES, CellType, cell_type_of
 from gdfe_ros.solver.matrix.unknowns import Unknowns, number_unknowns
 from gdfe_ros.solver.settings import Torsion
+from gdfe_ros.solver.vectors import Array
 
 
 @dataclass(frozen=True)
@@ -50,7 +51,7 @@ class Body:
         skin: contact points of embedded skins, used instead of faces; None if all contact is between faces.
     """
 
-    rest: NDArray[np.float64]
+    rest: Array
     shape: ShapeOperators | TetOperators
     blocks: Blocks
     materials: tuple[Material, ...]
@@ -65,7 +66,7 @@ class Body:
     @classmethod
     def build(
         cls,
-        rest: NDArray[np.float64],
+        rest: Array,
         cells: NDArray[np.int32],
         materials: Sequence[Material],
         material: NDArray[np.int32],
@@ -83,7 +84,7 @@ class Body:
         for the diagonal of the cells' bounding box.
         """
         material = np.ascontiguousarray(material, dtype=np.int32)
-        kind = cell_type_with(cells.shape[1])
+        kind = CELL_TYPES[cells.shape[1]]
         shape, table = kind.operators(rest, cells, filling), kind.table(pack(materials))
         if torsion is Torsion.SECTION and kind.softens:
             shape = shape._replace(across=cells_across(cells, material, shape.parallel).min(axis=1))
@@ -153,7 +154,7 @@ class Growths:
         self.ungrown = Operators(body.shape, body.blocks, self._stretch({growth.name: 0.0 for growth in self.growths}))
 
     def __bool__(self) -> bool:
-        """Return whether anything can grow."""
+        """Return whether any cell can grow."""
         return bool(self.growths)
 
     def at(self, commands: Mapping[str, float], last: Operators) -> Operators:
@@ -176,7 +177,7 @@ class Growths:
         mean = float(np.average(np.linalg.det(grown.stretch[rows]), weights=weights))
         return ActuatorState(growth.mode, commands[growth.name], mean, 0.0)
 
-    def _stretch(self, commands: Mapping[str, float]) -> NDArray[np.float64]:
+    def _stretch(self, commands: Mapping[str, float]) -> Array:
         stretch = np.tile(np.eye(3), (len(self.cells), 1, 1))
         for growth, rows in zip(self.growths, self._rows, strict=True):
             stretch[rows] += commands[growth.name] * (growth.stretch - np.eye(3))

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Kinematics of handles: commanded motion, and free translations and rotations in addition."""
+"""Kinematics of handles: their commanded motion, plus the free translations and rotations that a solve finds."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,9 +14,7 @@ from gdfe_ros.constraints import Handle, Pose
 from gdfe_ros.errors import CommandError
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.matrix.unknowns import HandlePositions, handle_centres
-
-Vectors = NDArray[np.float64]
-
+from gdfe_ros.solver.vectors import Array
 
 LEAST_TURN = 1e-6
 """A handle's vertices determine its rotation if their extent, divided by the undeformed extent, is at least this."""
@@ -37,8 +35,8 @@ class HandleMotions:
     """
 
     APART = 0.05
-    """Largest differences of rotations [rad], and of motions divided by the body's size, that move a body nearly
-    rigidly.
+    """Handles move together nearly rigidly if their rotations [rad], and their motions divided by the body's size,
+    differ by at most this.
     """
 
     def __init__(self, body: Body) -> None:
@@ -50,7 +48,7 @@ class HandleMotions:
         holding = {handle.name: self._centres[handle.name] for handle in body.handles if len(handle.vertices)}
         self._bound = {} if self._loose or any(handle.slide is not None for handle in body.handles) else holding
 
-    def base(self, poses: Mapping[str, Pose], last: Mapping[str, Pose], base: Vectors) -> Vectors:
+    def base(self, poses: Mapping[str, Pose], last: Mapping[str, Pose], base: Array) -> Array:
         """Return ``base`` (n, 3) [m] with the handles moved from the poses ``last`` to ``poses``."""
         moved = [handle for handle in self._body.handles if poses[handle.name] != last[handle.name]]
         if not moved:
@@ -63,25 +61,27 @@ class HandleMotions:
             placed[handle.vertices] = pose.apply(self._body.rest[handle.vertices], self._centres[handle.name])
         return placed
 
-    def centres_together(self, poses: Mapping[str, Pose], targets: Mapping[str, Pose]) -> dict[str, Vectors]:
-        """Return the centres (3,) [m] in the rest pose of all handles if they move together, nearly as one rigid body.
+    def centres_together(self, poses: Mapping[str, Pose], targets: Mapping[str, Pose]) -> dict[str, Array]:
+        """Return the rest centres (3,) [m] of all handles by name if they move together, nearly as one rigid body.
 
-        The dict is empty if they do not, or if one of them is free to move by itself. Whole turns count.
+        The dict is empty if they do not, or if a handle or vertices on rollers can move freely. Whole turns count.
         """
         pairs = [(poses[name], targets[name]) for name in self._bound]
-        if not _turn_alike(pairs, self.APART):
+        # Plain floats are faster than numpy, and every step comes here.
+        turns = [[b - a for a, b in zip(old.rotation, new.rotation, strict=True)] for old, new in pairs]
+        if not (turns and any(turns[0]) and all(math.dist(turn, turns[0]) <= self.APART for turn in turns)):
             return {}
         rotations = np.array([new.turn_from(old) for old, new in pairs])
         beside = find_deviation(poses, targets, self._bound)
         apart = max(np.ptp(rotations, axis=0).max(), np.abs(beside).max() / self._body.size)
         return self._bound if apart <= self.APART else {}
 
-    def frame(self, base: Vectors) -> HandlePositions:
+    def frame(self, base: Array) -> HandlePositions:
         """Return the commanded positions ``base`` (n, 3) [m] and the handles' centres there, for the kernels."""
         return HandlePositions(base, handle_centres(base, self._body.unknowns))
 
-    def apply_free_motion(self, base: Vectors, slides: Vectors, turns: Vectors) -> Vectors:
-        """Return ``base`` (n, 3) [m] with ``slides`` and ``turns`` (p, 3) applied to the handles that rotate freely."""
+    def apply_free_motion(self, base: Array, slides: Array, turns: Array) -> Array:
+        """Return ``base`` (n, 3) [m] with the motions ``slides`` and ``turns`` (p, 3) of handles that rotate freely."""
         moved = base.copy()
         for p, handle in enumerate(self._loose):
             if handle.turning:
@@ -90,8 +90,8 @@ class HandleMotions:
                 moved[handle.vertices] = centre + slides[p] + arms
         return moved
 
-    def put(self, slides: Vectors, turns: Vectors, places: Mapping[str, Pose]) -> tuple[Vectors, Vectors]:
-        """Return ``slides`` and ``turns`` (p, 3) changed so that the free handles of ``places`` have these poses."""
+    def put(self, slides: Array, turns: Array, places: Mapping[str, Pose]) -> tuple[Array, Array]:
+        """Return ``slides`` [m] and ``turns`` [rad] (p, 3) that give the free handles in ``places`` these poses."""
         slides, turns = slides.copy(), turns.copy()
         for name, pose in places.items():
             slides[self._row[name]], turns[self._row[name]] = pose.translation, pose.rotation
@@ -103,7 +103,7 @@ class HandleMotions:
         turning = [np.full(len(handle.vertices), bool(handle.turning)) for handle in handles]
         return np.concatenate([np.zeros(0, dtype=bool), *turning])
 
-    def pose(self, name: str, poses: Mapping[str, Pose], turns: Vectors) -> Pose:
+    def pose(self, name: str, poses: Mapping[str, Pose], turns: Array) -> Pose:
         """Return the pose of a handle: the commanded pose and its free rotation, without its free translation."""
         pose = poses[name]
         if name not in self._row or not self._loose[self._row[name]].turning:
@@ -115,7 +115,7 @@ class HandleMotions:
         together = Rotation.from_rotvec(turn) * Rotation.from_rotvec(commanded.rotation)
         return Pose(pose.translation, tuple(together.as_rotvec()))
 
-    def within_a_turn(self, turns: Vectors) -> Vectors:
+    def within_a_turn(self, turns: Array) -> Array:
         """Replace rotation vectors of ball joints beyond 180 degrees by equivalent ones below 180 degrees, in place."""
         for p, handle in enumerate(self._loose):
             angle = float(np.linalg.norm(turns[p])) if len(handle.turning) == 3 else 0.0
@@ -123,7 +123,7 @@ class HandleMotions:
                 turns[p] *= 1.0 - 2.0 * np.pi / angle
         return turns
 
-    def fit(self, positions: Vectors, base: Vectors) -> tuple[Vectors, Vectors]:
+    def fit(self, positions: Array, base: Array) -> tuple[Array, Array]:
         """Return the free translations and rotations (p, 3) that bring handles at ``base`` closest to ``positions``.
 
         Raises:
@@ -152,21 +152,15 @@ class HandleMotions:
         return Pose(pose.translation, tuple(rotation))
 
 
-def find_deviation(began: Mapping[str, Pose], poses: Mapping[str, Pose], centres: Mapping[str, Vectors]) -> Vectors:
-    """Return how far handles at ``poses`` are (k, 3) [m] from a rigid rotation about the mean of their ``centres``."""
+def find_deviation(began: Mapping[str, Pose], poses: Mapping[str, Pose], centres: Mapping[str, Array]) -> Array:
+    """Return the deviation (k, 3) [m] of handles at ``poses`` from a joint rotation about the mean of ``centres``."""
     start, here = (np.array([centres[name] + each[name].translation for name in centres]) for each in (began, poses))
     arms = start - start.mean(axis=0)
     turned = np.array([poses[name].turn_from(began[name]) @ arm for name, arm in zip(centres, arms, strict=True)])
     return here - here.mean(axis=0) - turned
 
 
-def _turn_alike(pairs: Sequence[tuple[Pose, Pose]], apart: float) -> bool:
-    """Return whether all rotation vectors change alike, by more than zero; a step asks this often."""
-    turns = [[b - a for a, b in zip(old.rotation, new.rotation, strict=True)] for old, new in pairs]
-    return bool(turns) and any(turns[0]) and all(math.dist(turn, turns[0]) <= apart for turn in turns)
-
-
-def _require_a_turn(handle: Handle, arms: Vectors, found: Vectors) -> None:
+def _require_a_turn(handle: Handle, arms: Array, found: Array) -> None:
     """Raise CommandError if the rotation from ``arms`` (k, 3) [m] to ``found`` (k, 3) [m] is undetermined.
 
     Both sets of vertices are relative to their means. The measured extent is the sum of the two smallest singular

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How minimisations, solves and steps end, from the kernels to the messages that a user reads; deadlines of solves."""
+"""Outcomes of minimisations, solves and steps with their messages for users, and deadlines of solves."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class Outcome(IntEnum):
     NEAR = 1
     """The distance to the equilibrium is within the target."""
     WORN = 2
-    """The matrix has served for so many iterations that a new one pays, or it gives no direction of descent."""
+    """The matrix needs renewal: it has served for many iterations, or gives no direction of descent."""
     STALLED = 3
     """No step along the direction lowers the energy."""
     EXHAUSTED = 4
@@ -24,7 +24,7 @@ class Outcome(IntEnum):
     RUNAWAY = 5
     """The energy has no lower bound: an unstable law or load."""
     GIVEN_UP = 6
-    """The body leaves its branch of equilibria, or what touches does not settle: a shorter increment may succeed."""
+    """The body leaves its branch of equilibria, or touching points do not settle: a shorter increment may succeed."""
     CUT = 7
     """The limit of iterations or the deadline ended it."""
     UNSETTLED = 8
@@ -32,9 +32,9 @@ class Outcome(IntEnum):
     PUSHED = 9
     """Contact forces have not settled."""
     TOUCHING = 10
-    """What touches does not settle."""
+    """The set of touching points does not settle."""
     AT_EDGE = 11
-    """The tangent gives no distance to the equilibrium."""
+    """The distance to the equilibrium is unknown: no matrix gives a direction of descent."""
     TOO_STRONG = 12
     """The rounding of a load's energy exceeds the energy of the body."""
     NEUTRAL = 13
@@ -115,11 +115,7 @@ class Deadline:
     """
 
     def __init__(
-        self,
-        moment: float | None = None,
-        *,
-        after: int | None = None,
-        interrupted: Callable[[], bool] | None = None,
+        self, moment: float | None = None, *, after: int | None = None, interrupted: Callable[[], bool] | None = None
     ) -> None:
         self._moment, self._planned, self._interrupted, self._asked = moment, after, interrupted, 0
         self.after: int | None = None

@@ -32,7 +32,7 @@ class Torsion(str, Enum):
 class Skip(str, Enum):
     """Kinds of work that are left out if a scene does not need them; the value is the key in `StepResult.skipped`.
 
-    ``EIGENVALUES`` and ``ACTUATORS`` are only counted, because a scene that does not need them never computes them.
+    ``EIGENVALUES`` and ``ACTUATORS`` are only counted: a scene that does not need them never computes them anyway.
     """
 
     SOLVE = "solve"
@@ -160,7 +160,7 @@ class Dynamics(CheckedKeys):
     material, as in a generalised Maxwell body.
 
     Attributes:
-        restarts: whether every step is a first step, of a motion without a past.
+        restarts: whether every step starts anew from the last state, without the history of earlier steps.
 
     Raises:
         ValueError: a value is out of range.
@@ -215,7 +215,7 @@ class Dynamics(CheckedKeys):
 
     @property
     def damps(self) -> bool:
-        """Whether the material resists changes of strain."""
+        """Whether the material has viscosity or Prony branches, whose stresses depend on the rate of strain."""
         return bool(self.damping.viscosity or self.prony)
 
     def relaxation(self, shear: float) -> float:
@@ -229,11 +229,11 @@ class Dynamics(CheckedKeys):
 
 
 class BackwardEuler(Dynamics):
-    """The dynamics of a scene in steps of backward Euler, the first step of `bdf2`: they need only the last state."""
+    """The dynamics of a scene with steps of backward Euler, the first step of `bdf2`: it needs only the last state."""
 
     restarts = True
 
     @classmethod
     def of(cls, dynamics: Dynamics) -> BackwardEuler:
-        """Return the same dynamics with other steps."""
+        """Return the dynamics with backward Euler as their scheme."""
         return cls(**{**vars(dynamics), "scheme": Scheme.BDF2, "rho_inf": Dynamics.rho_inf})

@@ -1,19 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Request and result of a solve, outcome of a step, what all results have, and the comparison of two outcomes."""
+"""Request and result of a solve, and outcome of a step, with the comparison of two outcomes."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-import numpy as np
-from numpy.typing import NDArray
-
 from gdfe_ros.constraints import Pose
 from gdfe_ros.solver.elements.barrier import THRESHOLD
 from gdfe_ros.solver.outcome import Deadline, Outcome
 from gdfe_ros.solver.state import State, replace_fields
-from gdfe_ros.solver.vectors import largest_distance
+from gdfe_ros.solver.vectors import Array, largest_distance
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -27,7 +24,7 @@ class Increment:
         limit: largest number of iterations.
         deadline: once it has passed, the solve returns its best positions so far; None for no deadline.
         begins: fraction of the load path at which the increment begins.
-        divisible: whether a shorter increment may follow, so that a solve is given up once a chamber inflates.
+        divisible: whether a shorter increment may follow. The solve may then be given up at an actuator's limit point.
         keeping: relative tolerance of commanded lengths and of hourglass scales; None stands for ``tolerance``.
         volumes: relative tolerance of the volumes of elements with a pressure; None stands for ``keeping``.
     """
@@ -50,7 +47,7 @@ class Increment:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Found:
-    """A state that a solve or a step has found.
+    """Base class of the results of solves and steps.
 
     Attributes:
         state: the state.
@@ -66,7 +63,7 @@ class Found:
         return self.state.summary.converged
 
     @property
-    def positions(self) -> NDArray[np.float64]:
+    def positions(self) -> Array:
         """Positions (n, 3) [m]."""
         return self.state.positions
 
@@ -99,7 +96,7 @@ class Solution(Found):
 
     ended: Outcome
     entered: bool = False
-    began: NDArray[np.float64]
+    began: Array
 
     @property
     def cut(self) -> bool:
@@ -156,7 +153,7 @@ class March(Found):
 
     @property
     def flaw(self) -> str:
-        """Name of the outcome's defect, for messages."""
+        """Defect of the outcome, in words for a message."""
         if self.inverted:
             return "folded or inverted elements"
         return "another equilibrium, higher in energy" if self.sound else "no equilibrium"
@@ -181,7 +178,7 @@ class March(Found):
         return differs and gain >= -self.SAME * other.state.summary.energy
 
     def counting(self, other: March) -> March:
-        """Return this outcome with the iterations and increments of another one added."""
+        """Return this outcome with the iterations and increments of ``other`` added."""
         iterations, increments = self.iterations + other.iterations, self.increments + other.increments
         return replace_fields(self, iterations=iterations, increments=increments)
 
@@ -192,5 +189,5 @@ class March(Found):
 
 
 def is_crumpled(state: State) -> bool:
-    """Return whether elements are folded, or only fold barriers keep them open: a lower equilibrium may exist."""
+    """Return whether elements are folded or nearly folded; an equilibrium of lower energy may then exist."""
     return not state.summary.min_det >= THRESHOLD

@@ -2,8 +2,8 @@
 """The state of a simulated body, with the energy account of its motion, as one immutable value.
 
 No array or mapping of a state is ever modified. A reference therefore serves as a copy, two simulations can share a
-state, and a step returns a new state. All other data are constants or work arrays. No result depends on old contents of
-work arrays.
+state, and a step returns a new state. All other data of the solver are constants or work arrays, and no result depends
+on the earlier contents of a work array.
 """
 
 from __future__ import annotations
@@ -13,12 +13,12 @@ from dataclasses import dataclass, field
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gdfe_ros.actuators.actuator import ActuatorState
 from gdfe_ros.constraints import Pose
 from gdfe_ros.solver.elements.blocks import Operators
 from gdfe_ros.solver.matrix.tangent_assembly import Tangent
+from gdfe_ros.solver.vectors import Array
 
 Value = TypeVar("Value")
 
@@ -97,9 +97,8 @@ class Ledger:
     bound: Bound | None = None
 
 
-Array = NDArray[np.float64]
-Saved = Mapping[str, NDArray[np.float64]]
-"""State that a term stores from one accepted step to the next: a dict from name to array, never modified."""
+Saved = Mapping[str, Array]
+"""State of a term between two accepted steps: a dict from name to array, never modified."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -108,11 +107,11 @@ class ElementState:
 
     Attributes:
         pressures: (m,) pressures p_e [Pa] of the last accepted solve, positive in tension.
-        pressures_before: (m,) pressures p_e [Pa] of the accepted solve before it.
+        pressures_before: (m,) pressures p_e [Pa] of the accepted solve before the last one.
         bulk: (k,) penalty bulk modulus [Pa] of each material, for elements with pressures; raised if pressures
             oscillate.
         hourglass_scale: (m,) present hourglass stiffness divided by the initial one.
-        hourglass_scale_before: (m,) the same for the accepted solve before it.
+        hourglass_scale_before: (m,) hourglass scale after the accepted solve before that.
     """
 
     pressures: Array
@@ -304,5 +303,5 @@ class Snapshot:
     targets: Mapping[str, Pose]
     commands: Mapping[str, float]
     scene: str = ""
-    joints: Mapping[str, tuple[NDArray[np.float64], ...]] = field(default_factory=dict)
-    links: Mapping[str, tuple[NDArray[np.float64], ...]] = field(default_factory=dict)
+    joints: Mapping[str, tuple[Array, ...]] = field(default_factory=dict)
+    links: Mapping[str, tuple[Array, ...]] = field(default_factory=dict)

@@ -1,16 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compiled helpers for vectors: copies of parts of flat vectors, distances between two sets of positions, and zero.
+"""Compiled helpers for vectors: copies of parts of flat vectors, and largest distances.
 
-An assignment of slices in a kernel has a test of their shapes, with a message made of text: a tenth of a second to
-compile for each of them.
+Kernels use loops instead of slice assignments: numba checks the shapes of slices, and compiling the text of the error
+message takes a tenth of a second for each assignment.
 """
 
 from __future__ import annotations
 
 import math
 
+import numpy as np
+from numpy.typing import NDArray
+
 from gdfe_ros.compiled import inlined, kernel
 
+Array = NDArray[np.float64]
+"""Type of arrays of float64."""
 NEGLIGIBLE = 1e-9
 """Relative difference, or fraction of a whole, that counts as zero."""
 

@@ -65,14 +65,14 @@ def load_yaml(text: str) -> Any:
         raise yaml.YAMLError(f"a value cannot be read: {error}") from error
 
 
-def check_yaml(text: str, *, most_nodes: int = MOST_NODES, largest: int = LARGEST_TEXT) -> None:
+def check_yaml(text: str, *, most_nodes: int = MOST_NODES) -> None:
     """Check that a YAML text is within the limits, without building its data.
 
     Raises:
         yaml.YAMLError: the text is not YAML, or exceeds a limit of this module.
     """
-    if len(text) > largest:
-        raise yaml.YAMLError(f"it has {len(text)} characters; allowed: up to {largest}")
+    if len(text) > LARGEST_TEXT:
+        raise yaml.YAMLError(f"it has {len(text)} characters; allowed: up to {LARGEST_TEXT}")
     try:
         loader = Loader(text)
     except UnicodeError as error:
@@ -235,11 +235,11 @@ def parse_xml(text: str) -> ElementTree.Element:
 
 
 _FORMULAS = ("=", "+", "-", "@", "\t", "\r")
-"""Beginnings of cells that spreadsheets execute."""
+"""First characters of table cells that spreadsheets execute as formulas."""
 
 
 def quote_formula(value: Any) -> Any:
-    """Return a cell: a text that a spreadsheet would take for a formula gets a leading quote; numbers stay."""
+    """Return a cell of a table: a text that a spreadsheet would execute as a formula gets a leading quote."""
     if not isinstance(value, str) or not value.startswith(_FORMULAS):
         return value
     try:
@@ -250,13 +250,13 @@ def quote_formula(value: Any) -> Any:
 
 
 _INTERVAL = 5.0
-"""Shortest time between two texts about the same subject [s]."""
+"""Time [s] in which `Throttle.burst` texts about one subject may pass."""
 _MOST = 1000
-"""Largest number of subjects that are kept; the names in messages may be subjects."""
+"""Largest number of subjects that are remembered: a subject may contain a name from a message."""
 
 
 class Throttle:
-    """Lets some texts per subject pass in five seconds, and counts the suppressed texts.
+    """Lets a few texts about each subject pass in five seconds, and counts the suppressed texts.
 
     Args:
         burst: number of texts that pass in five seconds.
@@ -268,7 +268,7 @@ class Throttle:
         self._quiet: dict[Hashable, tuple[float, int, int]] = {}
 
     def due(self, key: Hashable) -> str | None:
-        """Return None if a text is suppressed; else a note to append, with the number of texts suppressed before it."""
+        """Return None to suppress a text about ``key``; else a note to append, with the number of suppressed texts."""
         now = time.monotonic()
         with self._lock:
             until, passed, unsaid = self._quiet.get(key, (0.0, 0, 0))
@@ -286,7 +286,7 @@ class Throttle:
 _LONGEST_ENTRY = 20_000
 """Largest number of characters of an entry of the log."""
 _LONGEST_TEXT, _LONGEST_LIST = 4096, 1_000_000
-"""Largest number of characters of a parameter that is a text, which is that of a path, and of a list of texts."""
+"""Largest number of characters of a text parameter, as of a path, and of all texts in a list."""
 
 
 def shorten(text: str, most: int) -> str:
@@ -295,7 +295,7 @@ def shorten(text: str, most: int) -> str:
 
 
 def plain_entry(text: object) -> str:
-    """Return the text of an entry of the log: lines after the first are indented, so that none looks like an entry."""
+    """Return a text as one entry of the log: lines after the first are indented, so that they look like no entry."""
     return "\n    ".join(map(_escape, without_middle(str(text), _LONGEST_ENTRY).split("\n")))
 
 

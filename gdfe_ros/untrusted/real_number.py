@@ -28,7 +28,7 @@ def require_command(
     """Return a command, after a check that it is a finite number from ``low`` to ``high``.
 
     Args:
-        what: what is commanded, e.g. ``joint 'lift': position``; the message of an error begins with it.
+        what: name of the command, e.g. ``joint 'lift': position``, with which the message of an error begins.
         value: given command.
         low: least command, in ``unit``.
         high: largest command, in ``unit``.

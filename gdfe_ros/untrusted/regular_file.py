@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Files that data name: read only if they are regular files of limited size, and kept inside of their folder.
+"""Safe use of paths that come from data: only regular files of limited size are read, only inside of a folder.
 
 A path in a scene, a request or a bag may lead to a pipe, which never answers, to a device, which never ends, or out of
 the folder that is meant.
@@ -47,7 +47,7 @@ def read_text(path: Path, *, most: int = LARGEST, encoding: str = "utf-8") -> st
 
 
 def replace_file(path: Path, content: bytes) -> None:
-    """Write a file, whose folder is made if it is missing; if that fails or is killed, a former file stays whole.
+    """Write a file, and its folder if that is missing; if writing fails or is killed, a former file stays whole.
 
     The content is written under another name in the same folder, and the file is then renamed.
 
@@ -82,7 +82,7 @@ def _require_regular(status: os.stat_result, path: Path, most: int) -> None:
 
 
 def defect_of(path: Path) -> str:
-    """Return why no file can have this path: a name is too long, or has a null character; empty if one can."""
+    """Return why no file can have this path: a name is too long or has a null character. Empty for other paths."""
     try:
         os.lstat(path)
     except ValueError as error:
@@ -93,7 +93,7 @@ def defect_of(path: Path) -> str:
 
 
 def is_file(path: Path) -> bool:
-    """Return whether a path leads to a file; one that no file can have does not."""
+    """Return whether a path leads to a file; False, without an error, for a path that no file can have."""
     return not defect_of(path) and path.is_file()
 
 

@@ -1,8 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A console for texts of unknown senders, such as names of groups in meshes: a terminal obeys control characters.
-
-And the tables that commands print.
-"""
+"""A console that escapes control characters in texts of unknown senders, and the tables that commands print."""
 
 from __future__ import annotations
 

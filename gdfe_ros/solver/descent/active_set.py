@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a solve moves and evaluates: unknowns, elements, and the arrays for them."""
+"""The unknowns that a solve changes, the elements that it evaluates, and its work arrays."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from collections.abc import Collection
 from functools import cached_property
 
 import numpy as np
@@ -13,63 +12,61 @@ from numpy.typing import NDArray
 from gdfe_ros.materials.material import Law
 from gdfe_ros.materials.table import CARRIED
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.descent.lbfgs_workspace import Workspace, allocate, numbers
-from gdfe_ros.solver.elements.blocks import Blocks
+from gdfe_ros.solver.descent.lbfgs_workspace import allocate, numbers
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
-from gdfe_ros.solver.matrix.unknowns import Unknowns
 from gdfe_ros.solver.outcome import Outcome
 from gdfe_ros.solver.settings import Skip
+from gdfe_ros.solver.vectors import Array
 
 _OUTCOMES = tuple(Outcome)
 
 
-@dataclass(frozen=True, eq=False)
 class ActiveSet:
-    """Unknowns of a solve, the elements that it evaluates, and their workspace.
+    """Unknowns of a body's solves, the elements that solves evaluate, and their workspace.
+
+    Args:
+        body: the discretised body.
+        matrix: the constant matrix of the unknowns.
+        rigid: whether elements inside of handles never have forces, because no cell can grow.
+        skip: kinds of work to leave out.
+        softening: whether hourglass scales follow the strain.
 
     Attributes:
         unknowns: numbering of the unknowns.
-        matrix: the constant matrix of the unknowns.
+        matrix: the argument.
         elements: (k,) int32 evaluated elements; all others are inside of handles and have no forces.
         carried: int32 evaluated elements whose pressures are updated.
         softening: int32 evaluated elements whose hourglass scales are updated.
         blocks: the evaluated elements in the layout of the kernels, for a body without growth.
         skipped: dict from kind of work to the number of elements for which it is left out.
-        workspace: the arrays of its minimisations.
+        workspace: work arrays of the minimisations.
     """
 
     LEAST_BLOCKS = 25
     """Least number of element blocks per thread. For small bodies, fewer threads are used."""
 
-    unknowns: Unknowns
-    matrix: ConstantMatrix
-    elements: NDArray[np.int32]
-    carried: NDArray[np.int32]
-    softening: NDArray[np.int32]
-    blocks: Blocks
-    skipped: Mapping[str, int]
-    workspace: Workspace
-
-    @classmethod
-    def whole(cls, body: Body, matrix: ConstantMatrix, *, rigid: bool, skip: Collection[Skip]) -> ActiveSet:
-        """Return the active set of the whole body.
-
-        Args:
-            body: the discretised body.
-            matrix: the constant matrix.
-            rigid: whether elements inside of handles always have zero force; this is so if nothing grows.
-            skip: kinds of work to leave out.
-        """
-        elements = np.arange(len(body.material), dtype=np.int32)
-        blocks = body.blocks
-        if rigid and Skip.HANDLES in skip:
-            inside = elements_inside_handles(body)
-            if inside.any():
-                elements = elements[~inside]
-                blocks = body.blocks_of(elements)
-        work = allocate(body.unknowns.rows, body.rest, body.cells.shape)
-        updated = _find_updated(body, elements, skip)
-        return cls(body.unknowns, matrix, elements, *updated, blocks, _count_skipped(body, elements, *updated), work)
+    def __init__(
+        self, body: Body, matrix: ConstantMatrix, *, rigid: bool, skip: Collection[Skip], softening: bool
+    ) -> None:
+        self.unknowns, self.matrix, self.blocks = body.unknowns, matrix, body.blocks
+        self.elements = elements = np.arange(len(body.material), dtype=np.int32)
+        if rigid and Skip.HANDLES in skip and (inside := elements_inside_handles(body)).any():
+            self.elements = elements = elements[~inside]
+            self.blocks = body.blocks_of(elements)
+        material = body.material[elements]
+        law, carried = body.table.law[material], body.table.parameters[material, CARRIED] == 1.0
+        self.carried = elements[carried] if Skip.PRESSURES in skip else elements
+        softened = elements[law != Law.LINEAR] if Skip.SHAPE_FACTORS in skip else elements
+        softened = softened if body.cell_type.softens else elements[:0]
+        self.softening = softened if softening else elements[:0]
+        counts = {
+            Skip.HANDLES: len(body.material) - len(elements),
+            Skip.SHAPE_FACTORS: len(elements) - len(softened),
+            Skip.PRESSURES: len(elements) - len(self.carried),
+            Skip.EIGENVALUES: int((law != Law.OGDEN).sum()),
+        }
+        self.skipped = {kind.value: count for kind, count in counts.items() if count}
+        self.workspace = allocate(body.unknowns.rows, body.rest, body.cells.shape)
 
     @cached_property
     def status(self) -> np.void:
@@ -87,13 +84,7 @@ class ActiveSet:
         turning = self.unknowns.turn_row >= 0
         return turning if turning.any() else None
 
-    def place(
-        self,
-        positions: NDArray[np.float64],
-        base: NDArray[np.float64],
-        slides: NDArray[np.float64],
-        turns: NDArray[np.float64],
-    ) -> None:
+    def place(self, positions: Array, base: Array, slides: Array, turns: Array) -> None:
         """Set the unknowns to the start of a minimisation.
 
         Args:
@@ -116,8 +107,8 @@ class ActiveSet:
             return
         u[unknowns.turn_row[turning]] = (turns * unknowns.turns * unknowns.radius[:, None])[turning]
 
-    def rigid_motion(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return translations [m] and rotation vectors [rad], (p, 3) each, of the handles with a free axis."""
+    def rigid_motion(self) -> tuple[Array, Array]:
+        """Return the present translations [m] and rotation vectors [rad], (p, 3) each, of handles with a free axis."""
         unknowns, u = self.unknowns, self.workspace.u.reshape(-1, 3)
         count = len(unknowns.free)
         slides, turns = u[count : count + len(unknowns.slides)].copy(), np.zeros_like(unknowns.turns)
@@ -139,32 +130,3 @@ def elements_inside_handles(body: Body) -> NDArray[np.bool_]:
         held[handle.vertices] = True
         inside |= held[body.cells].all(axis=1)
     return inside
-
-
-def _find_updated(
-    body: Body, elements: NDArray[np.int32], skip: Collection[Skip]
-) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """Return two arrays of elements that are updated between minimisations.
-
-    The first array has the elements with updated pressures, the second the elements with updated hourglass scales.
-    """
-    material = body.material[elements]
-    carried = body.table.parameters[material, CARRIED] == 1.0
-    softening = body.table.law[material] != Law.LINEAR
-    return (
-        elements[carried] if Skip.PRESSURES in skip else elements,
-        (elements[softening] if Skip.SHAPE_FACTORS in skip else elements) if body.cell_type.softens else elements[:0],
-    )
-
-
-def _count_skipped(
-    body: Body, elements: NDArray[np.int32], carried: NDArray[np.int32], softening: NDArray[np.int32]
-) -> dict[str, int]:
-    """Return a dict from kind of work to the number of elements for which it is left out."""
-    counts = {
-        Skip.HANDLES: len(body.material) - len(elements),
-        Skip.SHAPE_FACTORS: len(elements) - len(softening),
-        Skip.PRESSURES: len(elements) - len(carried),
-        Skip.EIGENVALUES: int((body.table.law[body.material[elements]] != Law.OGDEN).sum()),
-    }
-    return {skip.value: count for skip, count in counts.items() if count}

@@ -85,7 +85,7 @@ def place_and_pull(problem, work, metric):
 def follow_arc(problem, work, metric):
     """Shorten the step d in ``work.direction`` to rotations of at most `MOST_TURN`, and write c to ``work.curve``.
 
-    Slope and length of the step in ``work.status`` are updated. ``metric`` has the constant matrix and scratch.
+    Slope and length of the step in ``work.status`` are updated. ``metric`` has the constant matrix and scratch arrays.
     """
     x, status, free = metric.x, work.status[0], 3 * len(problem.unknowns.free)
     for i in range(len(x)):
@@ -108,5 +108,5 @@ def follow_arc(problem, work, metric):
 
 @kernel
 def follow_arc_once(problem, work, metric):
-    """Do `follow_arc` for a caller in Python: an entry that few bodies need, and that takes a second to compile."""
+    """Do `follow_arc` for a caller in Python. It takes a second to compile, and few bodies need it."""
     follow_arc(problem, work, metric)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Workspace of a minimisation: its arrays, allocated once, its constant data, and its pairs of L-BFGS.
+"""Workspace of a minimisation: arrays that are allocated once, constant data, and the history of L-BFGS.
 
 The direction follows from the two-loop recursion (Nocedal 1980) around any initial matrix M. With the pairs s of steps
 and y of changes of the gradient g, and from the newest pair to the oldest,
@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.compiled import vector_internal, vector_kernel
+from gdfe_ros.solver.vectors import Array
 
 MEMORY = 8
 """Number of pairs in the history. Between 5 and 14 the number of iterations hardly depends on it."""
@@ -73,8 +74,8 @@ class Problem(NamedTuple):
     shape: tuple
     blocks: tuple
     material: NDArray[np.int32]
-    pressure: NDArray[np.float64]
-    scale: NDArray[np.float64]
+    pressure: Array
+    scale: Array
     table: tuple
     watch: tuple
     unknowns: tuple
@@ -99,31 +100,31 @@ class Workspace(NamedTuple):
         status: (1,) record with the fields of `STATUS`.
     """
 
-    u: NDArray[np.float64]
-    gradient: NDArray[np.float64]
-    step: NDArray[np.float64]
-    trial: NDArray[np.float64]
-    direction: NDArray[np.float64]
-    curve: NDArray[np.float64]
-    old: NDArray[np.float64]
-    x: NDArray[np.float64]
-    force: NDArray[np.float64]
-    energies: NDArray[np.float64]
-    outside: NDArray[np.float64]
-    size: NDArray[np.float64]
-    steps: NDArray[np.float64]
-    changes: NDArray[np.float64]
-    curvature: NDArray[np.float64]
-    share: NDArray[np.float64]
+    u: Array
+    gradient: Array
+    step: Array
+    trial: Array
+    direction: Array
+    curve: Array
+    old: Array
+    x: Array
+    force: Array
+    energies: Array
+    outside: Array
+    size: Array
+    steps: Array
+    changes: Array
+    curvature: Array
+    share: Array
     status: NDArray[np.void]
 
 
 def numbers(work: Workspace) -> np.void:
-    """Return a view of the fields of `STATUS`; it is faster to read and write than the record array."""
+    """Return a view of the status record, with the fields of `STATUS`; it is faster than the record array."""
     return work.status.view(STATUS, np.ndarray)[0]
 
 
-def allocate(rows: int, x: NDArray[np.float64], cells: tuple[int, int], memory: int = MEMORY) -> Workspace:
+def allocate(rows: int, x: Array, cells: tuple[int, int], memory: int = MEMORY) -> Workspace:
     """Return a workspace for ``rows`` rows of unknowns, a body at ``x`` (n, 3) [m] and ``memory`` pairs of history.
 
     ``cells`` is (m, c): the number of elements, and of the corners of each.
@@ -152,7 +153,7 @@ def inner(a, b):
 
 @vector_internal
 def begin_recursion(work):
-    """Write q of the first loop to ``work.step``."""
+    """Do the first loop of the two-loop recursion: write q to ``work.step``."""
     status, q = work.status[0], work.step
     for n in range(len(q)):
         q[n] = work.gradient[n]
@@ -167,7 +168,7 @@ def begin_recursion(work):
 
 @vector_internal
 def end_recursion(work, z):
-    """Complete ``z`` = M^-1 q to the product of the inverse Hessian and the gradient by the second loop."""
+    """Do the second loop of the two-loop recursion: update ``z`` = M^-1 q in place."""
     status = work.status[0]
     for k in range(status.count - 1, -1, -1):
         i = (status.head - 1 - k) % len(work.curvature)
@@ -179,7 +180,7 @@ def end_recursion(work, z):
 
 @vector_internal
 def remember(work):
-    """Add the pair of the last accepted step to the history, if its curvature is positive; return whether it is."""
+    """Add the last accepted step's pair to the history if its curvature s . y is positive; return whether it is."""
     status, curvature = work.status[0], 0.0
     for n in range(len(work.u)):
         curvature += work.direction[n] * (work.gradient[n] - work.old[n])
@@ -195,14 +196,14 @@ def remember(work):
     return True
 
 
-def history(work: Workspace) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def history(work: Workspace) -> tuple[Array, Array]:
     """Return the steps and changes (k, 3 r) of the history, oldest first; copies."""
     status = numbers(work)
     rows = (int(status["head"]) - int(status["count"]) + np.arange(int(status["count"]))) % len(work.curvature)
     return work.steps[rows], work.changes[rows]
 
 
-def load_history(work: Workspace, steps: NDArray[np.float64], changes: NDArray[np.float64]) -> None:
+def load_history(work: Workspace, steps: Array, changes: Array) -> None:
     """Set the history of a workspace to steps and changes (k, 3 r), oldest first."""
     status, count = numbers(work), len(steps)
     work.steps[:count], work.changes[:count] = steps, changes

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The compiled minimisation: L-BFGS around a tangent that turns with the body.
 
-The initial matrix is M = R K R^T: K is the tangent stiffness at earlier positions, at first those of the undeformed
-body, and R the rotation of each vertex since then. Near an equilibrium, M differs from the present tangent by strains
+The initial matrix is M = R K0 R^T: K0 is the tangent stiffness at earlier positions (at first of the undeformed body),
+and R the rotation of each vertex since then. Near an equilibrium, M differs from the present tangent K by strains
 alone. The eigenvalues of M^-1 K then lie near 1, the steps shrink by half or more in each iteration, and the length of
 the step measures the distance to the equilibrium: if successive steps shrink by the ratio r, the sum of all further
 steps is |d| / (1 - r).
@@ -16,9 +16,6 @@ import math
 import sys
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
 from gdfe_ros.compiled import internal, kernel
 from gdfe_ros.solver.descent.arc import follow_arc
 from gdfe_ros.solver.descent.lbfgs_workspace import begin_recursion, end_recursion, inner, remember
@@ -27,15 +24,15 @@ from gdfe_ros.solver.matrix.constant_matrix import Coupling, apply_inverse
 from gdfe_ros.solver.matrix.rotation import vertex_rotations
 from gdfe_ros.solver.matrix.substitution import Kept, solve_kept
 from gdfe_ros.solver.outcome import Outcome
-from gdfe_ros.solver.vectors import largest
+from gdfe_ros.solver.vectors import Array, largest
 
 RATE, SLOWEST = 0.3, 0.9
-"""Ratio of two successive steps that is assumed before it is known, and upper limit of the ratio."""
+"""Ratio of the lengths of two successive steps: value before it is known, and upper limit."""
 UNPROVEN = 0.2
-"""A minimisation ends without an iteration if its first step, divided by the target, is at most this."""
+"""A minimisation ends without an iteration if its estimated distance, divided by the target, is at most this."""
 STRAIGHT, FOLLOWED = 3e-3, 1e-2
-"""Displacements divided by the body's size: steps up to the first are straight, and rotations of the vertices are
-computed anew after the second.
+"""Displacements divided by the body's size: steps up to the first are straight, longer steps follow arcs; after
+displacements above the second, the rotations of the vertices are computed anew.
 """
 WILD, TAME = 1.0, 0.1
 """Steps divided by the body's size. If elements are nearly folded, and their barriers are not in the tangent, steps are
@@ -56,23 +53,23 @@ class Metric(NamedTuple):
         kept: factor of the tangent; without rows if M is the constant matrix.
         coupling: the constant matrix, and its coupling to the rigid rows of handles.
         before: (n, 3) positions [m] at which the tangent was taken.
-        held: whether handles hold the body.
-        trust: least part of the distance to the equilibrium that a step covers; 1 for a tangent.
+        held: whether the body has handles or obstacles.
+        trust: assumed least ratio of a step to the distance to the equilibrium; 1 for a tangent.
         weight: (m,) weights of the elements in the constant matrix [Pa].
         u, gradient, x, force, sums: scratch (3 r,), (3 r,), (n, 3), (m, c, 3) and (n, 9).
     """
 
     kept: Kept
     coupling: Coupling
-    before: NDArray[np.float64]
+    before: Array
     held: bool
     trust: float
-    weight: NDArray[np.float64]
-    u: NDArray[np.float64]
-    gradient: NDArray[np.float64]
-    x: NDArray[np.float64]
-    force: NDArray[np.float64]
-    sums: NDArray[np.float64]
+    weight: Array
+    u: Array
+    gradient: Array
+    x: Array
+    force: Array
+    sums: Array
 
 
 @kernel
@@ -86,7 +83,7 @@ def precondition(metric, right, out):
 
 @internal
 def apply_initial(status, metric, right, out):
-    """Write the product of the initial matrix' inverse and ``right`` (3 r,) to ``out``: that of M, or of A if wild."""
+    """Write M^-1 ``right`` (3 r,) to ``out``, or a multiple of A^-1 ``right`` if A replaces M (see `WILD`)."""
     if status.wild == 1:
         apply_inverse(right, metric.coupling, out)
         for n in range(len(out)):
@@ -110,9 +107,9 @@ def find_direction(work, metric):
 
 @internal
 def choose_direction(problem, work, metric, size):
-    """Write a direction of descent with the tangent, or with the constant matrix where the tangent's step is wild.
+    """Write a direction of descent, with the constant matrix if the tangent's step is too long (see `WILD`).
 
-    Return whether there is one. A history that gives none is dropped.
+    Return whether there is one. If the history gives no direction of descent, it is dropped.
     """
     status = work.status[0]
     descends = find_direction(work, metric)
@@ -148,13 +145,6 @@ def measure(status, trust):
 
 
 @internal
-def begin(status):
-    """Reset the fields of ``status`` that belong to one minimisation."""
-    status.before, status.rate, status.nearest = math.inf, RATE, math.inf
-    status.made, status.blocked, status.plateau, status.ended = 0, 0, 0, Outcome.NONE
-
-
-@internal
 def is_exhausted(status):
     """Count an iteration without progress; return whether there are too many."""
     status.plateau += 1
@@ -165,7 +155,7 @@ def is_exhausted(status):
 
 @internal
 def choose(problem, work, metric, size, most):
-    """Write the direction of the next step: 2 if it descends, 1 if not, 0 if the matrix has served ``most`` times."""
+    """Write the next step's direction; return 2 if it descends, 1 if not, 0 if the matrix has served ``most`` times."""
     status = work.status[0]
     if status.since >= most:
         status.ended = Outcome.WORN
@@ -180,7 +170,7 @@ def choose(problem, work, metric, size, most):
 
 @internal
 def move(problem, work, metric, size, target, proven, descends):
-    """Step along the chosen direction, unless it is so short that the minimisation ends; return whether it goes on."""
+    """Step along the chosen direction, unless the minimisation ends; return whether the minimisation goes on."""
     status, first = work.status[0], size < 0.0  # not a literal: numba would compile another copy of `advance` for it
     if status.step == 0.0:
         status.distance, status.ended = 0.0, Outcome.NEAR
@@ -219,8 +209,9 @@ def move(problem, work, metric, size, target, proven, descends):
 @internal
 def start(problem, work):
     """Begin a minimisation: evaluate all terms at the unknowns."""
-    begin(work.status[0])
-    first = len(work.u) >= 0
+    status, first = work.status[0], len(work.u) >= 0
+    status.before, status.rate, status.nearest = math.inf, RATE, math.inf
+    status.made, status.blocked, status.plateau, status.ended = 0, 0, 0, Outcome.NONE
     advance(problem, work, first)
 
 
@@ -236,7 +227,7 @@ def descend(problem, work, metric, size, target, proven, most, limit, begins):
         metric: the initial matrix.
         size: size of the body [m].
         target: allowed distance [m].
-        proven: whether the rates of an earlier minimisation have shown that the length of a step is the distance.
+        proven: whether an earlier minimisation converged, so that the length of the first step measures the distance.
         most: number of iterations for which one tangent serves.
         limit: largest number of iterations.
         begins: whether the minimisation begins, so that all terms are evaluated first.

@@ -74,11 +74,11 @@ def gather(work, unknowns, threads):
 
 @merged
 def search(problem, work, first):
-    """Search along the direction, or the arc, until the energy falls enough, and move ``u`` there.
+    """Search along the direction or the arc for a point at which the energy falls enough; move ``u`` there.
 
     The step is written to ``direction``. The condition is Armijo's, or its approximate form (Hager and Zhang 2005) if
     the energy cannot resolve the step. If no length satisfies the condition, or if ``first`` is set, ``u`` stays
-    unchanged. Energy and gradient are then evaluated at ``u``.
+    unchanged, and energy and gradient are evaluated at ``u``.
     """
     status = work.status[0]
     slope, energy = status.slope, status.energy

@@ -27,7 +27,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gdfe_ros.compiled import inlined, internal
 from gdfe_ros.materials.table import SHEAR
@@ -35,6 +34,7 @@ from gdfe_ros.mesh.quality import list_ids
 from gdfe_ros.mesh.triples import combine, corner, cross, dot
 from gdfe_ros.solver.elements.cell_type import add_slopes, load_points
 from gdfe_ros.solver.elements.hexahedra import SIDES
+from gdfe_ros.solver.vectors import Array
 
 THRESHOLD = 0.2
 """Threshold J_0. A value of 0.3 would act in sound scenes: the least volume ratios of a corner are 0.256 in
@@ -46,8 +46,6 @@ LINE = 0.1
 """Ratio s_0 = J_c / J_0 below which the energy continues as a straight line."""
 NEARLY_FOLDED = 2.0 * THRESHOLD
 """An element is watched if the volume ratio of a corner is below this."""
-NONE = np.zeros(0, dtype=np.int32)
-"""No watched elements."""
 
 
 _CODES, _BITS = SIDES @ (1, 2, 4), np.array((1, 2, 4))
@@ -67,7 +65,7 @@ TET_EDGES = np.array(
 slope at corner c is dx/dL_k - dx/dL_c = 4 x_ck - x_k - 3 x_c.
 """
 HEX_WEIGHTS, TET_WEIGHTS = (1.0, -1.0, 0.0), (4.0, -1.0, -3.0)
-"""Weights of these points in an edge."""
+"""Weights, in the vector of an edge, of the three points that `HEX_EDGES` or `TET_EDGES` lists for it."""
 
 
 @inlined
@@ -82,7 +80,7 @@ def wall(s):
 
 @inlined
 def edge_at(points, c, k):
-    """Return edge ``k`` (3,) [m] at corner ``c`` of a cell with ``points`` (n, 3) [m]."""
+    """Return the vector (3,) [m] of edge ``k`` at corner ``c`` of a cell with ``points`` (n, 3) [m]."""
     i, j, m = HEX_EDGES[c, k] if len(points) == 8 else TET_EDGES[c, k]
     u, v, w = HEX_WEIGHTS if len(points) == 8 else TET_WEIGHTS
     return combine(u, corner(points, i), v, corner(points, j), w, corner(points, m))
@@ -90,7 +88,7 @@ def edge_at(points, c, k):
 
 @inlined
 def add_edge(slopes, c, k, share, derivative):
-    """Add ``share`` times the derivative with respect to an edge to the derivatives ``slopes`` (n, 3) at its points."""
+    """Add ``share`` times the ``derivative`` (3,) by an edge to the derivatives ``slopes`` (n, 3) by the points."""
     nodes, weights = (HEX_EDGES[c, k], HEX_WEIGHTS) if len(slopes) == 8 else (TET_EDGES[c, k], TET_WEIGHTS)
     for a in range(3):
         for i in range(3):
@@ -125,8 +123,8 @@ def least_corners(x, shape, elements, out):
 def room(x, shape, e, points):
     """Return the distance [m] that vertices may move before a corner can reach the barrier; 0 if nearly folded.
 
-    With edges of lengths A, B and C, the bound is that of `gdfe_ros.solver.elements.response`. If no vertex moves by
-    more than d, edges change by up to 2 d, or by 8 d in quadratic cells. ``points`` (n, 3) is scratch.
+    `gdfe_ros.solver.elements.response` derives the bound. If no vertex moves by more than d, edges change by up to 2 d,
+    or by 8 d in quadratic cells. ``points`` (n, 3) is scratch.
     """
     load_points(x, shape, e, points)
     found = math.inf
@@ -165,7 +163,7 @@ def add_walls(x, watched, shape, material, table, force, energy):
             add_slopes(slopes, shape, e, force)
 
 
-def tell_flat(least: NDArray[np.float64]) -> str:
+def tell_flat(least: Array) -> str:
     """Return a message that lists the flat or folded elements; empty if there are none.
 
     Args:

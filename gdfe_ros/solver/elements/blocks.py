@@ -18,18 +18,18 @@ from gdfe_ros.compiled import inlined
 from gdfe_ros.mesh.cells.operators import ShapeOperators
 from gdfe_ros.mesh.cells.tet_operators import TetOperators
 from gdfe_ros.solver.elements.hourglass import couplings
-from gdfe_ros.solver.vectors import NEGLIGIBLE
+from gdfe_ros.solver.vectors import NEGLIGIBLE, Array
 
 LANES = 8
 """Number of elements in a block. The innermost loops run over the elements of a block."""
 REFERENCE, AXES, EDGES, VOLUME, COUPLING, GEOMETRY_ROWS = 0, 9, 18, 21, 22, 23
-"""First rows in the ``Blocks.geometry`` of hexahedra: the inverse of dX/dxi (9), edge directions (9), 2 / edge length
-(3), volume (1), and coupling of shear strains in torsion (1). The last number counts all rows.
+"""First row of each quantity in the ``Blocks.geometry`` of hexahedra: the inverse of dX/dxi (9 rows), edge directions
+(9), 2 / edge length (3), volume (1), and coupling of shear strains in torsion (1). The last number counts all rows.
 """
 
 
 class Blocks(NamedTuple):
-    """The elements, sorted by law and shape, in blocks; the last block of a kind is padded by repetition.
+    """The elements in blocks of one law and one shape, parallelepiped or not; the last block of a kind is padded.
 
     Attributes:
         element: (b, LANES) int32 element of each lane.
@@ -44,11 +44,11 @@ class Blocks(NamedTuple):
     used: NDArray[np.int32]
     law: NDArray[np.int32]
     parallel: NDArray[np.bool_]
-    geometry: NDArray[np.float64]
+    geometry: Array
 
 
 def make_blocks(
-    geometry: NDArray[np.float64], law: NDArray[np.int32], parallel: NDArray[np.bool_], elements: NDArray[np.int32]
+    geometry: Array, law: NDArray[np.int32], parallel: NDArray[np.bool_], elements: NDArray[np.int32]
 ) -> Blocks:
     """Return the ``elements`` (k,) in blocks, sorted by law and shape; within a kind the order is kept.
 
@@ -59,7 +59,7 @@ def make_blocks(
     return Blocks(element, used, law[first], parallel[first], in_lanes(geometry, element))
 
 
-def in_lanes(rows: NDArray[np.float64], element: NDArray[np.int32]) -> NDArray[np.float64]:
+def in_lanes(rows: Array, element: NDArray[np.int32]) -> Array:
     """Return the ``rows`` (m, g) of the elements (b, LANES) in the layout of ``Blocks.geometry``."""
     return np.ascontiguousarray(rows[element].transpose(0, 2, 1)).ravel()
 
@@ -79,7 +79,7 @@ def lanes_of(kind: NDArray[np.int32], elements: NDArray[np.int32]) -> tuple[NDAr
     return np.array(rows, dtype=np.int32).reshape(-1, LANES), np.array(used, dtype=np.int32)
 
 
-def hex_geometry(shape: ShapeOperators) -> NDArray[np.float64]:
+def hex_geometry(shape: ShapeOperators) -> Array:
     """Return the rows from `REFERENCE` to `COUPLING` of hexahedra (m, GEOMETRY_ROWS)."""
     directions, lengths = shape.edge_axes.reshape(-1, 9), 2.0 / shape.edge_lengths
     across = shape.volume[:, None], couplings(shape.across)[:, None]
@@ -98,7 +98,7 @@ class Operators:
 
     shape: ShapeOperators
     blocks: Blocks
-    stretch: NDArray[np.float64]
+    stretch: Array
 
 
 COORDINATES, GRADIENT, MODES, STRESS, FORCES = 0, 24, 33, 45, 54
@@ -182,11 +182,11 @@ NODES, TOTAL, GRADIENTS = ROWS, ROWS + 30, ROWS + 60
 hexahedra come before them, because the laws are evaluated in the rows of hexahedra.
 """
 SLOPE, STORED_ENERGY, GEOMETRY_OF_TET = GRADIENTS + 36, GRADIENTS + 37, GRADIENTS + 38
-"""Row of the pressure that acts on the mean volume, row of the energy, and first of the geometry's 40 rows."""
+"""Row of the pressure that acts on the mean volume, row of the energy, and first of the 40 rows of the geometry."""
 TET_ROWS = GEOMETRY_OF_TET + TET_GEOMETRY_ROWS
 
 
-def tet_geometry(shape: TetOperators) -> NDArray[np.float64]:
+def tet_geometry(shape: TetOperators) -> Array:
     """Return the rows `INVERSE` and `WEIGHT` of tetrahedra (m, TET_GEOMETRY_ROWS)."""
     inverse = shape.inverse.reshape(-1, 4, 9)
     bend = np.abs(inverse - inverse[:, :1]).max(axis=(1, 2), keepdims=True)

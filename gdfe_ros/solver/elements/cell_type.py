@@ -23,6 +23,7 @@ from gdfe_ros.mesh.cells.tet_operators import TetOperators, gradients, grow_tet_
 from gdfe_ros.mesh.cells.tetrahedra import EDGES, PARTS, tet_boundary
 from gdfe_ros.solver.elements import hexahedra, quadratic_tetrahedra
 from gdfe_ros.solver.elements.blocks import Blocks, hex_geometry, make_blocks, tet_geometry
+from gdfe_ros.solver.vectors import Array
 
 
 class CellKernels(NamedTuple):
@@ -31,7 +32,7 @@ class CellKernels(NamedTuple):
     Attributes:
         evaluate_blocks: writes node forces (m, c, 3) [N] and energies (m,) [J] of a range of blocks.
         load_points: writes the nodes (c, 3) [m] of ``e``, or of the box that the material of a cut cell fills.
-        add_slopes: adds the derivatives of an energy with respect to these points to the node forces of ``e``.
+        add_slopes: adds an energy's derivatives with respect to the points of `load_points` to the forces of ``e``.
         volume_ratio: current volume of ``e`` divided by its undeformed volume. If ``e`` has a pressure, it is the
             multiplier of this ratio.
     """
@@ -52,7 +53,7 @@ KERNELS = {ShapeOperators: _of(hexahedra), TetOperators: _of(quadratic_tetrahedr
 
 
 def _of_cell_type(name: str) -> Callable:
-    """Return a function that calls `CellKernels` ``name`` of the cell type; numba replaces it in kernels."""
+    """Return a function that calls the function ``name`` of the arguments' cell type; numba inlines it in kernels."""
 
     def call(*arguments):
         return getattr(_kernels([type(each) for each in arguments]), name)(*arguments)
@@ -78,8 +79,8 @@ class CellType(NamedTuple):
 
     Attributes:
         corners: number of nodes c.
-        operators: function that returns the constant operators, from vertices (n, 3) [m], cells (m, c) and the filling
-            of cut cells.
+        operators: function that returns the constant operators for vertices (n, 3) [m], cells (m, c) and the filling of
+            cut cells.
         table: function that returns the material table for the kernels of this type, from the packed material table.
         grown: function that returns the operators of grown rest shapes, from operators, cells (k,) and their growths
             (k, 3, 3).
@@ -97,8 +98,8 @@ class CellType(NamedTuple):
     operators: Callable
     table: Callable[[MaterialTable], MaterialTable]
     grown: Callable
-    geometry: Callable[..., NDArray[np.float64]]
-    matrix_blocks: Callable[..., NDArray[np.float64]]
+    geometry: Callable[..., Array]
+    matrix_blocks: Callable[..., Array]
     tangents: Callable
     softens: bool
     boundary: Callable[[NDArray[np.int32]], Faces]
@@ -117,9 +118,7 @@ class CellType(NamedTuple):
         return make_blocks(self.geometry(shape), table.law[material], parallel, elements)
 
 
-def _hex_matrix(
-    shape: ShapeOperators, weight: NDArray[np.float64], hourglass: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _hex_matrix(shape: ShapeOperators, weight: Array, hourglass: Array) -> Array:
     """Return the elements' blocks of the constant matrix, w V g g^T + c sum_k gamma_k gamma_k^T, (m, 8, 8) [N/m].
 
     w is the ``weight`` (m,) [Pa], V the volume [m^3], g the gradient operators [1/m], c the ``hourglass`` stiffness
@@ -130,9 +129,7 @@ def _hex_matrix(
     return blocks
 
 
-def _tet_matrix(
-    shape: TetOperators, weight: NDArray[np.float64], hourglass: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _tet_matrix(shape: TetOperators, weight: Array, hourglass: Array) -> Array:
     """Return the elements' blocks of the constant matrix, w int g g^T dV; tetrahedra have no hourglass stiffness."""
     local = gradients(shape.inverse)
     return np.einsum("eg,egai,egbi->eab", weight[:, None] * shape.weight, local, local, optimize=True)
@@ -164,14 +161,10 @@ TETRAHEDRA = CellType(
     tuple((corner, middle) for middle, ends in enumerate(EDGES, start=4) for corner in ends),
     PARTS[:, [0, 1, 2, 2, 3, 3, 3, 3]],
 )
-_BY_CORNERS = {kind.corners: kind for kind in (HEXAHEDRA, TETRAHEDRA)}
+CELL_TYPES = {kind.corners: kind for kind in (HEXAHEDRA, TETRAHEDRA)}
+"""Cell types by the number of nodes of a cell."""
 
 
 def cell_type_of(shape: ShapeOperators | TetOperators) -> CellType:
     """Return the cell type of element operators, by the number of nodes c of their ``cells`` (m, c)."""
-    return _BY_CORNERS[shape.cells.shape[1]]
-
-
-def cell_type_with(corners: int) -> CellType:
-    """Return the cell type whose cells have ``corners`` nodes."""
-    return _BY_CORNERS[corners]
+    return CELL_TYPES[shape.cells.shape[1]]

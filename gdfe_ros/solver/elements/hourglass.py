@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from gdfe_ros.compiled import inlined
 from gdfe_ros.materials.tensor import scale_vector, times
 from gdfe_ros.mesh.triples import along, combine, dot
+from gdfe_ros.solver.vectors import Array
 
 OWN_SHEAR = (6.0 * 0.14057702, 0.37384848, 0.22901768, 0.15517115)
 """Weight 1 - chi of the uncoupled shear strains in a twisted element, by the number of cells across a square bar. With
@@ -93,7 +94,7 @@ def bending(a, b, plane, poisson):
 
 @inlined
 def edge_direction(f, axis):
-    """Return the current unit direction F d / |F d| of an edge and 1 / |F d|, kept finite."""
+    """Return the current unit direction F d / |F d| of an edge, and 1 / |F d|; both are regularised by `LEAST_EDGE`."""
     d = times(f, axis)
     inverse = 1.0 / math.sqrt(dot(d, d) + LEAST_EDGE * LEAST_EDGE)
     return scale_vector(d, inverse), inverse
@@ -101,11 +102,11 @@ def edge_direction(f, axis):
 
 @inlined
 def turning(t, q, d, inverse):
-    """Return the part of dE / d(F d_i) that comes from the rotation of the unit direction ``d`` of F d_i."""
+    """Return dE / d(F d_i), which acts through the unit direction ``d`` of F d_i; ``t`` (4) are dE / d(d . q_k)."""
     m = along(1.0, combine(t[0], q[0], t[1], q[1], t[2], q[2]), t[3], q[3])
     return scale_vector(along(1.0, m, -dot(m, d), d), inverse)
 
 
-def couplings(across: NDArray[np.int32]) -> NDArray[np.float64]:
+def couplings(across: NDArray[np.int32]) -> Array:
     """Return the coupling chi (m,) of elements in sections that are ``across`` (m,) cells wide."""
     return (1.0 - np.array(OWN_SHEAR))[np.minimum(across, len(OWN_SHEAR)) - 1]

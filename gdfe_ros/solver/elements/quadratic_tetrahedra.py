@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Compiled response, tangents and measures of quadratic tetrahedra (see `CellKernels`).
 
-They are P2 with a split volume term (docs/theory/tetrahedra.md). A material's volume stiffness has two parts: a local
-one acts at the four integration points, and the rest acts on the element's mean volume ratio. The table of materials
-has the local parts (`local_share`).
+They are P2 elements with a split volume term (docs/theory/tetrahedra.md). A material's volume stiffness has two parts:
+a local one acts at the four integration points, and the rest acts on the element's mean volume ratio.
+`with_local_share` computes both for the table of materials.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ L = tuple(tuple(float(value) for value in point) for point in POINTS)
 
 @inlined
 def load_shares(b, law, elements, material, table):
-    """Copy the lanes' moduli at the integration points into the rows from which the laws read them."""
+    """Copy the moduli for the integration points into the rows from which `stress_rows` reads them."""
     for lane in range(LANES):
         k = material[elements[lane]]
         b[PRESSURE * LANES + lane] = 0.0
@@ -181,7 +181,7 @@ def load_block(b, x, shape, blocks, block, material, table):
 
 @inlined
 def place_of(number):
-    """Return the row, after the first, of a component of a node: 3 node + axis."""
+    """Return the offset of the row with the component ``number`` = 3 node + axis; rows are sorted by axis."""
     return 10 * (number % 3) + number // 3
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compiled response of all elements, and the list of elements near folding that alone have fold barriers.
+"""Compiled response of all elements, and the list of elements near folding, which alone have fold barriers.
 
 Barriers act below a volume ratio J_0, which sound bodies never reach. A minimisation therefore keeps a list of watched
 elements, and evaluates barriers for these alone. At its beginning it examines all elements, and watches those with a
@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 from gdfe_ros.compiled import internal, kernel, parallel_kernel
 from gdfe_ros.solver.elements.barrier import add_walls, room
 from gdfe_ros.solver.elements.cell_type import evaluate_blocks
+from gdfe_ros.solver.vectors import Array
 
 
 class Watch(NamedTuple):
@@ -32,16 +33,16 @@ class Watch(NamedTuple):
 
     Attributes:
         elements: (m,) int32; the first ``count`` are watched.
-        count: (1,) int64.
+        count: (1,) int64 number of watched elements.
         member: (m,) bool, whether each element is watched.
-        room: (2,) distance [m] that vertices may move until the next examination: from the accepted positions of the
-            minimisation, and from the positions of the last evaluation.
+        room: (2,) distances [m] that vertices may move before all elements must be examined again: from the accepted
+            positions of the minimisation, and from the positions of the last evaluation.
     """
 
     elements: NDArray[np.int32]
     count: NDArray[np.int64]
     member: NDArray[np.bool_]
-    room: NDArray[np.float64]
+    room: Array
 
     @classmethod
     def over(cls, elements: int) -> Watch:
@@ -57,7 +58,7 @@ class Watch(NamedTuple):
 
 @internal
 def look(x, shape, blocks, watch):
-    """Add the nearly folded elements of ``blocks`` to the list; return the least room [m] of the others at ``x``."""
+    """Add the nearly folded elements of ``blocks`` to the list; return the least `room` [m] of the others at ``x``."""
     scratch, least = np.empty((shape.cells.shape[1], 3)), math.inf
     for block in range(len(blocks.element)):
         for lane in range(blocks.used[block]):

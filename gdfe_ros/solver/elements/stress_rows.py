@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Compiled stresses of a block of elements of one law, in several passes.
 
-A pass over the lanes without calls and branches is compiled to SIMD. Logarithms, powers and table look-ups of a law
-therefore have a pass of their own. An iteration is a loop around a pass; a converged lane keeps its value until all
-lanes have converged.
+A lane is one element of a block. A pass over the lanes without calls and branches is compiled to SIMD. Logarithms,
+powers and table look-ups of a law therefore have a pass of their own. In an iterative method, each iteration is a pass;
+a converged lane keeps its value until all lanes have converged.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ from gdfe_ros.materials.stress import (
     CURVE_FACTOR,
     corotated_stress,
     curve_state,
-    linear_factor,
     neo_hookean,
     ogden_continued,
     stable_neo_hookean,
     volumetric,
 )
+from gdfe_ros.materials.table import POISSON, YOUNG
 from gdfe_ros.materials.tensor import (
     NEWTON_STEPS,
     cofactor,
@@ -90,7 +90,7 @@ def stress_rows(b, law, elements, material, table):
                 stored, secant, _ = curve_state(math.sqrt(CURVE_FACTOR * size), table, k)
                 factor = CURVE_FACTOR * secant
             else:
-                factor = linear_factor(table, k)
+                factor = table.parameters[k, YOUNG] / (1.0 + table.parameters[k, POISSON])
                 stored = 0.5 * factor * size
             b[FACTOR * LANES + lane], b[STORED * LANES + lane] = factor, stored
         corotated_stress_rows(b)
@@ -100,7 +100,7 @@ def stress_rows(b, law, elements, material, table):
 def stable_neo_hookean_rows(b):
     """Write the rows of the energy density and of P for the stable neo-Hookean law.
 
-    It is not inlined: bodies of other laws would compile it once in each of their element kernels.
+    It is not inlined: otherwise bodies of other laws would compile it, too, once in each element kernel.
     """
     for lane in range(LANES):
         pressure, mu, _, kappa = load4(b, PRESSURE, lane)

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Equilibria of both policies: prediction, minimisation, multiplier updates, stability; the paper's own solver."""
+"""Equilibria of the policy ``energy``: prediction, minimisation, multiplier updates, and stability."""

@@ -1,14 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Hyperelastic equilibrium of the policy ``energy``: minimisation with the constant matrix, and multiplier updates."""
+"""Equilibrium solver of the policy ``energy``: set-up of its matrices and terms, solves, and forces at a state."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
-from dataclasses import replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gdfe_ros.compiled import start_threads
 from gdfe_ros.constraints import Pose
@@ -27,7 +25,8 @@ from gdfe_ros.solver.minimise.level import TangentLevel
 from gdfe_ros.solver.minimise.minimiser import Minimiser, Observer
 from gdfe_ros.solver.settings import Skip
 from gdfe_ros.solver.solution import Increment, Solution
-from gdfe_ros.solver.state import State, Summary, replace_fields
+from gdfe_ros.solver.state import State, replace_fields
+from gdfe_ros.solver.vectors import Array
 from gdfe_ros.threads import one_blas_thread
 
 
@@ -39,8 +38,8 @@ class EquilibriumSolver:
         actuation: the external terms; None for none.
         skip: kinds of work that are left out where possible.
         threads: largest number of threads among which the elements are divided.
-        predictor: function that returns the predictor of a solve's start for given handle kinematics and constant
-            matrix; None for the predictor of equilibria.
+        predictor: function that makes the predictor of a solve's start from the handles' kinematics and the constant
+            matrix; None in statics, for `Predictor`.
         softening: whether hourglass scales follow the strain. With ``newmark`` they stay constant, because a change of
             scale would create or remove energy.
 
@@ -48,13 +47,14 @@ class EquilibriumSolver:
         matrix: the constant matrix.
         handles: the kinematics of the handles.
         model: the data common to all solves.
+        minimiser: the minimiser of the potential.
         whole: the active set of the whole body.
         patience: number of iterations after which a solve is given up and a shorter increment is tried.
     """
 
     patience = 2000
     INVERSE_ITERATIONS = 6
-    """Number of inverse iterations with the tangent's factor; they determine the softness to within a tenth."""
+    """Number of inverse iterations with the tangent's factor; they give the softness of the body to within a tenth."""
 
     def __init__(
         self,
@@ -81,8 +81,8 @@ class EquilibriumSolver:
         self.actuation.fit(self.matrix)
         self.handles = HandleMotions(body)
         self._predictor = (predictor or partial(Predictor, body))(self.handles, self.matrix)
-        whole = ActiveSet.whole(body, self.matrix, rigid=not self.actuation.growths, skip=skip)
-        self.whole = whole if softening else replace(whole, softening=whole.softening[:0])
+        rigid = not self.actuation.growths
+        self.whole = ActiveSet(body, self.matrix, rigid=rigid, skip=skip, softening=softening)
         level = TangentLevel(body, self.matrix.assembled, self.actuation.terms)
         moving, touching = predictor is not None, self.actuation.contacts
         forces = ContactForces(self.actuation.held, body.unknowns, len(body.rest)) if touching else None
@@ -118,8 +118,8 @@ class EquilibriumSolver:
             level.first_shift, self.minimiser.rest = least, tangent
             level.keep(tangent)
 
-    def _weigh(self, field: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the constant matrix times a field (3 r,) of the unknowns; rows of handles are zero."""
+    def _weigh(self, field: Array) -> Array:
+        """Return the constant matrix times ``field`` (3 r,), a vector of unknowns; rows of handles become zero."""
         weighed = np.zeros_like(field)
         free = 3 * len(self.whole.unknowns.free)
         weighed[:free] = self.matrix.multiply(field[:free].reshape(-1, 3)).ravel()
@@ -127,35 +127,17 @@ class EquilibriumSolver:
 
     def at_rest(self) -> State:
         """Return the undeformed state; it is no equilibrium if the body is inside of an obstacle."""
-        body, handles, loose = self.body, self.body.handles, np.zeros((len(self.body.unknowns.slides), 3))
-        poses = {handle.name: Pose() for handle in handles}
-        still = {handle.name: np.zeros(6) for handle in handles}
-        neutral, ungrown = self.actuation.neutral, self.actuation.growths.ungrown
-        saved = self.actuation.at_rest()
-        self.actuation.begin(neutral, saved, body.rest, poses)
-        entered = [contact.name for contact in self.actuation.contacts if contact.inside]
-        summary = Summary(
+        body, actuation = self.body, self.actuation
+        saved, neutral = actuation.at_rest(), actuation.neutral
+        actuation.begin(neutral, saved, body.rest, {handle.name: Pose() for handle in body.handles})
+        entered = [contact.name for contact in actuation.contacts if contact.inside]
+        return actuation.rest_state(
             converged=not entered,
             message=f"not solved yet: the undeformed body is inside of {', '.join(entered)}" if entered else "",
-            error_estimate=0.0,
-            energy=0.0,
-            min_det=1.0,
-            reactions=still,
-            actuators=self.actuation.states(body.rest, neutral, ungrown),
-        )
-        return State(
-            positions=body.rest,
-            base=body.rest,
-            poses=poses,
-            commands=dict(neutral),
-            slides=loose,
-            turns=loose,
             terms=saved,
             elements=at_rest(body),
-            operators=ungrown,
-            balance=self.actuation.balance(body.rest, neutral),
+            balance=actuation.balance(body.rest, neutral),
             proved=0.0,
-            summary=summary,
         )
 
     @property
@@ -175,7 +157,8 @@ class EquilibriumSolver:
     def solve(self, problem: Increment, start: State) -> Solution:
         """Find the equilibrium of ``problem`` from ``start``, which is not modified.
 
-        The solution has its stability, or in motion a new tangent if that lowers the cost of the next solves.
+        In statics, the stability of the solution is examined. In motion, the tangent is renewed if that lowers the cost
+        of the next solves.
         """
         base = self.handles.base(problem.poses, start.poses, start.base)
         predicted = self._predictor.predict(start, base, start.change_to(problem.commands))
@@ -196,13 +179,13 @@ class EquilibriumSolver:
             turns=self.handles.within_a_turn(found.turns),
         )
 
-    def forces(self, state: State) -> NDArray[np.float64]:
-        """Return dE/dx (n, 3) [N] of all terms at a state; zero for vertices inside handles."""
+    def forces(self, state: State) -> Array:
+        """Return dE/dx (n, 3) [N] of elements and terms at a state; elements inside handles contribute nothing."""
         work, vertices = self.whole.workspace, np.arange(len(self.body.rest), dtype=np.int32)
         Solve.at(self.model, state).evaluate()
         return vertex_forces(self.body, vertices, work.force) + work.outside
 
     def count_skipped(self) -> dict[str, int]:
-        """Return a dict from kind of work to the count that each solve leaves out, as in `StepResult`."""
+        """Return a dict from kind of work to the number that each solve leaves out, as in `StepResult.skipped`."""
         counts = dict(self.whole.skipped)
         return counts if self.actuation.terms else {**counts, Skip.ACTUATORS.value: 1}

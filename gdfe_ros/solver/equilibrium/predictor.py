@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Start of a step: linear extrapolation of a smooth motion, and harmonic extension of the handles' remaining motion.
+"""Prediction of a step's end: linear extrapolation of a smooth motion, and extension of the handles' remaining motion.
 
 The harmonic extension of displacements moves vertices along chords. Between two handles, a large rotation then folds
 elements, and on fine meshes unfolding takes hundreds of iterations. Handles that turn are therefore extended as
 screws. A rigid motion is a rotation about an axis in space and a translation along it: with the rotation vector w and
 the velocity v, it moves a point by x(s) = exp(s xi) x, xi x = w x x + v, from s = 0 to 1. A vertex moves by the screw
-whose (w, v) is the harmonic extension of those of the handles. If all handles move alike, the body moves rigidly.
+whose (w, v) is the harmonic extension of the handles' (w, v). If all handles have one screw, the body moves rigidly.
 """
 
 from __future__ import annotations
@@ -15,7 +15,6 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from gdfe_ros.solver.body import Body
@@ -25,6 +24,7 @@ from gdfe_ros.solver.handle_motions import LEAST_TURN, HandleMotions
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.matrix.rotation import apply_left_jacobian
 from gdfe_ros.solver.state import Motion, State
+from gdfe_ros.solver.vectors import Array
 
 HALF_TURN = np.radians(178.0)
 """Beyond this angle [rad], tiny differences decide the sense of a rotation."""
@@ -34,7 +34,7 @@ class Prediction(NamedTuple):
     """Start of a solve.
 
     Attributes:
-        state: the state before, with other positions of vertices and handles.
+        state: the state before the step, with predicted positions of vertices and handles.
         ratio: multiple of the last step that was extrapolated.
     """
 
@@ -72,11 +72,11 @@ class Predictor:
         self._parts = [slice(a, b) for a, b in itertools.pairwise(ends) if b > a]
         self._turning = handles.turning_vertices()
 
-    def predict(self, state: State, base: NDArray[np.float64], change: NDArray[np.float64]) -> Prediction:
+    def predict(self, state: State, base: Array, change: Array) -> Prediction:
         """Return the start of a solve that moves the handles from ``state`` to ``base`` (n, 3) [m].
 
-        ``change`` (c,) are the changes of the commands of actuators and loads. A motion
-        whose extrapolation folds elements is not extrapolated.
+        ``change`` (c,) are the changes of the commands of actuators and loads. A motion whose extrapolation folds
+        elements is not extrapolated.
         """
         motion = base[self._held] - state.base[self._held]
         ratio = _ratio(state.motion, motion, change)
@@ -86,8 +86,8 @@ class Predictor:
             return self._extrapolate(state, base, 0.0)
         return found
 
-    def _extrapolate(self, state: State, base: NDArray[np.float64], ratio: float) -> Prediction:
-        """Return the start with the last motion extrapolated by ``ratio``."""
+    def _extrapolate(self, state: State, base: Array, ratio: float) -> Prediction:
+        """Return ``state`` with handles at ``base`` (n, 3) [m], displaced by ``ratio`` times the last step's motion."""
         held, last = self._held, state.motion
         motion = base[held] - state.base[held]
         start, rest, slides, turns = state.positions.copy(), motion, state.slides, state.turns
@@ -103,8 +103,8 @@ class Predictor:
         start[held] += rest
         return Prediction(state.with_(positions=start, base=base, slides=slides, turns=turns), ratio)
 
-    def _extend(self, start: NDArray[np.float64], rest: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return how far the free vertices move (f, 3) [m] while the prescribed ones move by ``rest`` (b, 3) [m]."""
+    def _extend(self, start: Array, rest: Array) -> Array:
+        """Return the displacements (f, 3) [m] of free vertices if prescribed vertices move by ``rest`` (b, 3) [m]."""
         if not self._parts or np.abs(rest).max() <= self.FAR * self._size:
             return self._matrix.extend(rest)
         here, screws, sense = start[self._held], np.zeros((len(rest), 6)), np.zeros(3)
@@ -118,7 +118,7 @@ class Predictor:
         beside = rest - (follow_screws(screws, here) - here)  # more than rounding if a handle deforms
         return moved + self._matrix.extend(beside) if np.abs(beside).max() > self.STILL * self._size else moved
 
-    def motion(self, old: State, new: State, change: NDArray[np.float64]) -> Motion:
+    def motion(self, old: State, new: State, change: Array) -> Motion:
         """Return the motion between two accepted states."""
         return Motion(
             move=new.positions - old.positions,
@@ -129,7 +129,7 @@ class Predictor:
         )
 
 
-def _ratio(last: Motion | None, motion: NDArray[np.float64], change: NDArray[np.float64]) -> float:
+def _ratio(last: Motion | None, motion: Array, change: Array) -> float:
     """Return the multiple of the last motion that approximates the present motion; 0 if the two are not similar.
 
     Before the comparison, the displacements of handles are divided by the larger norm of the two motions, and the
@@ -147,21 +147,22 @@ def _ratio(last: Motion | None, motion: NDArray[np.float64], change: NDArray[np.
     return ratio if smooth and 0.0 < ratio <= Predictor.LARGEST_RATIO else 0.0
 
 
-def _norm(vector: NDArray[np.float64]) -> float:
+def _norm(vector: Array) -> float:
     return math.sqrt(np.vdot(vector, vector))
 
 
-def find_screw(
-    here: NDArray[np.float64], there: NDArray[np.float64], sense: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Return the screw (6,), w [rad] and v [m], of the rigid motion that best moves points (k, 3) [m] to others.
+def find_screw(here: Array, there: Array, sense: Array) -> Array:
+    """Return the screw (6,), w [rad] and v [m], of the rigid motion that best moves ``here`` (k, 3) [m] to ``there``.
 
-    Points on a line have many rotations; their motion counts as a translation. Half a turn has the sense of the
-    rotation vector ``sense`` (3,): handles that turn together must not twist the body by a whole turn.
+    The rotation of points on a line is not unique; their motion counts as a translation. A rotation by about 180
+    degrees gets the sense of the rotation vector ``sense`` (3,): handles that turn together must not twist the body by
+    a turn.
     """
     start, end = here.mean(axis=0), there.mean(axis=0)
     arms, moved = here - start, there - end
-    if np.abs(moved - arms).max() <= LEAST_TURN * np.abs(arms).max() or _are_on_a_line(arms, moved):
+    spread = np.linalg.svd(moved.T @ arms, compute_uv=False)
+    on_a_line = not spread[1] > LEAST_TURN * spread[0]
+    if on_a_line or np.abs(moved - arms).max() <= LEAST_TURN * np.abs(arms).max():
         return np.concatenate([np.zeros(3), end - start])
     turn = Rotation.align_vectors(moved, arms)[0]
     vector = turn.as_rotvec()
@@ -173,12 +174,7 @@ def find_screw(
     return np.concatenate([vector, np.linalg.solve(left, end - turn.apply(start))])
 
 
-def _are_on_a_line(arms: NDArray[np.float64], moved: NDArray[np.float64]) -> bool:
-    spread = np.linalg.svd(moved.T @ arms, compute_uv=False)
-    return not spread[1] > LEAST_TURN * spread[0]
-
-
-def follow_screws(screws: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
+def follow_screws(screws: Array, points: Array) -> Array:
     """Return points (n, 3) [m] after the motions of screws (n, 6), one for each point."""
     turn, velocity = screws[:, :3].copy(), screws[:, 3:]
     return points + apply_left_jacobian(turn, np.cross(turn, points) + velocity)

@@ -6,7 +6,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.descent.active_set import ActiveSet
@@ -23,6 +22,7 @@ from gdfe_ros.solver.minimise.minimiser import Minimiser, Task
 from gdfe_ros.solver.outcome import Outcome, join, past, tell
 from gdfe_ros.solver.solution import Increment, Solution
 from gdfe_ros.solver.state import ElementState, State, Summary, Unfinished
+from gdfe_ros.solver.vectors import Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +51,7 @@ class Solve:
         model: data common to all solves.
         problem: the requested increment.
         start: state at the beginning.
-        predicted: positions at the beginning.
+        predicted: positions at which the first minimisation begins.
 
     Attributes:
         problem, start: the arguments.
@@ -60,23 +60,22 @@ class Solve:
     """
 
     FIRST_TOLERANCE, TIGHTEN = 1e-2, 0.1
-    """If multipliers are updated: tolerance of the first minimisation, and factor from each tolerance to the next."""
+    """If multipliers are updated: tolerance of the first minimisation, and ratio of successive tolerances."""
     LINEAR = 1e-4
-    """Coarsest tolerance of the last minimisation in statics. Farther from the equilibrium, a step with the tangent
-    does not measure the distance: the bending stiffness of a sheet or of a hanging bar changes within a thickness.
+    """Coarsest tolerance of the last minimisation in statics. Farther from the equilibrium, the length of a step
+    is no estimate of the distance: the bending stiffness of a sheet or a hanging bar changes within a thickness.
     """
     FAINT = 0.3
     """If the error of a constraint, or the change of an hourglass scale, exceeds this multiple of the tolerance, a
-    minimisation has to show that the positions are still within the tolerance. (With a single cell across, the whole
-    bending stiffness follows the scale.)
+    further minimisation must confirm that the positions are within the tolerance. (With a single cell across, the
+    whole bending stiffness depends on the scale.)
     """
     LAGGING_VOLUME, LAGGING_SCALE = 10.0, 100.0
-    """Allowed errors of volumes, and allowed changes of hourglass scales in the last update, in motion and divided by
+    """In motion: allowed errors of volumes, and allowed changes of hourglass scales in the last update, both divided by
     the tolerance. The updates of the next step reduce these errors.
     """
     SLOW = 10
-    """If this number of updates of exact minimisations does not settle the constraints, the minimisations become finer.
-    """
+    """After every this many updates at the finest tolerance without settled constraints, the tolerance is reduced."""
     MOST_UPDATES = 200
     """Limit of the updates of pressures, multipliers and scales in one solve. Confined, incompressible bodies need
     most.
@@ -104,7 +103,7 @@ class Solve:
 
     @property
     def interrupted(self) -> bool:
-        """Whether the load path to the command was divided, or an earlier solve was cut."""
+        """Whether the solve continues an earlier one: on a later part of a divided load path, or after a cut."""
         return self.problem.begins > 0.0 or self._resumed is not None
 
     @classmethod
@@ -114,12 +113,12 @@ class Solve:
         return cls(model, problem, state, Prediction(state, 0.0))
 
     def go_on_from(self, state: State) -> None:
-        """Start from ``state``, which this solve has reached or left, with unchanged multipliers."""
+        """Let the next minimisation start from ``state``, a state that this solve has found; multipliers stay."""
         self._from = state
         self.pressures.begin()
 
     def task_at(self, state: State) -> Task:
-        """Go on from ``state`` and evaluate all terms there; return the minimisation's task."""
+        """Do `go_on_from`, and evaluate all terms at ``state``; return the minimisation's task."""
         self.go_on_from(state)
         return self.evaluate()
 
@@ -150,7 +149,7 @@ class Solve:
         gives_up = self._runs_away if self.problem.divisible else None
         return Task(active, problem, self.problem.deadline, gives_up)
 
-    def _runs_away(self, positions: NDArray[np.float64]) -> bool:
+    def _runs_away(self, positions: Array) -> bool:
         """Return whether an actuator is beyond its limit point since the last equilibrium."""
         last = self.start.anchor or self.start
         return self._actuation.unstable(positions, last.positions, self.problem.commands) is not None
@@ -158,10 +157,12 @@ class Solve:
     def descend(self, *, spent: int = 0) -> Solution:
         """Minimise and update multipliers in turn, until the constraints are satisfied; return the solution.
 
-        It begins at the present start; ``spent`` is the number of iterations that the solve has made before.
+        ``spent`` is the number of iterations that the solve has made before this call.
         """
         active, limit = self._active, self.problem.limit - spent
-        self._begin_minimiser()
+        self._minimiser.begin(active, self._from.tangent)
+        if self._resumed is not None and not self.iterations:
+            load_history(active.workspace, self._resumed.steps, self._resumed.changes)
         task = self._set_start()
         updates = bool(len(active.carried) or len(active.softening) or self._actuation.updates)
         self._present, self._finest = self._first_tolerance(updates=updates), self.aim
@@ -182,30 +183,24 @@ class Solve:
         return self._solution()
 
     def _first_tolerance(self, *, updates: bool) -> float:
-        """Return the tolerance of the first minimisation; an unfinished solve goes on with that where it ended."""
+        """Return the tolerance of the first minimisation; a resumed solve starts with the tolerance of the last one."""
         if self._resumed is not None:
             return max(self._resumed.tolerance, self.aim)
         return max(self.FIRST_TOLERANCE, self.aim) if updates and not self._predicted.ratio else self.aim
 
-    def _begin_minimiser(self) -> None:
-        """Give the minimiser the tangent of the start, and at first the pairs of an unfinished solve."""
-        self._minimiser.begin(self._active, self._from.tangent)
-        if self._resumed is not None and not self.iterations:
-            load_history(self._active.workspace, self._resumed.steps, self._resumed.changes)
-
     def _has_failed(self) -> bool:
-        """Return whether the last minimisation was cut, ran away or was given up, so that updates are useless."""
+        """Return whether the last minimisation failed, so that updates of multipliers are useless."""
         ended = self._active.ended
         if ended in (Outcome.STALLED, Outcome.EXHAUSTED):
             return bool(self._active.status["blocked"])
         return ended in (Outcome.RUNAWAY, Outcome.GIVEN_UP, Outcome.CUT)
 
     def _balance(self, exact: bool, *, still: bool) -> bool:
-        """Update pressures, multipliers and scales, unless the last update stands; return whether the solve ends.
+        """Update pressures, multipliers and scales, unless they have settled; return whether the solve ends.
 
-        In statics, the solve ends if the last update was faint, or if the minimisation after it made no iteration
-        (``still``). In motion, it ends after the first update that keeps the constraints. ``exact`` states whether the
-        minimisation had the tolerance of the solve, or a finer one that was asked for.
+        In statics, the solve ends if the last update was faint (`FAINT`), or if the minimisation after it made no
+        iteration (``still``). In motion, it ends after the first update that satisfies the constraints. ``exact``
+        states whether the minimisation had the tolerance of the solve, or a finer one.
         """
         if still and self._settled:  # the last update has not moved the equilibrium
             return True
@@ -221,7 +216,7 @@ class Solve:
         return self._settled and (still or faint or self._moving)
 
     def _solution(self) -> Solution:
-        """Return the solution where the minimisation has ended."""
+        """Return the solution at the end of the last minimisation."""
         active, start, problem, body = self._active, self.start, self.problem, self._body
         if self._minimiser.ran_away(active):
             state = start.with_flaw(tell(Outcome.RUNAWAY), error_estimate=np.inf)

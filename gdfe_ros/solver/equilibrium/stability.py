@@ -2,9 +2,9 @@
 """Proof that an equilibrium is a minimum of the energy, and the descent from a saddle.
 
 The proof is the Cholesky factor of the tangent at the equilibrium: it exists only if the tangent is positive definite.
-The factor is not lost, because it preconditions the next step, and it gives the distance to the equilibrium. If there
-is none, the Lanczos method finds a direction of negative curvature, the body is moved along it while the energy falls,
-and the minimisation goes on from there.
+The factor has two further uses: it gives the distance to the equilibrium, and preconditions the next step. Without a
+factor, the Lanczos method finds a direction of negative curvature. The body is moved along this direction while the
+energy falls, and the minimisation continues from there.
 """
 
 from __future__ import annotations
@@ -13,7 +13,6 @@ from functools import partial
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gdfe_ros.solver.descent.loop import UNPROVEN
 from gdfe_ros.solver.descent.search import ROUNDING
@@ -23,28 +22,28 @@ from gdfe_ros.solver.minimise.minimiser import Minimiser, Task
 from gdfe_ros.solver.outcome import Outcome, join, past, tell
 from gdfe_ros.solver.solution import Solution
 from gdfe_ros.solver.state import replace_fields
-from gdfe_ros.solver.vectors import largest, largest_distance
+from gdfe_ros.solver.vectors import Array, largest, largest_distance
 
 
 class Proof(NamedTuple):
-    """What the factor of a tangent shows.
+    """Result of factoring the tangent at an equilibrium.
 
     Attributes:
         stable: whether the equilibrium is a minimum; None if that is unknown.
         direction: (3 r,) direction along which the energy may fall: the softest one, or the step M^-1 g [m].
         distance: estimated distance to the equilibrium, divided by the body's size.
-        measured: whether the distance counts; not if the tangent of a body without contacts and multipliers had to be
-            changed before it could be factored.
+        measured: whether ``distance`` is reliable. For a body without contacts and multipliers it is not reliable if
+            the tangent is not positive definite.
     """
 
     stable: bool | None
-    direction: NDArray[np.float64]
+    direction: Array
     distance: float
     measured: bool
 
     @property
     def counts(self) -> bool:
-        """Whether a short distance shows an equilibrium that is no known saddle."""
+        """Whether the distance is reliable, and the equilibrium is no known saddle."""
         return self.measured and self.stable is not False
 
 
@@ -66,24 +65,24 @@ class Stability:
     moves by more than this multiple of the body's size in one solve.
     """
     DEAR, SURE = 40, 0.3
-    """If a factor costs more than the first number of solutions, the Lanczos method with the kept tangent M proves a
-    minimum. Its proof counts if the least eigenvalue of M^-1 K exceeds the second number.
+    """If a factor costs more than the first number of solutions with it, the Lanczos method with the kept tangent M is
+    tried first. It proves a minimum if the least eigenvalue of M^-1 K exceeds the second number.
     """
     NEAR = 3
-    """A proof still holds after this number of further iterations, if the equilibrium was nearer than the
-    minimisation's target: in a nearly flat valley, tiny motions change the curvature.
+    """A proof at a point within the minimisation's target still holds after at most this number of further iterations.
+    In a nearly flat valley of the energy, even tiny motions change the curvature.
     """
     ROUNDS = 24
-    """Largest number of proofs in one solve. Each saddle takes one; a long, nearly flat valley of the energy takes
-    many.
+    """Largest number of factored tangents in one solve. Each saddle takes one; a long, nearly flat valley of the energy
+    takes many.
     """
     SEEN = 0.1
-    """A fall of the energy counts if it exceeds this fraction of the bound of its rounding, which sums worst cases. A
-    fall that is none costs another proof.
+    """A decrease of the energy counts if it exceeds this fraction of the bound of its rounding error, which is a sum of
+    worst cases. If rounding is taken for a decrease, another proof follows.
     """
     FIRST, DOUBLINGS, SHORTENINGS = 1e-3, 12, 6
-    """First length of a step along a direction of negative curvature, divided by the body's size. The other two numbers
-    are the largest numbers of doublings of this length and of its divisions by four.
+    """First length of a step along a direction of negative curvature, divided by the body's size; largest numbers of
+    doublings and of divisions by four of this length.
     """
 
     def __init__(self, model: Model) -> None:
@@ -99,9 +98,9 @@ class Stability:
         self._noise[body.unknowns.fixed] = 0.0
 
     def judge(self, solve: Solve, found: Solution) -> Solution:
-        """Return a solution with its stability, which is proved anew only where that is due.
+        """Return a solution with its stability: by a new proof if `_is_due`, otherwise by the last proof.
 
-        A saddle is left for a point of lower energy beside it.
+        From a saddle, the solve continues to an equilibrium of lower energy.
         """
         if not found.converged:
             return found
@@ -111,7 +110,7 @@ class Stability:
         return _tell(found, stable=solve.start.summary.stable, proved=solve.start.proved)
 
     def _is_due(self, solve: Solve, found: Solution) -> bool:
-        """Return whether to prove a solution: after a cold, long, divided or resumed solve, or with an old tangent."""
+        """Return whether a solution needs a proof: after a cold, far, divided or resumed solve, or an old tangent."""
         start, energy = solve.start, found.state.summary.energy
         if start.proved is None or energy > self.GROWTH * start.proved or solve.interrupted:
             return True
@@ -147,14 +146,14 @@ class Stability:
         return self._conclude(found, proof, solve.problem.tolerance)
 
     def _conclude(self, found: Solution, proof: Proof, tolerance: float) -> Solution:
-        """Return a solution that is as near as its multipliers' updates allow, or whose energy is nearly flat."""
+        """Return the solution after all `ROUNDS`: with its stability, or as not converged, in a nearly flat valley."""
         if proof.measured and proof.distance <= tolerance:
             return _tell(found, stable=proof.stable, distance=proof.distance)
         state = found.state.with_flaw(tell(Outcome.NEUTRAL), error_estimate=proof.distance)
         return replace_fields(found, state=state, ended=Outcome.NEUTRAL)
 
     def _factor(self, task: Task) -> Proof:
-        """Factor the tangent at the unknowns of ``task``; return what it shows."""
+        """Factor the tangent at the unknowns of ``task``; return the result."""
         definite = self._minimiser.renew(task)
         stable, direction = self._examine(task, definite=definite)
         distance, step = self._minimiser.newton_step(task)
@@ -162,7 +161,7 @@ class Stability:
         return Proof(stable, step if direction is None else direction, distance, measured)
 
     def _prove_with_kept(self, task: Task, solve: Solve, found: Solution) -> Solution | None:
-        """Return a solution that the kept tangent M proves to be a near minimum; None if it does not, or is cheap."""
+        """Return the solution if the kept tangent M proves it to be a minimum; None if not, or if a factor is cheap."""
         minimiser = self._minimiser
         if minimiser.tangent is None or minimiser.level.price <= self.DEAR:
             return None
@@ -174,8 +173,8 @@ class Stability:
         near = distance <= min(Minimiser.SHARE, seen.value) * solve.aim
         return _tell(found, stable=True, distance=distance / seen.value) if near else None
 
-    def _leave(self, solve: Solve, found: Solution, task: Task, direction: NDArray[np.float64]) -> bool:
-        """Let the solve go on from the point of least energy along a direction (3 r,); return whether there is one."""
+    def _leave(self, solve: Solve, found: Solution, task: Task, direction: Array) -> bool:
+        """Let the solve go on from the point that `leave` finds along ``direction`` (3 r,); return whether it does."""
         if (down := self.leave(task, direction)) is None:
             return False
         task.active.workspace.u[...], positions = down
@@ -183,7 +182,7 @@ class Stability:
         solve.go_on_from(found.state.with_(positions=positions, slides=slides, turns=turns))
         return True
 
-    def _examine(self, task: Task, *, definite: bool) -> tuple[bool | None, NDArray[np.float64] | None]:
+    def _examine(self, task: Task, *, definite: bool) -> tuple[bool | None, Array | None]:
         """Return whether the energy has positive curvature in every direction, None if that is unknown.
 
         The second result is None, or the softest direction (3 r,) if its curvature is not positive.
@@ -197,10 +196,10 @@ class Stability:
         return False, seen.direction
 
     def look(self, task: Task) -> Lowest:
-        """Return the softest direction at the unknowns of ``task``, at which all terms must be evaluated.
+        """Return the softest direction at the unknowns of ``task``; all terms must have been evaluated there.
 
-        The start vector is random with a fixed seed, so that it contains all modes. The loads of a perfectly symmetric
-        body would not contain the buckling mode.
+        The Lanczos method starts from a random vector with a fixed seed, which contains all modes. The loads of a
+        perfectly symmetric body would not contain the buckling mode.
         """
         with task.turn:
             self._product.begin(task)
@@ -209,14 +208,12 @@ class Stability:
                 product = forces.support(task.problem, task.active.workspace, product)
             return self.LANCZOS.lowest(product, partial(self._minimiser.precondition, task), self._noise)
 
-    def leave(
-        self, task: Task, direction: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+    def leave(self, task: Task, direction: Array) -> tuple[Array, Array] | None:
         """Return the point of least energy found along the arc of a direction (3 r,); None if the energy does not fall.
 
         The point is given by its unknowns (3 r,) and vertex positions (n, 3) [m]. The first length is divided by four
-        until the energy falls. It is then doubled while the energy falls further. Along a straight line, a bent column
-        that may turn about its axis would soon be stretched.
+        until the energy falls, and then doubled while the energy falls further. The arc is needed: a straight line
+        would soon stretch a bent column that turns about its axis.
         """
         work, status = task.active.workspace, task.active.status
         sign = -1.0 if float(work.gradient @ direction) > 0.0 else 1.0
@@ -244,8 +241,8 @@ def _tell(
 ) -> Solution:
     """Return a solution with its stability, and a message if it is unstable.
 
-    ``proved`` is the strain energy [J] of the last proof; None stands for that of this solution. ``distance`` is a
-    better estimate of the distance to the equilibrium, divided by the body's size.
+    ``proved`` is the strain energy [J] at the last proof; None if this solution was proved. ``distance`` is a better
+    estimate of the distance to the equilibrium, divided by the body's size.
     """
     if not found.converged:
         return found

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Forces and pressures of a scene: all its terms together, grips, reactions of handles, and fields of elements."""
+"""Forces on a body: its external terms, grips, pressures of the elements, and reactions of handles and obstacles."""

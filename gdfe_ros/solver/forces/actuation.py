@@ -27,12 +27,12 @@ from gdfe_ros.solver.elements.blocks import Operators
 from gdfe_ros.solver.forces.grip import GripTerm
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.matrix.unknowns import vertex_force
-from gdfe_ros.solver.state import Balance, Saved, State
+from gdfe_ros.solver.state import Balance, Saved, State, Summary
 from gdfe_ros.solver.terms.applied_load import DeadLoadTerm, PressureTerm
 from gdfe_ros.solver.terms.cable import CableTerm
 from gdfe_ros.solver.terms.chamber import ChamberTerm
 from gdfe_ros.solver.terms.term import Term, TermTable
-from gdfe_ros.solver.vectors import NEGLIGIBLE
+from gdfe_ros.solver.vectors import NEGLIGIBLE, Array
 
 TERMS = {Cable: CableTerm, Chamber: ChamberTerm, Grip: GripTerm}
 """Dict from each class of actuators to its term, in the order of the sum of energies. A growth has no term."""
@@ -51,21 +51,18 @@ class Actuation:
         body, actuators: the arguments.
         terms: all terms, loads first.
         table: all terms in the layout of the kernels.
-        strung: cables between fixed points. Their length cannot be smaller than the distance between these points.
+        strung: cables with two or more points on handles or in the world. They cannot be shorter than the distance
+            between these points.
         growths: the growths, which change the elements' rest shape.
         grips: the grips.
         neutral: dict from actuator or load name to the command without effect.
         loaded: names of the loads.
         contacts: contact terms of the obstacles, and the self-contact term.
-        held: the near points of all contacts, and the dead loads that stand for their forces.
+        held: the near points of all contacts, with the dead loads that represent the contact forces.
     """
 
     def __init__(
-        self,
-        body: Body,
-        actuators: Sequence[Actuator] = (),
-        loads: Sequence[Load] = (),
-        terms: Sequence[Term] = (),
+        self, body: Body, actuators: Sequence[Actuator] = (), loads: Sequence[Load] = (), terms: Sequence[Term] = ()
     ) -> None:
         self.body, self.actuators = body, tuple(actuators)
         self._loads = [(PressureTerm if isinstance(load, PressureLoad) else DeadLoadTerm)(load, body) for load in loads]
@@ -97,11 +94,34 @@ class Actuation:
         """Return the initial stored states of all terms."""
         return {term.name: term.neutral() for term in self.terms}
 
+    def rest_state(self, *, converged: bool, message: str = "", **more: object) -> State:
+        """Return the state of the undeformed body at neutral commands, with further fields ``more``."""
+        body, grown, loose = self.body, self.growths.ungrown, np.zeros((len(self.body.unknowns.slides), 3))
+        return State(
+            positions=body.rest,
+            base=body.rest,
+            poses={handle.name: Pose() for handle in body.handles},
+            commands=dict(self.neutral),
+            slides=loose,
+            turns=loose,
+            operators=grown,
+            summary=Summary(
+                converged=converged,
+                message=message,
+                error_estimate=0.0,
+                energy=0.0,
+                min_det=1.0,
+                reactions={handle.name: np.zeros(6) for handle in body.handles},
+                actuators=self.states(body.rest, self.neutral, grown),
+            ),
+            **more,
+        )
+
     def begin(
         self,
         commands: Mapping[str, float],
         saved: Mapping[str, Saved],
-        positions: NDArray[np.float64],
+        positions: Array,
         poses: Mapping[str, Pose] | None = None,
         last: State | None = None,
         *,
@@ -121,12 +141,12 @@ class Actuation:
         if self.contacts:
             self.held.take(positions)
 
-    def update(self, positions: NDArray[np.float64]) -> float:
+    def update(self, positions: Array) -> float:
         """Update the multipliers; return the largest error of a constraint, divided by the body's size."""
         misses = [term.update(positions) for term in self.terms if term.updates]
         return max(misses, default=0.0) / self.body.size
 
-    def flaw(self, positions: NDArray[np.float64]) -> str:
+    def flaw(self, positions: Array) -> str:
         """Return a message if ``positions`` (n, 3) [m] of a solve are not acceptable; empty if they are."""
         return "; ".join(text for term in self.contacts if (text := term.flaw(positions)))
 
@@ -135,24 +155,20 @@ class Actuation:
         """Whether updates of a term do not settle, so that the increment should be shorter."""
         return any(term.wanders for term in self.terms)
 
-    def finish(self, saved: Mapping[str, Saved], positions: NDArray[np.float64]) -> dict[str, Saved]:
+    def finish(self, saved: Mapping[str, Saved], positions: Array) -> dict[str, Saved]:
         """Return a dict from term name to the state to store after a solve that ended at ``positions`` (n, 3) [m]."""
         if self.contacts:
             self.held.look(positions)
         return {term.name: term.finish(saved[term.name], positions) for term in self.terms}
 
     def unstable(
-        self,
-        positions: NDArray[np.float64],
-        since: NDArray[np.float64],
-        commands: Mapping[str, float],
-        before: Mapping[str, float] | None = None,
+        self, positions: Array, since: Array, commands: Mapping[str, float], before: Mapping[str, float] | None = None
     ) -> Actuator | None:
-        """Return an actuator beyond its limit point, at which the body left an equilibrium; None if there is none.
+        """Return an actuator that passed its limit point in a failed solve; None if there is none.
 
-        ``since`` (n, 3) [m] are the positions of the equilibrium, ``positions`` (n, 3) [m] those after the failed
+        ``since`` (n, 3) [m] are the positions of the last equilibrium, ``positions`` (n, 3) [m] those after the failed
         solve. If the energy has no lower bound, ``positions`` have no meaning. The caller then gives the commands
-        ``before`` the solve, and an unbounded actuator counts if its command has grown.
+        ``before`` the solve, and each unbounded actuator whose command has grown is returned.
         """
         for name, term in self._driven.items():
             grew = before is not None and term.unbounded and abs(commands[name]) > abs(before[name])
@@ -160,7 +176,7 @@ class Actuation:
                 return term.actuator
         return None
 
-    def unreachable(self, base: NDArray[np.float64], commands: Mapping[str, float]) -> str:
+    def unreachable(self, base: Array, commands: Mapping[str, float]) -> str:
         """Return a message if a cable is commanded shorter than the distance between its handles; empty if not.
 
         ``base`` (n, 3) [m] has the commanded positions of the handles.
@@ -178,9 +194,7 @@ class Actuation:
         """Return the names of the grips that hold something in ``state``."""
         return [grip.name for grip in self.grips if grip.holds(state.terms[grip.name])]
 
-    def states(
-        self, positions: NDArray[np.float64], commands: Mapping[str, float], operators: Operators
-    ) -> dict[str, ActuatorState]:
+    def states(self, positions: Array, commands: Mapping[str, float], operators: Operators) -> dict[str, ActuatorState]:
         """Return a dict from actuator name to its state; ``positions`` (n, 3) [m] are the end of the last solve."""
         return {
             item.name: self.growths.state(item, commands, operators)
@@ -189,11 +203,11 @@ class Actuation:
             for item in self.actuators
         }
 
-    def reports(self, positions: NDArray[np.float64]) -> dict[str, dict[str, float]]:
+    def reports(self, positions: Array) -> dict[str, dict[str, float]]:
         """Return a dict from the name of a user-defined term to its report."""
         return {term.name: report for term in self._more if (report := term.report(positions))}
 
-    def balance(self, positions: NDArray[np.float64], commands: Mapping[str, float]) -> Balance:
+    def balance(self, positions: Array, commands: Mapping[str, float]) -> Balance:
         """Return the terms' potential [J] at ``positions`` (n, 3) [m], and its derivative with respect to each command.
 
         The potential is zero while the body is undeformed. A length or volume that a multiplier keeps has no potential.
@@ -233,7 +247,7 @@ def tell_limit_point(actuator: Actuator, last: Mapping[str, float], commands: Ma
 
 
 def past_limit(actuators: Sequence[Actuator], last: Mapping[str, float], commands: Mapping[str, float]) -> str:
-    """Return the remedy for a jump: command extents instead of the efforts that changed; empty if none changed."""
+    """Return the remedy for a jump: to command extents instead of the changed efforts; empty if none has changed."""
     found = [
         f"`command: {each.mode.extent}` for {each.name!r}"
         for each in actuators
@@ -244,12 +258,12 @@ def past_limit(actuators: Sequence[Actuator], last: Mapping[str, float], command
 
 def handle_reactions(
     body: Body,
-    positions: NDArray[np.float64],
-    force: NDArray[np.float64],
-    outside: NDArray[np.float64] | None = None,
+    positions: Array,
+    force: Array,
+    outside: Array | None = None,
     contacts: Sequence[Contact] = (),
     grips: Sequence[GripTerm] = (),
-) -> dict[str, NDArray[np.float64]]:
+) -> dict[str, Array]:
     """Return the force and moment that each handle and each obstacle exerts on the body.
 
     Args:
@@ -258,7 +272,7 @@ def handle_reactions(
         force: corner forces dE/dx (m, c, 3) [N] at these positions.
         outside: dE/dx (n, 3) [N] of the external terms; None if there are none.
         contacts: contact terms of the obstacles.
-        grips: grips, whose forces are added to those of the handles and obstacles that hold.
+        grips: grips; their forces are added to the reactions of the holding handles and obstacles.
 
     Returns:
         Dict from handle or obstacle name to wrench (6,): force [N], then moment [N m]. The moment is about the mean of
@@ -278,7 +292,7 @@ def handle_reactions(
     return reactions
 
 
-def vertex_forces(body: Body, vertices: NDArray[np.int32], force: NDArray[np.float64]) -> NDArray[np.float64]:
+def vertex_forces(body: Body, vertices: NDArray[np.int32], force: Array) -> Array:
     """Return the internal force dE/dx (k, 3) [N] at ``vertices`` (k,) from corner forces (m, c, 3) [N]."""
     total = np.empty((len(vertices), 3))
     _gather_forces(force, body.unknowns, vertices, total)

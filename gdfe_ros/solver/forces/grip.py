@@ -6,8 +6,9 @@ four vertices x_a, and c_i = 0. On a handle or an obstacle, the weights are zero
 With the gaps d_i = x_i - q_i, the energy is sum_i l_i . d_i + s/2 |d_i|^2: the augmented Lagrangian of d_i = 0 with the
 multipliers l_i [N] and the penalty s [N/m].
 
-A command that rises from 0 takes hold: the places are those at the beginning of the step. A falling command lets go:
-the penalty is gone, and the last forces l_i fall in proportion to the command. At 0 nothing is left of them.
+If the command rises from 0, the grip takes hold: it stores the places that the points have at the beginning of the
+step. If the command falls, the grip lets go: the penalty is removed, and the last forces l_i fall in proportion to the
+command. At 0 they are zero.
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.state import Saved, State
 from gdfe_ros.solver.terms.multiplier import UpdatedTerm
 from gdfe_ros.solver.terms.term import as_arrays, spread, term_kernel, weighted
+from gdfe_ros.solver.vectors import Array
 
 ACTS, STIFFNESS, HEAD = range(3)
 """Offsets in ``reals`` of 1 for a grip with forces (0 without), of s [N/m], and of the rows of the points."""
@@ -39,7 +41,7 @@ POINT = 5
 
 
 class Hold(IntEnum):
-    """State of a grip: nothing is held, it holds, or its forces fall."""
+    """State of a grip: it holds nothing, it holds, or its forces fall to zero."""
 
     OFF, HOLDS, FADES = range(3)
 
@@ -71,11 +73,11 @@ def _entry(x, n, reals, k, integers, i, force, size):
 
 
 class GripTerm(UpdatedTerm):
-    """A grip with its command, 0 or 1; between them while a load path or the internal steps of a motion pass.
+    """A grip with its command: 0 or 1, and values between them within a load path or a step in motion.
 
     Args:
         grip: grip of the scene.
-        body: the body that it holds, or on which it acts.
+        body: the body with the held vertices.
 
     Attributes:
         actuator: the grip.
@@ -86,8 +88,8 @@ class GripTerm(UpdatedTerm):
     be large: each update reduces the error of the forces to about this fraction.
     """
     FINE = 1e-3
-    """Allowed displacement by the last change of the forces, divided by the tolerance: in an internal step of a motion,
-    a displacement within the tolerance would be a force of the order of the weight.
+    """Allowed displacement by the last change of the forces, divided by the tolerance. In motion, a displacement as
+    large as the tolerance in one internal step would need a force of the order of the weight.
     """
 
     kernel, exact, stored = _entry, True, "pull"
@@ -108,27 +110,27 @@ class GripTerm(UpdatedTerm):
 
     @property
     def _carried(self) -> bool:
-        """Whether four vertices carry the places: the holder is a rigid body."""
+        """Whether the holder is a rigid body, whose four vertices carry the places."""
         return isinstance(self._holder, RigidBody)
 
     @property
-    def _rows(self) -> NDArray[np.float64]:
+    def _rows(self) -> Array:
         """The rows of the points (k, 10), a view."""
         return self.reals[HEAD:].reshape(-1, ROW)
 
     @property
-    def own_multipliers(self) -> NDArray[np.float64]:
+    def own_multipliers(self) -> Array:
         """The multipliers l (k, 3) [N], a view."""
         return self._rows[:, PULL:]
 
     @property
     def updates(self) -> bool:
-        """Whether multipliers keep points in their places."""
+        """Whether the grip holds, so that multipliers are updated."""
         return self._hold is Hold.HOLDS
 
     @property
     def pairs(self) -> list[tuple[str, NDArray[np.int32]]]:
-        """Names of things, each with the vertices that keep their places on it; empty if nothing is held."""
+        """Names of holder and held rigid body, each with the vertices fixed to it; empty if nothing is held."""
         if not self.updates:
             return []
         found = [(self.actuator.holder, self._points)]
@@ -148,7 +150,7 @@ class GripTerm(UpdatedTerm):
         vertices = self.integers.reshape(-1, POINT)
         return vertices if self._carried else vertices[:, :1]
 
-    def tangents(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+    def tangents(self, positions: Array) -> Array:
         """Return the constant tangents s [1, -w]^T [1, -w] of the points (k, 3 c, 3 c) [N/m]."""
         signed = np.ones((len(self._points), self.couplings().shape[1]))
         signed[:, 1:] = -self._rows[:, WEIGHTS:PLACE][:, : signed.shape[1] - 1]
@@ -164,8 +166,8 @@ class GripTerm(UpdatedTerm):
         """Store the pose of the holder, and the state in which a grip takes hold."""
         self._poses, self._last = poses, last
 
-    def begin(self, commands: Mapping[str, float], saved: Saved, positions: NDArray[np.float64], ratio: float) -> None:
-        """Take hold, go on holding, or let go, as the command has changed since the state ``saved``."""
+    def begin(self, commands: Mapping[str, float], saved: Saved, positions: Array, ratio: float) -> None:
+        """Close, keep or open the grip, according to the change of the command since the state ``saved``."""
         before, self._command = float(saved["command"][0]), commands[self.name]
         self._hold, kept = Hold(int(saved["hold"][0])), dict(saved)
         if self._command > before and self._hold is not Hold.HOLDS:
@@ -186,12 +188,12 @@ class GripTerm(UpdatedTerm):
         rows[:, WEIGHTS:PLACE], rows[:, PULL:] = kept["weights"], pull
         rows[:, PLACE:PULL] = self._places(kept["places"])
 
-    def vary(self, commands: Mapping[str, float], saved: Saved, positions: NDArray[np.float64]) -> None:
+    def vary(self, commands: Mapping[str, float], saved: Saved, positions: Array) -> None:
         """Set other poses or another stored state after `resume`; a grip does not depend on its command itself."""
         self.begin({**commands, self.name: self._command}, saved, positions, 0.0)
 
     def _take_points(self, last: State) -> Saved:
-        """Return weights and places of the points, where the state ``last`` has them."""
+        """Return the weights or places that fix the points to the holder where they are in the state ``last``."""
         points = last.positions[self._points]
         if self._carried:
             origin, axes = self._holder.find_frame(last.positions)
@@ -200,64 +202,64 @@ class GripTerm(UpdatedTerm):
         back = Rotation.from_rotvec(pose.rotation).inv().apply(points - centre - pose.translation)
         return {"places": back + centre}
 
-    def _places(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return places (k, 3) [m] at the holder's rest pose as they are at its present pose."""
+    def _places(self, places: Array) -> Array:
+        """Return the places c (k, 3) [m] at the holder's present pose, from ``places`` (k, 3) [m] at its rest pose."""
         if self._carried or self._hold is Hold.OFF:
             return np.zeros_like(places)
         return self._poses[self._holder.name].apply(places, self._holder.centre(self._body.rest))
 
-    def _gaps(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _gaps(self, positions: Array) -> Array:
         """Return the gaps d (k, 3) [m] of the points from their places."""
         vertices, rows = self.integers.reshape(-1, POINT), self._rows
         carried = np.einsum("ka,kai->ki", rows[:, WEIGHTS:PLACE], positions[vertices[:, 1:]])
         return positions[vertices[:, 0]] - carried - rows[:, PLACE:PULL]
 
-    def renew(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+    def renew(self, positions: Array) -> Array:
         """Return l + s d (k, 3) [N]: minus the forces on the points."""
         pull = self.own_multipliers.copy()
         return pull + self.reals[STIFFNESS] * self._gaps(positions) if self.updates else pull
 
-    def _acting(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _acting(self, positions: Array) -> Array:
         """Return minus the forces (k, 3) [N] on the points in the last minimisation, which ended at ``positions``."""
         done = self._updated is not None and np.array_equal(self._updated, positions[self._points])
         return self.own_multipliers.copy() if done else self.renew(positions)
 
-    def update(self, positions: NDArray[np.float64]) -> float:
+    def update(self, positions: Array) -> float:
         """Update the forces that keep the points in their places; return their change as a displacement [m]."""
         self.own_multipliers[...] = self.renew(positions)
         self._updated = positions[self._points]
         self.errors.append(self.STIFF / self.FINE * float(np.linalg.norm(self._gaps(positions), axis=1).max()))
         return self.errors[-1]
 
-    def finish(self, saved: Saved, positions: NDArray[np.float64]) -> Saved:
+    def finish(self, saved: Saved, positions: Array) -> Saved:
         """Return the state to store: command, places and forces."""
         found = {"hold": np.array([float(self._hold)]), "command": np.array([self._command])}
         forces = {"pull": self._acting(positions), "before": saved["pull"]}
         return {"weights": self._kept["weights"], "places": self._kept["places"], **found, **forces}
 
     @property
-    def per_metre(self) -> NDArray[np.float64]:
+    def per_metre(self) -> Array:
         """The penalty [N/m] of each force (3 k,); empty if nothing is held."""
         return np.full(self.multipliers.shape, self.reals[STIFFNESS])
 
-    def potential(self, positions: NDArray[np.float64], command: float) -> tuple[float, float]:
+    def potential(self, positions: Array, command: float) -> tuple[float, float]:
         """Return the potential [J] of falling forces, and its derivative with respect to the command; else zeros."""
         if self._hold is not Hold.FADES:
             return 0.0, 0.0
         found = float(np.vdot(self.own_multipliers, self._gaps(positions)))
         return found, found / command if command else 0.0
 
-    def state(self, positions: NDArray[np.float64]) -> ActuatorState:
+    def state(self, positions: Array) -> ActuatorState:
         """Return the command, 1 or 0 for whether it holds, and the size [N] of the whole force."""
         force = float(np.linalg.norm(self._acting(positions).sum(axis=0)))
         return ActuatorState(self.actuator.mode, self._command, float(self.updates), force)
 
     @property
     def presses(self) -> bool:
-        """Whether forces act on a handle or an obstacle; those on a rigid body act on its vertices already."""
+        """Whether forces act on a handle or an obstacle; the vertices of a rigid body receive its forces directly."""
         return bool(self.reals[ACTS]) and not self._carried
 
-    def wrench(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+    def wrench(self, positions: Array) -> Array:
         """Return force [N] and moment [N m] (6,) by which a handle or an obstacle acts on the points.
 
         The moment is about the point that `handle_reactions` uses.

@@ -17,6 +17,7 @@ from gdfe_ros.solver.elements.cell_type import volume_ratio
 from gdfe_ros.solver.elements.measures import update_pressures, volume_at
 from gdfe_ros.solver.state import ElementState
 from gdfe_ros.solver.terms.multiplier import Anderson
+from gdfe_ros.solver.vectors import Array
 
 
 class Pressures:
@@ -25,7 +26,6 @@ class Pressures:
     Args:
         body: the discretised body.
         state: the elements' stored state.
-        elements: (k,) elements whose pressures are extrapolated.
         ratio: at the start, this multiple of the last step's change of pressure is added.
 
     Attributes:
@@ -34,12 +34,12 @@ class Pressures:
     """
 
     STILL_UPDATES, PLAIN_UPDATES = 3, 20
-    """Updates are accelerated after `STILL_UPDATES` successive updates before which the minimisation made no iteration,
-    or after `PLAIN_UPDATES` updates in all.
+    """Updates are accelerated after the first number of successive updates without an iteration between them, or after
+    the second number of updates in all.
     """
     LOCAL_SLACK = 10.0
-    """Allowed volume error of a single element, divided by the allowed mean error. Both errors move positions by the
-    same amount.
+    """Allowed volume error of a single element, divided by the allowed mean error. Either error
+    displaces the vertices by about the same distance.
     """
     SWINGING = 0.3
     """An update counts as an oscillation if it reverses more than this fraction of the last one."""
@@ -58,13 +58,11 @@ class Pressures:
 
     def begin(self) -> None:
         """Clear the history of updates; the pressures stay."""
-        self._change: NDArray[np.float64] | None = None
+        self._change: Array | None = None
         self._swings, self._still, self._updates = 0, 0, 0
         self._anderson = Anderson()
 
-    def update(
-        self, x: NDArray[np.float64], elements: NDArray[np.int32], shape: ShapeOperators, *, still: bool
-    ) -> float:
+    def update(self, x: Array, elements: NDArray[np.int32], shape: ShapeOperators, *, still: bool) -> float:
         """Update the pressures of ``elements``; return the mean volume error, or a tenth of the largest if larger.
 
         In confined bodies plain updates converge slowly, and Anderson acceleration is used. Beyond a buckling load the
@@ -85,7 +83,7 @@ class Pressures:
         return max(mean, worst / self.LOCAL_SLACK)
 
     @property
-    def bulk(self) -> NDArray[np.float64]:
+    def bulk(self) -> Array:
         """Penalty bulk modulus (k,) [Pa] of each material, for elements with pressures."""
         return self.table.parameters[:, PENALTY].copy()
 
@@ -96,7 +94,7 @@ class Pressures:
         self._swings = 0
 
 
-def with_bulk(table: MaterialTable, bulk: NDArray[np.float64]) -> MaterialTable:
+def with_bulk(table: MaterialTable, bulk: Array) -> MaterialTable:
     """Return a copy of the materials with other penalty bulk moduli (k,) [Pa]."""
     parameters = table.parameters.copy()
     parameters[:, PENALTY] = bulk
@@ -117,7 +115,7 @@ def at_rest(body: Body) -> ElementState:
 
 @internal
 def uncounted_energy(j, pressure, volume, table, k, solved):
-    """Return the volume energy V U(J) [J] of an element with a pressure, minus the volume energy of the kernels.
+    """Return the volume energy V U(J) [J] of an element with a pressure, minus the part that the kernels count.
 
     With ``solved``, U(J) is replaced by its tangent U(J*) + p (J - J*). Here p is the pressure of the solve, and U'(J*)
     = p. With a large bulk modulus, U(J) itself would magnify the remaining error of J. For an incompressible element

@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """The constant global matrix: one n x n system for x, y and z, factored once (Sec. 3.2).
 
-It does not couple x, y and z, but a rotation does. The rigid rows are therefore coupled to the free vertices by block
-elimination. About the rest pose, a handle moves its vertices by dx = dt + dtheta x r, with the undeformed position r
-relative to its centre. With the motion B of the vertices by the rigid rows, the free vertices follow by -H with
-H = A_ff^-1 A_fm B, and the rigid rows have the Schur complement S = B^T A_mm B - (A_fm B)^T H.
+The matrix does not couple x, y and z, but the rotation of a handle does. The rigid rows (see `Unknowns`) are therefore
+coupled to the free vertices by block elimination. About the rest pose, a handle moves its vertices by dx = dt + dtheta
+x r, with the undeformed position r relative to its centre. Let B be the motion of the handles' vertices by the rigid
+rows. The free vertices then move by -H with H = A_ff^-1 A_fm B, and the rigid rows have the Schur complement S = B^T
+A_mm B - (A_fm B)^T H.
 
 Equal matrices in a process have one factor.
 """
@@ -33,6 +34,7 @@ from gdfe_ros.solver.matrix.unknowns import (
     handle_centres,
     rigid_motion,
 )
+from gdfe_ros.solver.vectors import Array
 
 
 class Factor:
@@ -60,7 +62,7 @@ class Factor:
     REFINED = 3
     """Number of corrections of a solution with a factor in single precision."""
 
-    def __init__(self, matrix: sparse.csc_matrix, points: NDArray[np.float64]) -> None:
+    def __init__(self, matrix: sparse.csc_matrix, points: Array) -> None:
         self._matrix = matrix
         graph = matrix.tocsr()
         graph.sort_indices()
@@ -74,7 +76,7 @@ class Factor:
         values = kept.values.astype(np.float32) if self._refined else kept.values
         self.inverse = Inverse(kept.plan, kept.order, values)
 
-    def solve(self, right: NDArray[np.float64], out: NDArray[np.float64]) -> None:
+    def solve(self, right: Array, out: Array) -> None:
         """Write the solution (f, 3) of three right-hand sides (f, 3) to ``out``, to double precision."""
         apply_free(self.inverse, right.reshape(-1), out.reshape(-1))
         for _ in range(self._refined):
@@ -84,10 +86,10 @@ class Factor:
 
 
 _MADE: WeakValueDictionary[bytes, Factor] = WeakValueDictionary()
-"""Dict from the digest of a matrix and its vertices to the factor that is in use in the process."""
+"""Dict from the digest of a matrix and its vertices to its factor, as long as a body in the process uses the factor."""
 
 
-def factor_of(matrix: sparse.csc_matrix, points: NDArray[np.float64]) -> Factor:
+def factor_of(matrix: sparse.csc_matrix, points: Array) -> Factor:
     """Return the factor of a matrix (f, f); an equal matrix in the process has the same factor."""
     digest = hashlib.blake2b(str(matrix.shape).encode())
     for part in (matrix.indptr, matrix.indices, matrix.data, points):
@@ -104,7 +106,7 @@ SINGULAR = 1e-10
 largest eigenvalue.
 """
 
-Solve = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+Solve = Callable[[Array], Array]
 
 
 class Coupling(NamedTuple):
@@ -121,19 +123,17 @@ class Coupling(NamedTuple):
         fixed: (k,) int64 components of the free rows that are constant (`Unknowns.fixed`).
     """
 
-    harmonic: NDArray[np.float64]
-    inverse_schur: NDArray[np.float64]
+    harmonic: Array
+    inverse_schur: Array
     inverse: Inverse
     fixed: NDArray[np.int64]
 
 
-def eliminate_free(
-    pulled: NDArray[np.float64], motion: NDArray[np.float64], solve: Solve
-) -> tuple[NDArray[np.float64], NDArray[np.float64], bool]:
+def eliminate_free(pulled: Array, motion: Array, solve: Solve) -> tuple[Array, Array, bool]:
     """Return H (3 f, 3 q), the inverse of S (3 q, 3 q), and whether S is positive semidefinite.
 
     Args:
-        pulled: (3 f + 3 b, 3 q) product of a matrix and ``motion``: rows of the free vertices, then those of handles.
+        pulled: (3 f + 3 b, 3 q) product of a matrix and ``motion``: rows of free vertices, then of handles' vertices.
         motion: (3 b, 3 q) motion of the handles' vertices by the rigid rows (`rigid_motion`).
         solve: function that returns the solutions (3 f, k) with the free block for right-hand sides (3 f, k).
     """
@@ -143,7 +143,7 @@ def eliminate_free(
     return np.ascontiguousarray(harmonic), *pseudo_inverse(schur)
 
 
-def pseudo_inverse(matrix: NDArray[np.float64]) -> tuple[NDArray[np.float64], bool]:
+def pseudo_inverse(matrix: Array) -> tuple[Array, bool]:
     """Return the pseudo-inverse of a symmetric matrix (k, k), and whether the matrix is positive semidefinite.
 
     Eigenvalues whose magnitude is at most `SINGULAR` times the largest count as zero.
@@ -165,9 +165,7 @@ def close_coupling(gradient, coupling, out):
     clear_fixed(coupling.fixed, out)
 
 
-def assemble(
-    shape: ShapeOperators, weight: NDArray[np.float64], hourglass: NDArray[np.float64], count: int | None = None
-) -> sparse.csc_matrix:
+def assemble(shape: ShapeOperators, weight: Array, hourglass: Array, count: int | None = None) -> sparse.csc_matrix:
     """Return the constant matrix (n, n) [N/m], sum_e w_e V_e g g^T + c_e sum_k gamma_k gamma_k^T.
 
     Each element e has the volume V_e, gradients g of its shape functions, and hourglass vectors gamma_k. For tetrahedra
@@ -182,7 +180,7 @@ def assemble(
     return scatter(cell_type_of(shape).matrix_blocks(shape, weight, hourglass), shape.cells, count).tocsc()
 
 
-def scatter(blocks: NDArray[np.float64], nodes: NDArray[np.int32], count: int | None = None) -> sparse.coo_matrix:
+def scatter(blocks: Array, nodes: NDArray[np.int32], count: int | None = None) -> sparse.coo_matrix:
     """Return the sum (n, n) of ``blocks`` (k, c, c), each between the vertices of one row of ``nodes`` (k, c).
 
     ``count`` is the number n of vertices; None for the largest vertex of ``nodes``.
@@ -211,9 +209,9 @@ class ConstantMatrix:
     """
 
     ROLLING = 0.5
-    """Stiffness of the spring at a vertex on rollers over the vertex' diagonal entry. No equilibrium depends on it."""
+    """Stiffness of the spring at a vertex on rollers, divided by its diagonal entry. No equilibrium depends on it."""
 
-    def __init__(self, matrix: sparse.csc_matrix, rest: NDArray[np.float64], unknowns: Unknowns) -> None:
+    def __init__(self, matrix: sparse.csc_matrix, rest: Array, unknowns: Unknowns) -> None:
         self.assembled, self._unknowns = matrix, unknowns
         free = unknowns.free
         rows = matrix[free]
@@ -233,34 +231,34 @@ class ConstantMatrix:
         harmonic, schur, _ = eliminate_free(pulled, self._motion, self._solve_columns)
         self.coupling = Coupling(harmonic, schur, self._factor.inverse, unknowns.fixed)
 
-    def solve(self, right: NDArray[np.float64], out: NDArray[np.float64]) -> None:
+    def solve(self, right: Array, out: Array) -> None:
         """Solve A_ff out = right for three right-hand sides (f, 3) to double precision."""
         self._factor.solve(right, out)
         out.reshape(-1)[self._unknowns.fixed] = 0.0
 
-    def _solve_columns(self, right: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _solve_columns(self, right: Array) -> Array:
         """Return the solutions (3 f, k) of A_ff for k right-hand sides (3 f, k)."""
         found = np.empty((right.shape[1], len(self._unknowns.free), 3))
         for column, out in zip(np.ascontiguousarray(right.T), found, strict=True):
             self.solve(column.reshape(-1, 3), out)
         return np.ascontiguousarray(found.reshape(right.shape[::-1]).T)
 
-    def multiply(self, motion: NDArray[np.float64]) -> NDArray[np.float64]:
+    def multiply(self, motion: Array) -> Array:
         """Return the product A_ff ``motion`` (f, 3) for a motion of the free vertices."""
         free = self._unknowns.free
         whole = np.zeros((self.assembled.shape[0], 3))
         whole[free] = motion
         return (self.assembled @ whole)[free]
 
-    def compliance(self, force: NDArray[np.float64]) -> float:
-        """Return the compliance f . A^-1 f of vertex forces f (n, 3); its unit is m/N times the squared unit of f."""
+    def compliance(self, force: Array) -> float:
+        """Return f . A^-1 f for vertex forces f (n, 3): a compliance, in m/N times the squared unit of f."""
         right, free = generalise(force, self._unknowns, self._motion), 3 * len(self._unknowns.free)
         out = np.zeros_like(right)
         self.solve(right[:free].reshape(-1, 3), out[:free].reshape(-1, 3))
         close_coupling(right, self.coupling, out)
         return float(right @ out)
 
-    def extend(self, motion: NDArray[np.float64]) -> NDArray[np.float64]:
+    def extend(self, motion: Array) -> Array:
         """Return the harmonic extension (f, 3) [m] of a ``motion`` (b, 3) [m] of the prescribed vertices."""
         right = np.ascontiguousarray(-(self._prescribed @ motion))
         out = np.empty_like(right)

@@ -21,14 +21,14 @@ from scipy.sparse.csgraph import reverse_cuthill_mckee
 from scipy.sparse.linalg import spilu
 
 from gdfe_ros.compiled import kernel
-from gdfe_ros.solver.vectors import copy_part
+from gdfe_ros.solver.vectors import Array, copy_part
 
 SLACK, NARROW = 0.05, 2
-"""Largest fraction of zeros in a supernode, and number of columns up to which it is not limited. Fewer and broader
-supernodes are faster if the matrix is factored often.
+"""Largest fraction of zeros in a supernode; supernodes of at most the second number of columns may have more zeros.
+Fewer and broader supernodes are faster if the matrix is factored often.
 """
 FRONT = 2000
-"""Cost of a supernode in addition to its multiplications, in their unit."""
+"""Fixed cost of each supernode, as a number of multiplications."""
 
 
 class Elimination(NamedTuple):
@@ -74,7 +74,7 @@ class Elimination(NamedTuple):
         return np.repeat(np.arange(len(self.parent)), self.heights)
 
     def stand(self, nodes: NDArray[np.int64], rows: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Return the index (k,) of each of ``rows`` (k,) among the rows of the supernode in ``nodes`` (k,)."""
+        """Return the index (k,) of each row in ``rows`` (k,) among the rows of the supernode ``nodes`` (k,)."""
         size = len(self.order)
         return np.searchsorted(self.owner * size + self.rows, nodes * size + rows) - self.row_start[nodes]
 
@@ -244,12 +244,13 @@ def find_elimination(
 
 
 LEAF, DIGITS = 60, 6
-"""A part with at most the first number of vertices is not divided further. Coordinates, divided by the largest of them,
-are rounded to the second number of decimal digits: the vertices of one cross-section thus have equal coordinates.
+"""`dissect` does not divide a part with at most the first number of vertices. `narrow_orders` rounds coordinates,
+divided by the largest of them, to the second number of decimal digits: the vertices of a cross-section have equal
+coordinates.
 """
 
 
-def narrow_orders(graph: sparse.csr_matrix, points: NDArray[np.float64]) -> list[NDArray[np.int64]]:
+def narrow_orders(graph: sparse.csr_matrix, points: Array) -> list[NDArray[np.int64]]:
     """Return orders (f,) of the vertices with a small bandwidth.
 
     The first is by cross-sections along the longest principal axis, the second is reverse Cuthill-McKee. For straight
@@ -270,8 +271,8 @@ def narrow_orders(graph: sparse.csr_matrix, points: NDArray[np.float64]) -> list
 def least_degree(graph: sparse.csr_matrix) -> NDArray[np.int64]:
     """Return the minimum-degree order (f,) of SuperLU; it suits bodies that branch.
 
-    The incomplete factorisation drops all entries: its order is that of the complete one, which costs many times as
-    much.
+    An incomplete factorisation that drops all entries is used: it has the same order as a complete one, at a small
+    fraction of the cost.
     """
     links = sparse.csr_matrix((np.ones(len(graph.indices)), graph.indices, graph.indptr), shape=graph.shape)
     definite = (sparse.diags_array(np.diff(graph.indptr) + 1.0) - links).tocsc()
@@ -280,12 +281,12 @@ def least_degree(graph: sparse.csr_matrix) -> NDArray[np.int64]:
     return np.argsort(spilu(definite, **dropped, **given).perm_c)
 
 
-def dissect(graph: sparse.csr_matrix, points: NDArray[np.float64]) -> NDArray[np.int64]:
+def dissect(graph: sparse.csr_matrix, points: Array) -> NDArray[np.int64]:
     """Return an order (f,) by nested dissection (George 1973): both halves first, then their separator.
 
-    A body is halved across its longest axis. The separator consists of those vertices of one half that have neighbours
-    in the other half; of these two sets it is the smaller one. With quadratic cells, one of them may be twice as large.
-    If a cross-section has thousands of vertices, this order causes far less fill than a narrow order.
+    A body is halved across its longest axis. In each half, some vertices have neighbours in the other half. The smaller
+    of these two sets is the separator. With quadratic cells, one set may be twice as large as the other. If a
+    cross-section has thousands of vertices, this order causes far less fill than a narrow order.
 
     Args:
         graph: (f, f), an entry for every two vertices that share an element.

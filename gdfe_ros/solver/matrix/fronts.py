@@ -15,17 +15,11 @@ from numpy import uint64
 from numpy.typing import NDArray
 
 from gdfe_ros.compiled import inlined, internal, kernel, vector_internal
-from gdfe_ros.solver.matrix.elimination import (
-    SLACK,
-    dissect,
-    find_elimination,
-    least_degree,
-    narrow_orders,
-)
+from gdfe_ros.solver.matrix.elimination import SLACK, dissect, find_elimination, least_degree, narrow_orders
 from gdfe_ros.solver.matrix.panels import PANEL, TILE, dot_six, six
 from gdfe_ros.solver.matrix.rotation import make_unrotated
 from gdfe_ros.solver.matrix.substitution import Kept, Plan, solve_columns
-from gdfe_ros.solver.vectors import clear_part, copy_part
+from gdfe_ros.solver.vectors import Array, clear_part, copy_part
 
 
 @internal
@@ -88,7 +82,7 @@ def eliminate(front, width, own, panel):
 
 @inlined
 def column(front, at, width, count):
-    """Return the entry of the front at ``at`` and the five entries below it; 0 for those beyond ``count``."""
+    """Return ``count`` entries of a column of the front from ``at`` downward, and zeros up to six numbers."""
     none = front.dtype.type(0.0)
     return (
         front[at],
@@ -105,7 +99,7 @@ def subtract(front, width, first, last, panel):
     """Subtract the products of the factor's rows from ``first`` up to ``last`` from the rows below, tile by tile.
 
     Two rows are updated at a time, because they share the loads of the factor's rows. Entries below the diagonal are
-    changed, too, and never used.
+    changed, too, but never used.
     """
     next_row, count = uint64(TILE), last - first
     for begin in range(last, width, TILE):
@@ -182,7 +176,7 @@ class Fronts:
     def __init__(
         self,
         graph: sparse.csr_matrix,
-        points: NDArray[np.float64],
+        points: Array,
         *,
         size: int = 3,
         slack: float = SLACK,
@@ -220,7 +214,7 @@ class Fronts:
         self.kept = Kept.none()._replace(**given, harmonic=np.zeros((3 * count, 0)), frames=make_unrotated(count))
         self._fronts = self._panel = self._stack = np.empty(0)
 
-    def factor(self, blocks: NDArray[np.float64]) -> bool:
+    def factor(self, blocks: Array) -> bool:
         """Factor a matrix of blocks (k, s, s); return whether it is positive definite. Otherwise it has no factor."""
         if not len(self.kept.values):
             # Zeros, because parts that are never written are copied and cast, too.
@@ -232,11 +226,11 @@ class Fronts:
         )
 
     def spare(self) -> None:
-        """Let the next factorisation not overwrite the last factor."""
+        """Give the next factorisation new arrays, so that it does not overwrite the last factor."""
         self.kept = self.kept._replace(values=np.empty(0, self._kind), frames=self.kept.frames.copy())
 
 
-def unturned_solutions(kept: Kept, right: NDArray[np.float64]) -> NDArray[np.float64]:
+def unturned_solutions(kept: Kept, right: Array) -> Array:
     """Return the solutions (3 f + q, k) for right-hand sides (3 f + q, k), as in `solve_unturned`."""
     solutions = np.empty(right.shape[::-1])
     solve_columns(kept, np.ascontiguousarray(right.T), solutions)

@@ -11,8 +11,8 @@ from numpy import uint64
 from gdfe_ros.compiled import inlined, vector_inlined, vector_internal
 
 PANEL, TAKEN = 6, 4
-"""Rows of the factor that are eliminated, or solved, together: two vertices, and for three right-hand sides as many as
-fit into the registers.
+"""Number of rows of the factor that are processed together: the rows of two vertices, and for three right-hand sides as
+many as fit into the registers.
 """
 TILE = 256
 """Number of columns of a row that are updated at a time; six rows of this length fit into the fastest cache."""
@@ -48,7 +48,7 @@ def add_six(sums, factor, a):
 
 @inlined
 def reduce_panel(rows, width, first, last, local):
-    """Solve some ``rows`` of U^T, those from ``first`` up to ``last`` of a supernode, in these rows alone."""
+    """Solve with U^T in the rows from ``first`` up to ``last`` of a supernode alone, for ``local``; in place."""
     for i in range(first, last):
         total = local[i]
         for k in range(first, i):
@@ -58,7 +58,7 @@ def reduce_panel(rows, width, first, last, local):
 
 @inlined
 def expand_panel(rows, width, first, last, local):
-    """Solve some ``rows`` of U, those from ``first`` up to ``last`` of a supernode, in these rows alone."""
+    """Solve with U in the rows from ``first`` up to ``last`` of a supernode alone, for ``local``; in place."""
     for i in range(last - 1, first - 1, -1):
         total = local[i]
         for k in range(i + 1, last):
@@ -104,7 +104,7 @@ def expand_rows(values, at, local, width, own):
 
 @inlined
 def places_of(count, width):
-    """Return where a panel's second to fourth row begin; the last of its ``count`` rows stands for missing ones."""
+    """Return the offsets of a panel's second to fourth row; for missing rows, the offset of its last row."""
     return uint64(min(1, count - 1) * width), uint64(min(2, count - 1) * width), uint64((count - 1) * width)
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compiled rotations: of rotation vectors, and of a body's vertices since its tangent was taken.
+"""Compiled rotations: formulas for rotation vectors, and rotations of vertices since the tangent was taken.
 
 For a rotation vector theta of length t, with the cross-product matrix [theta], exp([theta]) = I + a [theta] +
 b [theta]^2 and J_l(theta) = I + b [theta] + c [theta]^2. Here a = sin t / t, b = (1 - cos t) / t^2 and
@@ -15,16 +15,15 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gdfe_ros.compiled import inlined, internal, kernel
 from gdfe_ros.materials.tensor import cofactor, determinant, rotation, scale_vector, times
 from gdfe_ros.mesh.triples import combine, corner, cross
 from gdfe_ros.solver.elements.corners import mean_gradient
-from gdfe_ros.solver.vectors import clear_part
+from gdfe_ros.solver.vectors import Array, clear_part
 
 SMALL = 1e-4
-"""Up to this angle [rad], two terms of the coefficients' series are exact to double precision."""
+"""Below this angle [rad], two terms of the series of the coefficients a, b and c are exact to double precision."""
 
 
 @inlined
@@ -75,14 +74,14 @@ ten decades, small differences between the rotations make the tangent worse.
 
 @kernel
 def vertex_rotations(x, before, shape, rows, held, sums, out):
-    """Write the rotations (f, 9) of free vertices from ``before`` to ``x`` (n, 3) [m].
+    """Write the rotations (f, 9) of free vertices from ``before`` to ``x`` (n, 3) [m] to ``out``.
+
+    The rotation of a vertex is that of the mean deformation gradient, relative to ``before``, of the elements at the
+    vertex. If ``held`` is False, all vertices have one common rotation: otherwise R K0 R^T would not conserve the
+    momentum of a body that nothing holds. ``sums`` (n, 9) is scratch.
 
     ``rows`` are `Unknowns.free` and `Unknowns.fixed`. Vertices on rollers count as not rotated: a rotation would mix
     the axes along which rollers hold them with the others.
-
-    Each is the rotation of the mean of the deformation gradients of the elements at the vertex, taken from ``before``.
-    A body that no handle holds (``held`` is False) has one rotation for all vertices. Otherwise R K0 R^T would not
-    conserve its momentum. ``sums`` (n, 9) is scratch.
     """
     free, fixed = rows
     add_gradients(x, before, shape, sums)
@@ -106,7 +105,7 @@ def vertex_rotations(x, before, shape, rows, held, sums, out):
 
 @internal
 def add_gradients(x, before, shape, sums):
-    """Write to ``sums`` (n, 9), for each vertex, the sum of the gradients from ``before`` to ``x`` of its elements."""
+    """Write, for each vertex, the sum of its elements' deformation gradients from ``before`` to ``x`` to ``sums``."""
     for i in range(len(sums)):
         clear_part(sums[i], 0, 9)
     for e in range(len(shape.cells)):
@@ -136,14 +135,14 @@ def share_sum(sums):
             sums[k, i] = total
 
 
-def make_unrotated(count: int) -> NDArray[np.float64]:
+def make_unrotated(count: int) -> Array:
     """Return the rotations (f, 9) of ``count`` vertices that have not rotated: identities."""
     return np.tile(np.eye(3).ravel(), (count, 1))
 
 
 @kernel
 def apply_left_jacobian(turns, vectors):
-    """Return J_l(w) u (k, 3) of ``vectors`` u (k, 3), for rotation vectors w (k, 3) [rad], or for one of all (1, 3)."""
+    """Return J_l(w) u (k, 3) for ``vectors`` u (k, 3) and rotation vectors w (k, 3) [rad], or one for all (1, 3)."""
     found = np.empty_like(vectors)
     for k in range(len(vectors)):
         against = scale_vector(corner(turns, k if len(turns) > 1 else 0), -1.0)

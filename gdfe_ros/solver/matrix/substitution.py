@@ -2,8 +2,8 @@
 """Compiled solutions with a sparse factor K = U^T U: forward and backward, supernode by supernode.
 
 A factor with three rows for each vertex has one right-hand side at a time; one with one row serves x, y and z together.
-Each supernode's part of it is then read once for all three: a large factor fits into no cache, and reading it dominates
-the time of a solution. Such a factor is stored in single precision.
+Each supernode's part of such a factor is read once for all three. A large factor fits into no cache, so that reading it
+dominates the time of a solution; it is therefore stored in single precision.
 
 Two corrections follow, if a body needs them. First, handles with a free axis have rigid rows in addition to the rows of
 the factor. Their Schur complement S is dense. Second, springs of lengths and volumes add G^T G to K, which would fill
@@ -12,7 +12,7 @@ Woodbury).
 
 Entries of the inverse K^-1 = Y^T Y come from columns of Y = U^-T. A column of Y costs half of a solution or less: the
 forward substitution, in the supernodes on the path from its row to the root of the elimination tree. The operations of
-each entry, and their order, do not depend on what else is found with it.
+each entry, and their order, do not depend on the other entries that are computed together with it.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from gdfe_ros.compiled import inlined, internal, kernel, vector_internal, vector_kernel
 from gdfe_ros.solver.matrix.panels import PANEL, TILE, expand_rows, expand_three, reduce_rows, reduce_three
 from gdfe_ros.solver.matrix.unknowns import clear_fixed
-from gdfe_ros.solver.vectors import clear_part, copy_part
+from gdfe_ros.solver.vectors import Array, clear_part, copy_part
 
 
 class Plan(NamedTuple):
@@ -87,17 +87,17 @@ class Kept(NamedTuple):
     plan: Plan
     values: NDArray[np.floating]
     order: NDArray[np.int64]
-    harmonic: NDArray[np.float64]
-    schur: NDArray[np.float64]
-    springs: NDArray[np.float64]
-    reach: NDArray[np.float64]
-    inner: NDArray[np.float64]
-    frames: NDArray[np.float64]
+    harmonic: Array
+    schur: Array
+    springs: Array
+    reach: Array
+    inner: Array
+    frames: Array
     fixed: NDArray[np.int64]
 
     @classmethod
     def none(cls) -> Kept:
-        """Return an empty factor, in place of which the constant matrix preconditions."""
+        """Return an empty factor; with it, the constant matrix is the preconditioner."""
         index, squares = np.zeros(0, np.int64), [np.zeros((0, 0))] * 5
         return cls(Plan(*[index] * 9), np.zeros(0, np.float32), index, *squares, np.zeros((0, 9)), index)
 
@@ -247,7 +247,7 @@ def expand_node(values, at, rows, axes, first, last, x, local):
 
 
 GROUP = 8
-"""Number of columns of Y that are found together."""
+"""Number of columns of Y that are computed together."""
 
 
 @kernel
@@ -267,8 +267,8 @@ def reduce_columns(values, plan, used, x, local):
 def multiply_columns(new, every, out):
     """Add the products (n, k) of the columns of ``new`` (3 f, n) and of ``every`` (3 f, k) to ``out``.
 
-    The last n columns of ``every`` are ``new``; of their products with each other, those below the diagonal may be
-    left out.
+    The last n columns of ``every`` are ``new``. Of the products of ``new`` with itself, entries below the diagonal may
+    be left out.
     """
     count, known = new.shape[1], every.shape[1] - new.shape[1]
     for left in range(0, every.shape[1], TILE):

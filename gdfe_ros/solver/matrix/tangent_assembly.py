@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The kept tangent stiffness: its assembly in blocks of 3 x 3 of movable vertices, and its springs.
+"""The kept tangent stiffness: its assembly in 3 x 3 blocks, one for each coupled pair of movable vertices, and springs.
 
 A commanded cable length and a commanded chamber volume act like springs. The length of a spring is linear in small
 displacements: d = a . x. A spring of stiffness k adds k a a^T to the tangent. These entries may couple any vertices,
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from gdfe_ros.compiled import kernel
 from gdfe_ros.solver.matrix.unknowns import Unknowns
+from gdfe_ros.solver.vectors import Array
 
 
 @kernel
@@ -70,10 +71,10 @@ class Assembly:
         starts = np.searchsorted(self._pulled, self.indptr).astype(np.int32)
         self._pulled_pattern = (self.indices[self._pulled] - self.free).astype(np.int32), starts
 
-    def fix(self, blocks: NDArray[np.float64], diagonal: NDArray[np.float64]) -> None:
+    def fix(self, blocks: Array, diagonal: Array) -> None:
         """Decouple the constant components (`Unknowns.fixed`) of blocks (k, 3, 3), in place.
 
-        Their diagonal entries become those of the blocks ``diagonal``; all other entries of their rows and columns
+        Their diagonal entries are taken from the blocks ``diagonal``; all other entries in their rows and columns
         become zero.
         """
         if not len(self._fixed):
@@ -92,14 +93,14 @@ class Assembly:
         """Row of each block (k,)."""
         return np.repeat(np.arange(len(self.indptr) - 1), np.diff(self.indptr))
 
-    def blocks(self, tangents: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
+    def blocks(self, tangents: Sequence[Array]) -> Array:
         """Return the sum of the groups' tangents (m, 3 c, 3 c) [N/m] in blocks (k, 3, 3)."""
         out = np.zeros((len(self.indices), 3, 3))
         for tangent, slot in zip(tangents, self._slots, strict=True):
             add_tangents(tangent, slot, out)
         return out
 
-    def spread(self, matrix: sparse.csc_matrix, unknowns: Unknowns) -> NDArray[np.float64]:
+    def spread(self, matrix: sparse.csc_matrix, unknowns: Unknowns) -> Array:
         """Return the blocks (k, 3, 3) of a matrix (n, n) that acts on x, y and z alike, in the same pattern."""
         chosen = np.concatenate([unknowns.free, unknowns.members])
         part = matrix[chosen][:, chosen].tocsr()
@@ -116,8 +117,8 @@ class Assembly:
         """Whether each block (k,) belongs to two free vertices."""
         return (self._block_rows < self.free) & (self.indices < self.free)
 
-    def by_members(self, blocks: NDArray[np.float64]) -> sparse.bsr_matrix:
-        """Return the columns (3 f + 3 b, 3 b) of the handles' vertices, of the matrix with ``blocks`` (k, 3, 3)."""
+    def by_members(self, blocks: Array) -> sparse.bsr_matrix:
+        """Return the columns (3 f + 3 b, 3 b) of handles' vertices in the matrix with ``blocks`` (k, 3, 3)."""
         shape = 3 * (self.free + self.members), 3 * self.members
         return sparse.bsr_matrix((blocks[self._pulled], *self._pulled_pattern), shape=shape)
 
@@ -130,7 +131,7 @@ def _names(rows: NDArray[np.int64], count: int) -> NDArray[np.int64]:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Tangent:
-    """A kept tangent stiffness; an immutable value.
+    """A tangent stiffness that preconditions several solves (a *kept* tangent); an immutable value.
 
     Attributes:
         blocks: (k, 3, 3) [N/m] blocks of coupled pairs of vertices; the part of the free vertices is positive definite.
@@ -143,14 +144,14 @@ class Tangent:
         stages: (t,) int32 stages of the terms (`Term.stage`); empty if all are 0.
         spent: number of iterations since the tangent was evaluated.
         solves: number of solves with the tangent.
-        latest: the part of ``spent`` in the last of these solves.
+        latest: number of iterations in the last of these solves.
     """
 
-    blocks: NDArray[np.float64]
-    motion: NDArray[np.float64]
-    positions: NDArray[np.float64] | None = None
+    blocks: Array
+    motion: Array
+    positions: Array | None = None
     shift: float = 0.0
-    springs: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 0)))
+    springs: Array = field(default_factory=lambda: np.zeros((0, 0)))
     owners: NDArray[np.int32] = field(default_factory=lambda: np.zeros(0, np.int32))
     stages: NDArray[np.int32] = field(default_factory=lambda: np.zeros(0, np.int32))
     spent: int = 0

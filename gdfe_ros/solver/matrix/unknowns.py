@@ -17,6 +17,7 @@ from gdfe_ros.constraints import Handle
 from gdfe_ros.materials.tensor import scale_vector, times
 from gdfe_ros.mesh.triples import corner, cross, minus, plus
 from gdfe_ros.solver.matrix.rotation import apply_left_jacobian, left_jacobian_transposed, rotation_matrix
+from gdfe_ros.solver.vectors import Array
 
 
 class Unknowns(NamedTuple):
@@ -38,7 +39,7 @@ class Unknowns(NamedTuple):
         radius: (p,) float64 [m], largest distance of any undeformed vertex of the body from the handle's centre: the
             whole body follows a rotation of the handle.
         corner_start: (n + 1,) int32, index in ``corner`` at which each vertex's list of element corners begins.
-        corner: (c m, 2) int32 elements, and their corners. Each vertex sums its forces in this order.
+        corner: (c m, 2) int32 pairs of an element and one of its corners. Each vertex sums its forces in this order.
     """
 
     free: NDArray[np.int32]
@@ -46,10 +47,10 @@ class Unknowns(NamedTuple):
     prescribed: NDArray[np.int32]
     member_start: NDArray[np.int32]
     members: NDArray[np.int32]
-    slides: NDArray[np.float64]
-    turns: NDArray[np.float64]
+    slides: Array
+    turns: Array
     turn_row: NDArray[np.int32]
-    radius: NDArray[np.float64]
+    radius: Array
     corner_start: NDArray[np.int32]
     corner: NDArray[np.int32]
 
@@ -72,11 +73,11 @@ class HandlePositions(NamedTuple):
         centre: (p, 3) centres [m] of the handles that have a free axis.
     """
 
-    base: NDArray[np.float64]
-    centre: NDArray[np.float64]
+    base: Array
+    centre: Array
 
 
-def number_unknowns(rest: NDArray[np.float64], cells: NDArray[np.int32], handles: Sequence[Handle]) -> Unknowns:
+def number_unknowns(rest: Array, cells: NDArray[np.int32], handles: Sequence[Handle]) -> Unknowns:
     """Return the numbering for vertices ``rest`` (n, 3) [m] and ``cells`` (m, c), with the given ``handles``."""
     whole = (handle.vertices for handle in handles if handle.slide is None)
     prescribed = np.concatenate([np.zeros(0, np.int32), *whole])
@@ -110,7 +111,7 @@ def number_unknowns(rest: NDArray[np.float64], cells: NDArray[np.int32], handles
     )
 
 
-def handle_centres(positions: NDArray[np.float64], unknowns: Unknowns) -> NDArray[np.float64]:
+def handle_centres(positions: Array, unknowns: Unknowns) -> Array:
     """Return the mean vertex positions (p, 3) [m] of the handles with a free axis, from ``positions`` (n, 3) [m]."""
     if not len(unknowns.slides):
         return np.zeros((0, 3))
@@ -118,8 +119,8 @@ def handle_centres(positions: NDArray[np.float64], unknowns: Unknowns) -> NDArra
     return sums / np.diff(unknowns.member_start)[:, None]
 
 
-def generalise(forces: NDArray[np.float64], unknowns: Unknowns, motion: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return vertex forces (..., n, 3) as generalised forces (..., 3 r) on the unknowns.
+def generalise(forces: Array, unknowns: Unknowns, motion: Array) -> Array:
+    """Return the generalised forces (..., 3 r) on the unknowns for vertex forces (..., n, 3).
 
     ``motion`` (3 b, 3 q) is the result of `rigid_motion`, with all components of a vertex in rows.
     """
@@ -129,7 +130,7 @@ def generalise(forces: NDArray[np.float64], unknowns: Unknowns, motion: NDArray[
     return np.concatenate([own, beside.reshape(*beside.shape[:-2], len(motion)) @ motion], axis=-1)
 
 
-def rigid_motion(u: NDArray[np.float64], frame: HandlePositions, unknowns: Unknowns) -> NDArray[np.float64]:
+def rigid_motion(u: Array, frame: HandlePositions, unknowns: Unknowns) -> Array:
     """Return d(positions of the handles' vertices)/d(rigid rows), (3 b, 3 q), at the unknowns ``u`` (3 r,).
 
     A vertex at the arm a from the centre moves by dt + (J_l(theta) dtheta) x R a.

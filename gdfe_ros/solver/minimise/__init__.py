@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Minimiser of a body: the tangent that it keeps, products with the present one, and its softest direction."""
+"""Minimiser of a body's potential: its kept tangent, products with the present tangent, and the softest direction."""

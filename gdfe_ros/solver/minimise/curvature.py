@@ -13,18 +13,17 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import eigh_tridiagonal
 
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.descent.lbfgs_workspace import allocate, numbers
 from gdfe_ros.solver.descent.search import advance
 from gdfe_ros.solver.minimise.minimiser import Task
-from gdfe_ros.solver.vectors import largest
+from gdfe_ros.solver.vectors import Array, largest
 
 
 class TangentProducts:
-    """Multiplies the tangent K of all terms by directions, in a workspace of its own.
+    """Multiplies the tangent K of elements and terms by directions, in a workspace of its own.
 
     Args:
         body: the discretised body.
@@ -41,23 +40,23 @@ class TangentProducts:
         self._spacing = self.SPACING * body.size
 
     def begin(self, task: Task) -> None:
-        """Set the unknowns of ``task`` as the point at which products use the tangent. The task is not modified."""
+        """Let further products use the tangent at the unknowns of ``task``, which is not modified."""
         work = task.active.workspace
         self._problem, self._u, self._gradient = task.problem, work.u.copy(), work.gradient.copy()
         self._beside.x[...] = work.x
 
     @property
-    def positions(self) -> NDArray[np.float64]:
+    def positions(self) -> Array:
         """Positions (n, 3) [m] of the last evaluation, overwritten by the next one."""
         return self._beside.x
 
-    def energy(self, step: NDArray[np.float64]) -> float:
+    def energy(self, step: Array) -> float:
         """Return the energy [J] of all terms at the unknowns plus ``step`` (3 r,)."""
         self._beside.u[...] = self._u + step
         advance(self._problem, self._beside, True)
         return float(numbers(self._beside)["energy"])
 
-    def __call__(self, direction: NDArray[np.float64]) -> NDArray[np.float64]:
+    def __call__(self, direction: Array) -> Array:
         """Return the product K d (3 r,) [N] of the tangent and a ``direction`` d (3 r,)."""
         step = self._spacing / largest(direction)
         self._beside.u[...] = self._u + step * direction
@@ -65,8 +64,8 @@ class TangentProducts:
         return (self._beside.gradient - self._gradient) / step
 
 
-Apply = Callable[[NDArray[np.float64], NDArray[np.float64]], None]
-Product = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+Apply = Callable[[Array, Array], None]
+Product = Callable[[Array], Array]
 
 
 class Lowest(NamedTuple):
@@ -79,7 +78,7 @@ class Lowest(NamedTuple):
     """
 
     value: float
-    direction: NDArray[np.float64]
+    direction: Array
     known: bool
 
 
@@ -92,11 +91,11 @@ class Lanczos:
     Attributes:
         most: number of products after which the least eigenvalue counts as unknown.
         least: least number of products before a Ritz value can count as converged.
-        look_back: the least Ritz value is computed after every so many products.
-        steady, flat: it counts as converged if it changed over these by at most the fraction ``steady``, or by at most
-            ``flat``. A value below ``flat`` counts as no curvature.
-        noise: the next Lanczos vector counts as noise if its M-norm, divided by the largest diagonal entry, is below
-            this, because products are differences of gradients.
+        look_back: number of products between two computations of the least Ritz value.
+        steady, flat: the least Ritz value has converged if its last change was at most the fraction ``steady`` of it,
+            or at most ``flat``. A value below ``flat`` counts as no curvature.
+        noise: the next Lanczos vector counts as noise of the finite differences if its M-norm, divided by the largest
+            diagonal entry, is below this.
     """
 
     most: int = 80
@@ -106,7 +105,7 @@ class Lanczos:
     flat: float = 1e-4
     noise: float = 1e-4
 
-    def lowest(self, product: Product, precondition: Apply, load: NDArray[np.float64]) -> Lowest:
+    def lowest(self, product: Product, precondition: Apply, load: Array) -> Lowest:
         """Return the least Ritz value of M^-1 K and its vector.
 
         Args:
@@ -145,7 +144,7 @@ class Lanczos:
         return Lowest(value, coefficients @ vectors[: len(diagonal)], known)
 
 
-def _least(diagonal: list[float], beside: list[float]) -> tuple[float, NDArray[np.float64]]:
+def _least(diagonal: list[float], beside: list[float]) -> tuple[float, Array]:
     """Return the least eigenvalue of a symmetric tridiagonal matrix, and its vector."""
     values, vectors = eigh_tridiagonal(np.array(diagonal), np.array(beside), select="i", select_range=(0, 0))
     return float(values[0]), vectors[:, 0]

@@ -28,6 +28,7 @@ from gdfe_ros.solver.matrix.substitution import Kept, solve_kept
 from gdfe_ros.solver.matrix.tangent_assembly import Assembly, Tangent
 from gdfe_ros.solver.matrix.unknowns import generalise, rigid_motion
 from gdfe_ros.solver.terms.term import Term
+from gdfe_ros.solver.vectors import Array
 
 
 @kernel
@@ -65,7 +66,7 @@ class TangentLevel:
     Attributes:
         price: cost of factoring a tangent, divided by the cost of a solution with it.
         kept: the loaded factor for the kernels.
-        memory: memory [bytes] of a factor and of the elements' tangents.
+        memory: bytes of a factor and of the elements' tangents.
         stiffness: (m, 3 c, 3 c) [N/m] tangents of the elements in the last call of `take`.
         affordable: whether a factor takes little time and memory.
         first_shift: first multiple of the constant matrix that is added to a tangent without a factor: the softness of
@@ -113,12 +114,10 @@ class TangentLevel:
 
     @property
     def fits(self) -> bool:
-        """Whether they fit into half of the memory that is free."""
+        """Whether a factor and the elements' tangents fit into half of the free memory."""
         return self.memory <= 0.5 * os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
 
-    def take(
-        self, problem: Problem, u: NDArray[np.float64], x: NDArray[np.float64], *, definite: bool = False
-    ) -> Tangent | None:
+    def take(self, problem: Problem, u: Array, x: Array, *, definite: bool = False) -> Tangent | None:
         """Evaluate and factor the tangent at unknowns ``u`` (3 r,) and positions ``x`` (n, 3) [m].
 
         Beyond a buckling load, for example, the tangent is indefinite. A growing multiple of the constant matrix is
@@ -156,8 +155,8 @@ class TangentLevel:
             raise FloatingPointError("neither the tangent nor the constant matrix has a factor")
         return self._loaded
 
-    def _stiffen(self, problem: Problem, x: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Evaluate and return `stiffness` at ``x`` (n, 3) [m]; the next call overwrites it."""
+    def _stiffen(self, problem: Problem, x: Array) -> Array:
+        """Compute and return the elements' tangents `stiffness` at ``x`` (n, 3) [m]; the next call overwrites them."""
         if not len(self.stiffness):
             self.stiffness = np.zeros((len(self._body.material), *self.stiffness.shape[1:]))
         shape, material, table = problem.shape, problem.material, problem.table
@@ -167,7 +166,7 @@ class TangentLevel:
         return self.stiffness
 
     def keep(self, rest: Tangent) -> None:
-        """Keep the factor of the loaded tangent for good; later factors are stored elsewhere."""
+        """Keep the factor of the loaded tangent ``rest`` permanently; later factors get other arrays."""
         self._rest = rest, self.kept
         self._factor.spare()
 
@@ -182,7 +181,7 @@ class TangentLevel:
             self._connect(tangent)
 
     def is_outdated(self, tangent: Tangent | None) -> bool:
-        """Return whether a term has come to another stage since a tangent was taken; None stands for stages of 0."""
+        """Return whether the `Term.stage` of a term has changed since a tangent was taken; None: all stages were 0."""
         before = np.zeros(0, np.int32) if tangent is None else tangent.stages
         return not np.array_equal(before, self._stages())
 
@@ -190,10 +189,10 @@ class TangentLevel:
         stages = np.array([term.stage for term in self._terms], dtype=np.int32)
         return stages if stages.any() else stages[:0]
 
-    def reconnect(self, tangent: Tangent, x: NDArray[np.float64]) -> Tangent:
-        """Return the loaded tangent with the springs at ``x`` (n, 3) [m], if other terms have springs.
+    def reconnect(self, tangent: Tangent, x: Array) -> Tangent:
+        """Return the loaded tangent with the springs at ``x`` (n, 3) [m], if other terms have springs than before.
 
-        The other parts keep the values and the factor of the tangent.
+        Only the springs are new; the factor of the tangent stays.
         """
         slopes, owners = self._springs(x)
         if np.array_equal(owners, tangent.owners):
@@ -204,7 +203,7 @@ class TangentLevel:
         self._connect(replace(tangent, springs=generalise(slopes, self._unknowns, tangent.motion), owners=owners))
         return self._loaded
 
-    def turn(self, x: NDArray[np.float64]) -> None:
+    def turn(self, x: Array) -> None:
         """Rotate the loaded tangent with each vertex, from the tangent's positions to ``x`` (n, 3) [m]."""
         if self._loaded.positions is None:
             return
@@ -212,11 +211,11 @@ class TangentLevel:
         rows = unknowns.free, unknowns.fixed
         vertex_rotations(x, before, self._body.shape, rows, held, self._sums, self.kept.frames)
 
-    def solve(self, gradient: NDArray[np.float64], out: NDArray[np.float64]) -> None:
+    def solve(self, gradient: Array, out: Array) -> None:
         """Write the product of K^-1 and ``gradient`` (3 r,) [N] to ``out`` (3 r,) [m]."""
         solve_kept(self.kept, gradient, out)
 
-    def _springs(self, x: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+    def _springs(self, x: Array) -> tuple[Array, NDArray[np.int32]]:
         """Return the springs (m, n, 3) of all terms at ``x`` (n, 3) [m], and the term (m,) of each."""
         found = [term.springs(x) for term in self._terms]
         owners = np.repeat(

@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact.contact_forces import ContactForces
@@ -23,12 +22,12 @@ from gdfe_ros.solver.matrix.substitution import Kept
 from gdfe_ros.solver.matrix.tangent_assembly import Tangent
 from gdfe_ros.solver.minimise.level import TangentLevel
 from gdfe_ros.solver.outcome import Deadline, Outcome, past
-from gdfe_ros.solver.vectors import largest, largest_distance
+from gdfe_ros.solver.vectors import Array, largest, largest_distance
 
 _TEAM = threading.Lock()
 """Lock for numba's threads. They serve one caller at a time; a second one could crash the process."""
 Observer = Callable[[float, float, bool], None]
-"""Function of the minimised energy [J], the size of its terms [J], and whether the minimisation just begins."""
+"""Function of the energy [J], the sum of the magnitudes of its terms [J], and whether a minimisation begins."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,17 +38,18 @@ class Task:
         active: the unknowns, the elements and the workspace.
         problem: the constant data.
         deadline: once it has passed, the minimisation ends; None for no deadline.
-        gives_up: whether the minimisation ends at positions (n, 3) [m] at which the tangent is indefinite.
+        gives_up: function that returns, for positions (n, 3) [m] with an indefinite tangent, whether to end the
+            minimisation; None to continue in any case.
     """
 
     active: ActiveSet
     problem: Problem
     deadline: Deadline | None = None
-    gives_up: Callable[[NDArray[np.float64]], bool] | None = None
+    gives_up: Callable[[Array], bool] | None = None
 
     @property
     def turn(self) -> AbstractContextManager[object]:
-        """The context manager for a call that may divide its work among threads: it holds the lock for threads."""
+        """The context manager for a call that may use several threads; it takes the lock of numba's threads."""
         return nullcontext() if self.problem.threads is None else _TEAM
 
     def evaluate(self) -> None:
@@ -66,7 +66,7 @@ class Minimiser:
         weight: (m,) [Pa] weights of the elements in the constant matrix (see `assemble`).
         level: the body's tangent preconditioner.
         moving: whether inertia is among the terms.
-        contact_forces: finds the contact forces of each step; None without contact.
+        contact_forces: finder of the contact forces in each step of a minimisation; None without contact.
 
     Attributes:
         level: the argument.
@@ -77,25 +77,25 @@ class Minimiser:
 
     SHARE, MOVING, FREE = 0.2, 0.1, 0.02
     """A minimisation ends if its distance to the equilibrium, divided by the tolerance, is at most this: in statics, in
-    motion, and in the motion of bodies that nothing holds. Only the accuracy of the solve conserves their momentum.
+    motion, and in the motion of free bodies, whose momentum only the accuracy of the solve conserves.
     """
     TRUST = 0.1
     """Assumed least ratio of a step with the constant matrix to the distance to the equilibrium."""
     FARTHEST = 3000.0
     """A body counts as running away if a vertex' displacement, or a step, exceeds this multiple of the body's size."""
     LEAST_AGE, AGE = 24, 1.5
-    """A tangent is renewed within a solve after this number of iterations, or after this multiple of the number of
-    solutions that its factor costs, if that is larger. Otherwise a few far steps would renew it too often.
+    """A tangent is renewed within a solve after the first number of iterations, or, if that is larger, after the second
+    number times its price (`TangentLevel.price`). Otherwise a few far steps would renew it too often.
     """
     UNSOLVED = 1000
-    """A body whose tangent is too expensive gets one nevertheless after this number of iterations of a solve. Solves
-    with its factor take many times as long as those with the constant matrix.
+    """A body whose tangent is too expensive gets one nevertheless after this number of iterations of a solve. A
+    solution with its factor takes many times as long as with the constant matrix.
     """
 
     def __init__(
         self,
         body: Body,
-        weight: NDArray[np.float64],
+        weight: Array,
         level: TangentLevel,
         *,
         moving: bool,
@@ -114,7 +114,7 @@ class Minimiser:
         self.rest: Tangent | None = None
 
     def begin(self, active: ActiveSet, tangent: Tangent | None) -> None:
-        """Prepare a solve with the tangent of the last one; None stands for that of the undeformed body."""
+        """Prepare a solve with the tangent of the last solve; None stands for the tangent of the undeformed body."""
         status = active.status
         status["reach"], status["grain"] = self.FARTHEST * self._body.size, self._grain
         status["count"], status["head"], status["since"], status["turned"], status["wild"] = 0, 0, 0, np.inf, 0
@@ -134,7 +134,7 @@ class Minimiser:
             task: the problem.
             tolerance: allowed distance, divided by the body's size.
             limit: largest number of iterations.
-            proven: whether the last minimisation has reached the equilibrium, which multipliers may have moved since.
+            proven: whether the last minimisation has reached the equilibrium; an update may have moved it since.
         """
         work, begins, done = task.active.workspace, True, 0
         target = self._share * tolerance * self._body.size
@@ -145,10 +145,12 @@ class Minimiser:
                 task.evaluate()
                 self._show(work, begins=True)
             with task.turn:
-                most = self._age()
-                given = task.problem, work, self.metric(task.active), self._body.size, target, proven, most
+                metric, minimum = self.metric(task.active), (self._body.size, target, proven, self._age())
                 least = max(0, min(chunk, limit - done))
-                used = (self._touching if self.contact_forces else descend)(*given, least, begins)
+                if self.contact_forces:
+                    used = self._touching(task, metric, minimum, least, begins=begins)
+                else:
+                    used = descend(task.problem, work, metric, *minimum, least, begins)
             self._show(work, begins=False)
             begins, done = False, done + used
             self._spent += used
@@ -160,7 +162,7 @@ class Minimiser:
                 return done
 
     def _follow_terms(self, task: Task) -> None:
-        """Take a new tangent if a term has come to another stage; otherwise connect its springs as they are now."""
+        """Take a new tangent if the stage of a term has changed; otherwise connect the present springs to it."""
         work = task.active.workspace
         if self.level.is_outdated(self.tangent) and (self.tangent is not None or self.level.fits):
             self._adopt(task, self.level.take(task.problem, work.u, work.x))
@@ -168,31 +170,21 @@ class Minimiser:
             self.tangent = self.level.reconnect(self.tangent, work.x)
 
     def _touching(
-        self,
-        problem: Problem,
-        work: Workspace,
-        metric: Metric,
-        size: float,
-        target: float,
-        proven: bool,
-        most: int,
-        limit: int,
-        begins: bool,
+        self, task: Task, metric: Metric, minimum: tuple[float, float, bool, int], limit: int, *, begins: bool
     ) -> int:
-        """Do `descend` with contact: each step gets the contact forces with which it keeps the laws of contact."""
-        tangent = self.tangent
-        key = (None,) if tangent is None else (tangent.blocks, tangent.springs)
+        """Do `descend` with contact: in each step, the contact forces are found that satisfy the laws of contact."""
+        problem, work = task.problem, task.active.workspace
+        key = (None,) if self.tangent is None else (self.tangent.blocks, self.tangent.springs)
         if begins:
-            descend(problem, work, metric, size, target, proven, most, 0, begins)  # only evaluates all terms
+            descend(problem, work, metric, *minimum, 0, begins)  # only evaluates all terms
         show = partial(self._show, work, begins=True) if self.observer else None  # other forces have another energy
-        minimum = size, target, proven, most
         return self.contact_forces.descend(problem, work, metric, key, minimum, limit, show)
 
-    def precondition(self, task: Task, gradient: NDArray[np.float64], step: NDArray[np.float64]) -> None:
+    def precondition(self, task: Task, gradient: Array, step: Array) -> None:
         """Write the product of M^-1 and ``gradient`` (3 r,) [N] to ``step`` (3 r,) [m]."""
         precondition(self.metric(task.active), gradient, step)
 
-    def follow_arc(self, task: Task, step: NDArray[np.float64]) -> NDArray[np.float64]:
+    def follow_arc(self, task: Task, step: Array) -> Array:
         """Return the step (3 r,) [m] to the end of the arc that begins with ``step``, shortened as in `arc`."""
         work = task.active.workspace
         work.direction[...] = step
@@ -223,10 +215,11 @@ class Minimiser:
         status["count"], status["since"], status["turned"], status["before"] = 0, 0, np.inf, np.inf
         status["ended"], self._spent = Outcome.NONE, 0
 
-    def newton_step(self, task: Task) -> tuple[float, NDArray[np.float64]]:
-        """Return the step M^-1 g (3 r,) [m], and its largest displacement divided by the body's size and by its trust.
+    def newton_step(self, task: Task) -> tuple[float, Array]:
+        """Return the estimated distance to the equilibrium, divided by the body's size, and the step M^-1 g (3 r,) [m].
 
-        With a fresh tangent M, the first result is the distance to the equilibrium.
+        The estimate is the largest displacement in the step; with the constant matrix, divided by `TRUST`. With a fresh
+        tangent M it is accurate.
         """
         step, trust = np.empty_like(task.active.workspace.u), 1.0 if self.tangent is not None else self.TRUST
         self.precondition(task, task.active.workspace.gradient, step)
@@ -261,7 +254,7 @@ class Minimiser:
         return Metric(self.level.kept, coupling, before, held, 1.0, *self._given)
 
     def _age(self) -> int:
-        """Return the number of iterations of a solve for which one matrix serves."""
+        """Return the number of iterations in a solve after which the matrix is renewed."""
         if self.tangent is None:
             return self.UNSOLVED if self.level.fits else ENDLESS
         return max(self.LEAST_AGE, round(self.AGE * self.level.price))

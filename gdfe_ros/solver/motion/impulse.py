@@ -1,16 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """Impulse of the contacts in a step.
 
-The positions at the end of a step keep the laws of contact, with multipliers R. A scheme of second order would go on
-with these forces after the body has left the contact, and throw it back. Positions and velocities are therefore treated
-apart, as Bruels, Acary and Cardona (2014) do: the multipliers displace the body by d = M^-1 R / kappa in this step, and
-nothing else. The velocity without them, v - theta d, gets the impulses L with which the velocities keep the laws at the
-points that press:
+The positions at the end of a step satisfy the laws of contact, with multipliers R. A scheme of second order would use
+these forces in the next step, too, and throw the body back. Positions and velocities are therefore treated separately,
+as Bruels, Acary and Cardona (2014) do. The multipliers only displace the body in this step, by d = M^-1 R / kappa. The
+velocity without this displacement, v - theta d, is changed by impulses L with which the velocities satisfy the laws at
+the points that press:
 
     L_n >= 0,  v_n + e v_0 >= 0,  L_n (v_n + e v_0) = 0,  |L_t| <= mu L_n, against the slip,
 
-with v_0 the speed of approach at the beginning of the step, or without L if that is slower, and e the restitution. The
-published forces are L / h.
+with the restitution e. v_0 <= 0 is the normal speed at the beginning of the step, or the one without L if that
+approaches more slowly. The published forces are L / h.
 """
 
 from __future__ import annotations
@@ -30,19 +30,19 @@ from gdfe_ros.solver.motion.inertia import NAME, FreeMass
 from gdfe_ros.solver.motion.scheme import Kinematics, Rule
 from gdfe_ros.solver.settings import Dynamics
 from gdfe_ros.solver.state import State, replace_fields
-
-Array = NDArray[np.float64]
+from gdfe_ros.solver.vectors import Array
 
 
 class Pressing(NamedTuple):
     """The points of all contacts that press at the end of a step.
 
     Attributes:
-        parts: each contact with such points, their place among all of them, and their numbers among its near points.
+        parts: for each contact with such points: the contact, the slice of its points in the arrays below, and their
+            numbers among the near points of the contact.
         axes: (k, 3, 3) unit normals and tangents.
         vertices: (k, c) vertices that move the points.
         blocks: (k, c, 3, 3) derivatives of gaps and slips with respect to these vertices.
-        led: (k, 3) [m] displacement along the axes of what commanded poses move.
+        led: (k, 3) [m] displacements of the touched surfaces by commanded poses, along the axes.
         first: (k, 3) [N] multipliers along the axes.
         soft, friction, restitution: (k,) compliances of springs [m/N], and coefficients.
     """
@@ -83,18 +83,18 @@ class ContactImpulses:
     """
 
     EXACT = 1e-10
-    """Violation of the laws that is looked for, divided by the largest speed of a point that presses."""
+    """Target for the violation of the laws, divided by the largest speed of a point that presses."""
     FAINT = 1e-7
-    """Such a violation that counts as nothing, if `EXACT` is out of reach: forces of stacks are far from unique."""
+    """Such a violation that is accepted if `EXACT` cannot be reached: the forces in stacks are far from unique."""
     SETTLED = 1e-5
-    """Largest such violation with which a step has converged."""
+    """Largest such violation with which a step counts as converged."""
     OPPOSED, LISTED = 0.5, 5
-    """A grip presses from opposite sides if the sum of its normal impulses is at most this fraction of their lengths'
-    sum. A message names the second number of vertices.
+    """A body is gripped from opposite sides if the sum of the normal impulses is less than the first fraction of the
+    sum of their lengths. A message names at most the second number of vertices.
     """
 
     LACKING = 1.001
-    """Least friction that would hold a body in a grip, divided by the grip's own, at which a step names the slip."""
+    """A step reports a slip if the friction that would hold the body, divided by the actual friction, exceeds this."""
 
     def __init__(self, mass: FreeMass) -> None:
         self._mass = mass
@@ -130,7 +130,7 @@ class ContactImpulses:
     ) -> tuple[Array, State]:
         """Return the impulses (n, 3) [N s] on all vertices that change ``velocity``, and ``now`` with the mean forces.
 
-        ``time`` [s] times the multipliers are the impulses if the contacts push steadily.
+        The first guess of the impulses, exact for contacts that push steadily, is ``time`` [s] times the multipliers.
         """
         (place, between), (count, width) = self._mass.inverse(now.positions, part.vertices), part.vertices.shape
         given, every = (part.vertices.astype(np.int64), part.blocks, np.full(count, width)), np.arange(count)
@@ -150,9 +150,9 @@ class ContactImpulses:
         return pulls, _publish(part, impulses / h, before, now)
 
     def _add_texts(self, part: Pressing, impulses: Array, slips: Array, now: State, left: float) -> State:
-        """Return ``now`` with sentences about grips that slip, and about laws that are violated by ``left`` [m/s].
+        """Return ``now`` with messages about grips that slip, and about laws that are violated by ``left`` [m/s].
 
-        ``impulses`` (k, 3) [N s] and changes ``slips`` (k, 2) [m/s] of the slip speeds are those of all points.
+        ``impulses`` (k, 3) [N s] and ``slips`` (k, 2) [m/s], the changes of the slip speeds, are those of all points.
         """
         grips = (self._find_slip(contact, part, own, impulses[own], slips[own]) for contact, own, _ in part.parts)
         texts = [now.summary.message, *grips]
@@ -163,10 +163,11 @@ class ContactImpulses:
         return now.with_(summary=replace_fields(now.summary, converged=converged, message=outcome.join(*texts)))
 
     def _find_slip(self, contact: ContactTerm, part: Pressing, own: slice, impulses: Array, gained: Array) -> str:
-        """Return a sentence if a rigid body slips out of a grip, with the friction that would hold it; else "".
+        """Return a message if a rigid body slips out of a grip, with the friction that would hold it; else "".
 
-        A grip presses on a body from opposite sides, and all of its points slip. ``impulses`` (k, 3) [N s] are those of
-        its ``own`` points. The missing one is the body's mass times the mean of slip speeds ``gained`` (k, 2) [m/s].
+        The body slips if it is pressed from opposite sides, and all points slip. ``impulses`` (k, 3) [N s] are those of
+        the contact's ``own`` points. The missing impulse is the body's mass times the mean of ``gained`` (k, 2) [m/s],
+        the changes of the slip speeds.
         """
         friction, mass, axes = contact.friction, contact.held_mass, part.axes[own]
         if not mass:
@@ -188,7 +189,7 @@ class ContactImpulses:
 def _publish(part: Pressing, forces: Array, before: State, now: State) -> State:
     """Return ``now`` with the mean forces (k, 3) [N] of the points in the contacts' states and in the reactions.
 
-    The work of obstacles on rigid bodies, which no reaction contains, is added to the ledger.
+    The work of obstacles on rigid bodies is added to the ledger, because reactions do not contain these forces.
     """
     terms, reactions, work = dict(now.terms), dict(now.summary.reactions), now.ledger.work
     rubs = np.einsum("ka,kai->ki", forces[:, 1:], part.axes[:, 1:])

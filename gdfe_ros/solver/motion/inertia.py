@@ -21,17 +21,18 @@ from gdfe_ros.mesh.cells.filling import Filling
 from gdfe_ros.mesh.triples import corner, cross, dot
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.matrix.constant_matrix import scatter
-from gdfe_ros.solver.motion.scheme import Kinematics, Rule, Vectors, stiffness
+from gdfe_ros.solver.motion.scheme import Kinematics, Rule, stiffness
 from gdfe_ros.solver.settings import Dynamics
 from gdfe_ros.solver.state import Saved
 from gdfe_ros.solver.terms.term import Term, as_arrays, term_kernel
+from gdfe_ros.solver.vectors import Array
 from gdfe_ros.sparse_lu import LuFactor
 
 
 def mass_matrix(
-    rest: NDArray[np.float64],
+    rest: Array,
     cells: NDArray[np.int32],
-    density: NDArray[np.float64],
+    density: Array,
     attached: Sequence[AttachedMass] = (),
     *,
     filling: Filling | None = None,
@@ -59,7 +60,7 @@ def mass_matrix(
 
 
 class FreeMass:
-    """Inverse mass of the free vertices and the rigid bodies; factored on first use.
+    """Inverse mass of the free vertices and the rigid bodies; the mass is factored on first use.
 
     Args:
         body: the discretised body.
@@ -79,7 +80,7 @@ class FreeMass:
 
     @cached_property
     def _parts(self) -> list[tuple[list[int], NDArray[np.intp], LuFactor]]:
-        """Axes along which the same vertices are free, these vertices, and the factor of their mass."""
+        """Groups of axes with equal free vertices: the axes, these vertices, and the factor of their mass."""
         alike = all(np.array_equal(free, self._free[0]) for free in self._free)  # no rollers, or alike in x, y and z
         each = [[0, 1, 2]] if alike else [[0], [1], [2]]
         freed = [self._free[axes[0]] for axes in each]
@@ -87,17 +88,15 @@ class FreeMass:
             (axes, free, LuFactor(self._mass[free][:, free].tocsc())) for axes, free in zip(each, freed, strict=True)
         ]
 
-    def accelerate(self, forces: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the acceleration (n, 3) [m/s^2] of these vertices by forces (n, 3) [N]; zero for other vertices."""
+    def accelerate(self, forces: Array) -> Array:
+        """Return the acceleration (n, 3) [m/s^2] of free vertices and rigid bodies by forces (n, 3) [N]; else zero."""
         acceleration = np.zeros_like(forces)
         for axes, free, factor in self._parts:
             own = free if len(axes) == 3 else np.ix_(free, axes)
             acceleration[own] = factor.solve(forces[own])
         return acceleration
 
-    def respond(
-        self, positions: NDArray[np.float64], vertices: NDArray[np.int32], forces: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+    def respond(self, positions: Array, vertices: NDArray[np.int32], forces: Array) -> Array:
         """Do `accelerate` for forces (n, 3) [N] on some ``vertices`` (k,) only, by columns of the inverse mass.
 
         Rigid bodies stay rigid at ``positions`` (n, 3) [m].
@@ -110,13 +109,11 @@ class FreeMass:
             acceleration[self._rigid] = rigid_part(positions[self._rigid], acceleration[self._rigid])
         return acceleration
 
-    def inverse(
-        self, positions: NDArray[np.float64], vertices: NDArray[np.int32]
-    ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    def inverse(self, positions: Array, vertices: NDArray[np.int32]) -> tuple[NDArray[np.int64], Array]:
         """Return the inverse mass (3 m, 3 m) [1/kg] between some vertices, and the place (n,) of each vertex in it.
 
-        The ``vertices``, of any shape, are among them. Rigid bodies are those at ``positions`` (n, 3) [m]; if a vertex
-        of a rigid body is among ``vertices``, all four must be. The caller must not modify the results.
+        All ``vertices`` (of any array shape) have a place in it. Rigid bodies are rigid at ``positions`` (n, 3) [m]; if
+        a vertex of a rigid body is among ``vertices``, all four must be. The caller must not modify the results.
         """
         self._include(vertices)
         for four, mass in zip(self._rigid, self._of_rigid, strict=True):
@@ -127,7 +124,7 @@ class FreeMass:
         return self._place, self._between
 
     def _include(self, vertices: NDArray[np.int32]) -> None:
-        """Find the inverse mass between the known vertices and those of ``vertices`` that are not known yet."""
+        """Extend the known part of the inverse mass to ``vertices``, by one column for each vertex that is new."""
         new = np.unique(vertices[self._place[vertices] < 0])
         if not len(new):
             return
@@ -152,7 +149,7 @@ class FreeMass:
 def spread(columns, rows, vertices, free, axes, forces, out):
     """Write the acceleration of ``free`` vertices (f,) by ``forces`` (n, 3) [N] along ``axes`` to ``out`` (n, 3).
 
-    The forces are those on ``vertices`` (k,), whose columns of the inverse mass are some ``rows`` (k,) of ``columns``.
+    Only the forces on ``vertices`` (k,) count. Their columns of the inverse mass are the ``rows`` (k,) of ``columns``.
     """
     found = np.zeros((len(axes), len(free)))
     for j in range(len(rows)):
@@ -170,8 +167,8 @@ def spread(columns, rows, vertices, free, axes, forces, out):
 def rigid_part(positions, vectors):
     """Return the rigid fields u + w x r (k, 4, 3) closest to ``vectors`` (k, 4, 3) on four vertices of equal mass each.
 
-    ``positions`` (k, 4, 3) [m] are those of the vertices. For velocities, the field has the same momentum and angular
-    momentum. For forces divided by the mass of a vertex, it is the acceleration of the rigid body.
+    The vertices are at ``positions`` (k, 4, 3) [m]. If ``vectors`` are velocities, the field has the same momentum and
+    angular momentum. If they are forces divided by the mass of a vertex, it is the acceleration of the rigid body.
     """
     found, arms, mean, inertia, moment = np.empty_like(vectors), np.empty((4, 3)), np.empty(3), np.eye(3), np.empty(3)
     for k in range(len(vectors)):
@@ -270,7 +267,7 @@ class Inertia(Term):
         """Return the vertices (r, 4) of rigid bodies, which no element couples."""
         return self._rigid
 
-    def tangents(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+    def tangents(self, positions: Array) -> Array:
         """Return zeros (r, 12, 12); the whole tangent is in `stiffness`."""
         return np.zeros((len(self._rigid), 12, 12))
 
@@ -279,10 +276,10 @@ class Inertia(Term):
         none = np.zeros_like(self._rest)
         return Kinematics.start(self._rest, none, none, 0.0).saved
 
-    def begin(self, commands: Mapping[str, float], saved: Saved, positions: NDArray[np.float64], ratio: float) -> None:
+    def begin(self, commands: Mapping[str, float], saved: Saved, positions: Array, ratio: float) -> None:
         """Prepare a step; ``positions`` (n, 3) [m] have the handles at their targets.
 
-        Before the motion has started there is no inertia. Handle vertices that are driven get the velocity of their
+        Before the motion has started there is no inertia. Driven vertices of handles get the velocity of their
         displacement in this step: the scheme would continue a jump of their velocity as an endless oscillation.
         """
         if not saved["h"][0]:
@@ -299,7 +296,7 @@ class Inertia(Term):
         aim[...] = np.where(self._driven, driven, resisted) / factor
         self._rule = rule
 
-    def finish(self, saved: Saved, positions: NDArray[np.float64]) -> Saved:
+    def finish(self, saved: Saved, positions: Array) -> Saved:
         """Return the state to store: the kinematics at ``positions`` (n, 3) [m]."""
         now, rule = Kinematics.of(saved), self._rule
         velocity, acceleration = rule.velocity(positions), rule.acceleration(positions)
@@ -318,11 +315,11 @@ class Inertia(Term):
         )
         return after.saved
 
-    def energy(self, positions: NDArray[np.float64]) -> float:
+    def energy(self, positions: Array) -> float:
         """Return 0: the energy of inertia is kinetic."""
         return 0.0
 
-    def _follow(self, positions: Vectors, now: Kinematics) -> tuple[Vectors, Vectors]:
+    def _follow(self, positions: Array, now: Kinematics) -> tuple[Array, Array]:
         """Return velocity [m/s] and acceleration [m/s^2] (n, 3) of driven vertices, as backward differences."""
         given = (positions - now.positions) / self._h
         return given, (given - now.velocity) / self._h

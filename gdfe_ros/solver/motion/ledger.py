@@ -20,9 +20,9 @@ from gdfe_ros.solver.vectors import NEGLIGIBLE
 class Accounts:
     """Computes a body's energy account, and detects steps that create energy.
 
-    The balance kinetic + elastic + potential energy - work is constant, or falls by the dissipated energy. It may
-    exceed its initial and its least value by the sum of two energies. These are a fraction of the largest kinetic +
-    elastic energy so far, and the energy of a strain as large as the tolerance.
+    The balance, kinetic + elastic + potential energy - work, is constant, or falls by the dissipated energy. A step has
+    created energy if the balance exceeds its initial or its least value by more than a margin. The margin is the sum of
+    a fraction of the largest kinetic + elastic energy so far, and the energy of a strain as large as the tolerance.
 
     Args:
         body: the discretised body.
@@ -82,10 +82,10 @@ class Accounts:
     def book(self, before: State, now: State, h: float) -> tuple[State, float]:
         """Return ``now`` with the ledger after an internal step of length ``h`` [s], and the energy [J] it created.
 
-        The work is computed by the trapezoidal rule. The work of obstacles on rigid bodies is already in the ledger of
-        ``now``, which is else that of ``before``. The uncertainty of the work is added to the bound. For each handle
-        and command, the uncertainty is the difference between this work and the work of the force at one end of the
-        step. The work of growth is unknown: if growth changes, the bound restarts.
+        The ledger of ``now`` is that of ``before``, plus the work of obstacles on rigid bodies. The other work is
+        computed by the trapezoidal rule. Its uncertainty is added to the bound: for each handle and command, the
+        difference to the work of the force at one end of the step. The work of growth is unknown: if growth changes,
+        the bound restarts.
         """
         ledger, (work, doubt) = now.ledger, work_between(before, now, self._handles)
         drag = 0.0
@@ -117,7 +117,7 @@ class Accounts:
         }
 
     def _kinetic(self, velocity: Array) -> float:
-        """Return the kinetic energy [J]; that of the last velocity, which a state never changes, is known."""
+        """Return the kinetic energy [J]; the last result is cached, because the arrays of states are never modified."""
         if velocity is not self._known[0]:
             self._known = velocity, 0.5 * float(np.vdot(velocity, self._mass @ velocity))
         return self._known[1]

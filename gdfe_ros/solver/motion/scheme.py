@@ -6,8 +6,8 @@ Every scheme gives acceleration and velocity at the end of a step as linear func
     a = kappa_a (x - x_a),   v = theta (x - x_v),
 
 and its balance of momentum is M f(x) = -dE/dx with f = kappa (x - x_hat). The solution is the stationary point of
-E(x) + kappa/2 |x - x_hat|_M^2. Contact forces are constant over a step and do not enter the next step: the
-accelerations that the next step uses exclude them. `docs/theory/motion.md` derives both.
+E(x) + kappa/2 |x - x_hat|_M^2. The forces of a scheme exclude those of contacts, whose effect on the velocity is an
+impulse at the end of the step (`gdfe_ros.solver.motion.impulse`). `docs/theory/motion.md` derives both.
 """
 
 from __future__ import annotations
@@ -15,12 +15,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gdfe_ros.solver.settings import Dynamics, Scheme
 from gdfe_ros.solver.state import Saved, replace_fields
-
-Vectors = NDArray[np.float64]
+from gdfe_ros.solver.vectors import Array
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -39,19 +37,19 @@ class Kinematics:
         first: whether there is no previous step, or the previous step has another length.
     """
 
-    positions: Vectors
-    velocity: Vectors
-    acceleration: Vectors
-    balanced: Vectors
-    before: Vectors
-    velocity_before: Vectors
-    pushed: Vectors
+    positions: Array
+    velocity: Array
+    acceleration: Array
+    balanced: Array
+    before: Array
+    velocity_before: Array
+    pushed: Array
     h: float
     first: bool = False
 
     @classmethod
     def start(
-        cls, positions: Vectors, velocity: Vectors, acceleration: Vectors, h: float, *, first: bool = False
+        cls, positions: Array, velocity: Array, acceleration: Array, h: float, *, first: bool = False
     ) -> Kinematics:
         """Return kinematics at positions (n, 3) [m]; velocity and acceleration define the previous step."""
         return cls(
@@ -77,12 +75,12 @@ class Kinematics:
         return {**vars(self), "h": np.array([self.h]), "first": np.array([float(self.first)])}
 
     @property
-    def trend(self) -> Vectors:
-        """The acceleration [m/s^2] that goes on after the step.
+    def trend(self) -> Array:
+        """The acceleration [m/s^2] with which the motion probably continues after the step.
 
-        Where contacts push, it is the change of the velocity in the last step. The forces at its end do not give it:
-        of the contacts, only the mean force is known, and the forces that hold a vertex in a grip are many times as
-        large as those that move it.
+        If contacts push, it is computed from the change of the velocity in the last step, not from the forces at its
+        end: only the mean contact force of the step is known, and the forces that hold a vertex in a grip are many
+        times as large as those that move it.
         """
         if not self.pushed.any():
             return self.acceleration
@@ -109,17 +107,17 @@ class Rule:
         rest: x_a (n, 3) [m].
         kappa: df/dx [1/s^2].
         aim: x_hat (n, 3) [m].
-        lag: (n, 3) [m/s] what a velocity theta (x - x_v) lacks where contacts hold a vertex: the impulse of a step
-            changes its velocity by more than by theta times the displacement. Damping relative to the world adds it.
+        lag: (n, 3) [m/s] velocity that theta (x - x_v) lacks at vertices that contacts hold, because the impulse of a
+            step changes the velocity by more than theta times the displacement. Damping relative to the world adds it.
     """
 
     theta: float
-    drift: Vectors
+    drift: Array
     kappa_a: float
-    rest: Vectors
+    rest: Array
     kappa: float
-    aim: Vectors
-    lag: Vectors | float = 0.0
+    aim: Array
+    lag: Array | float = 0.0
 
     @classmethod
     def of(cls, dynamics: Dynamics, h: float, now: Kinematics) -> Rule:
@@ -135,15 +133,15 @@ class Rule:
             return _bdf2(h, now)
         return _generalised_alpha(1.0 if anew else dynamics.radius, h, now)
 
-    def velocity(self, x: Vectors) -> Vectors:
+    def velocity(self, x: Array) -> Array:
         """Return the velocity (n, 3) [m/s] at new positions."""
         return self.theta * (x - self.drift)
 
-    def acceleration(self, x: Vectors) -> Vectors:
+    def acceleration(self, x: Array) -> Array:
         """Return the acceleration (n, 3) [m/s^2] at new positions."""
         return self.kappa_a * (x - self.rest)
 
-    def find_force(self, x: Vectors) -> Vectors:
+    def find_force(self, x: Array) -> Array:
         """Return f (n, 3) [m/s^2] at new positions."""
         return self.kappa * (x - self.aim)
 
@@ -185,6 +183,6 @@ def _generalised_alpha(rho: float, h: float, now: Kinematics) -> Rule:
     return Rule(theta=theta, drift=drift, kappa_a=kappa_a, rest=rest, kappa=kappa, aim=aim, lag=_lag(theta, h, now))
 
 
-def _lag(theta: float, h: float, now: Kinematics) -> Vectors:
-    """Return `Rule.lag` if the contacts push as in the last step: by h^2 phi / 2, with the impulse h phi per mass."""
+def _lag(theta: float, h: float, now: Kinematics) -> Array:
+    """Return `Rule.lag` for contacts that push as in the last step, with the impulse h phi per mass."""
     return (1.0 - 0.5 * theta * h) * h * now.pushed

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Time steps of a body with mass; each consists of internal steps, the minima of a potential."""
+"""Time steps of a body with mass. Each consists of internal steps, which end at minima of a potential."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 
 from gdfe_ros.constraints import Pose
@@ -37,7 +36,7 @@ from gdfe_ros.solver.state import State, replace_fields
 from gdfe_ros.solver.stepping.path import Verdict
 from gdfe_ros.solver.stepping.stepper import place
 from gdfe_ros.solver.terms.term import Term
-from gdfe_ros.solver.vectors import NEGLIGIBLE, largest
+from gdfe_ros.solver.vectors import NEGLIGIBLE, Array, largest
 
 
 class MotionStepper:
@@ -63,17 +62,17 @@ class MotionStepper:
     within this time [s].
     """
     RELAXED = 3.0
-    """Lower bound of the time of `CALM`, divided by the longest relaxation time of the body."""
+    """Least ratio of the time in `CALM` to the longest relaxation time of the body."""
     HELD = 3.0
-    """A body that only handles hold has a tolerance larger by this factor, and the distance is at least h |v|. With
-    free bodies, only the accuracy of the solve conserves the momentum. Pressures always have the smaller tolerance:
-    pressures that lag behind the motion add energy. `newmark` has no dissipation, and never gets the factor.
+    """Factor in the tolerance of internal steps of a body with handles and without rigid bodies. The motion from which
+    `reduction` computes this tolerance also includes h |v|. Free bodies need the smaller tolerance, because only the
+    accuracy of the solve conserves their momentum. `newmark`, which has no dissipation, never gets the factor.
     """
     KEPT = 8
     """Number of pairs of a scheme and a step length whose factors are kept."""
     SHORTEST = 1e-2
-    """Durations below this fraction of the longest internal step are only added up: differences over so short a time
-    give only noise as acceleration.
+    """Durations below this fraction of the longest internal step are not simulated, but added to the next step: the
+    acceleration in so short a time would be noise.
     """
 
     def __init__(
@@ -149,7 +148,7 @@ class MotionStepper:
         deadline: Deadline | None = None,
         observer: Callable[[InternalStep], None] | None = None,
     ) -> March:
-        """Return the outcome of ``duration`` [s] in which the commands change linearly from those of ``state``.
+        """Return the outcome of ``duration`` [s], in which the commands change linearly from ``state`` to the new ones.
 
         ``state`` is not modified. A duration that is too short for a step is added to the next duration. A deadline
         ends the step between two internal steps: an internal step in progress is finished, because a partial solution
@@ -249,7 +248,7 @@ class MotionStepper:
         """Return the state ``now`` after an internal step from ``before``, with the impulses of the contacts."""
         return self._impulses.add(dynamics, before, now, h, self.equilibrium_of(dynamics, h).actuation.held)
 
-    def place(self, state: State, positions: NDArray[np.float64]) -> State:
+    def place(self, state: State, positions: Array) -> State:
         """Return a state at ``positions`` (n, 3) [m] with the initial velocities; handles keep their poses."""
         found = place(self.body, self.equilibrium.handles, state, positions, afresh=self.at_rest())
         return found.with_(ledger=replace_fields(found.ledger, bound=None))
@@ -260,23 +259,23 @@ class MotionStepper:
         return sum(found[name] for name in ("kinetic", "elastic", "potential", "dissipated")) - found["work"]
 
     def book_imbalance(self, state: State, unbalanced: float) -> State:
-        """Return ``state`` with its potential, and with work so that the energy not accounted for is ``unbalanced``."""
+        """Return ``state`` with its potential, and with the work for which `find_imbalance` returns ``unbalanced``."""
         self.actuation.begin(state.commands, state.terms, state.positions, state.poses, state)
         found = state.with_(balance=self.actuation.balance(state.positions, state.commands))
         work = found.ledger.work + self.find_imbalance(found) - unbalanced
         return found.with_(ledger=replace_fields(found.ledger, work=work))
 
     def carry_energies(self, state: State, before: State) -> State:
-        """Return ``state`` with the account of energies of ``before``: what has changed between them is work done."""
+        """Return ``state`` with the energy account of ``before``: the change of energy between them counts as work."""
         ledger = replace_fields(state.ledger, lost=before.ledger.lost)
         return self.book_imbalance(state.with_(ledger=ledger), self.find_imbalance(before))
 
-    def velocities(self, state: State) -> NDArray[np.float64]:
+    def velocities(self, state: State) -> Array:
         """Return the velocity (n, 3) [m/s] of every vertex, a copy."""
         return self._accounts.kinematics(state).velocity.copy()
 
-    def accelerations(self, state: State) -> NDArray[np.float64]:
-        """Return the acceleration (n, 3) [m/s^2] of every vertex; with contact, the mean one of the last step."""
+    def accelerations(self, state: State) -> Array:
+        """Return the acceleration (n, 3) [m/s^2] of every vertex; with contact, its mean over the last step."""
         return self._accounts.kinematics(state).trend
 
     def largest_acceleration(self, state: State) -> float:
@@ -291,7 +290,7 @@ class MotionStepper:
         return bool(state.terms[inertia.NAME]["h"][0])
 
     def start_motion(self, state: State, commands: Mapping[str, float]) -> State:
-        """Return the state at the start of a motion: with the accelerations by its forces, and all loads acting.
+        """Return the state at the start of a motion, with all loads acting and with the accelerations by all forces.
 
         A state in motion is returned unchanged.
         """

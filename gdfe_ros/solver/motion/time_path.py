@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Progress of a time step: internal steps of equal length, their predicted end, and what follows from them."""
+"""Progress of a time step: internal steps, prediction of their end, and the consequences of their outcomes."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.elements.measures import least_volume_ratio
@@ -20,6 +19,7 @@ from gdfe_ros.solver.settings import Dynamics
 from gdfe_ros.solver.solution import March, Solution
 from gdfe_ros.solver.state import Failure, State, replace_fields
 from gdfe_ros.solver.stepping.path import Path, Verdict
+from gdfe_ros.solver.vectors import Array
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -33,7 +33,7 @@ class TimePath(Path):
 
     WHOLE = 16
     DEEPEST_FOLD = -0.5
-    """An undriven motion continues if every corner's volume ratio is above this; fold barriers then open the folds."""
+    """If no command drives the body, it may move on with corners' volume ratios above this; barriers open the folds."""
 
     duration: float
     flaw: str = ""
@@ -49,7 +49,7 @@ class TimePath(Path):
 
     @property
     def length(self) -> float:
-        """Length [s] of the next internal step, rounded to nine digits because each new length needs a factor."""
+        """Length [s] of the next internal step, rounded to nine digits: each new length needs a factored matrix."""
         return float(f"{self.duration / (self.total / self.size):.9g}")
 
     @property
@@ -129,14 +129,12 @@ class MotionPredictor(Predictor):
     momentum would change.
     """
 
-    def __init__(
-        self, body: Body, handles: HandleMotions, matrix: ConstantMatrix, h: float, masses: NDArray[np.float64]
-    ) -> None:
+    def __init__(self, body: Body, handles: HandleMotions, matrix: ConstantMatrix, h: float, masses: Array) -> None:
         super().__init__(body, handles, matrix)
         self._h = h
         self._shares = np.zeros_like(masses) if body.handles else masses / masses.sum()
 
-    def predict(self, state: State, base: NDArray[np.float64], change: NDArray[np.float64]) -> Prediction:
+    def predict(self, state: State, base: Array, change: Array) -> Prediction:
         """Return the start of a solve that moves the handles from ``state`` to ``base`` (n, 3) [m]."""
         now, h, last, held = Kinematics.of(state.terms[inertia.NAME]), self._h, state.motion, self._held
         slides, turns = state.slides, state.turns
@@ -155,9 +153,7 @@ class MotionPredictor(Predictor):
 
 
 ACCURACY, FINEST = 3.0, 1e-4
-"""Tolerance of an internal step, divided by the solver's tolerance and by the distance h^2 |a| of the fastest vertex;
-and its least value, divided by the solver's tolerance, which is the largest.
-"""
+"""Factor in `reduction` of the motion divided by the body's size, and least value of `reduction`."""
 
 
 def reduction(moved: float, size: float) -> float:
@@ -186,12 +182,12 @@ class InternalStep:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Trial:
-    """A solved internal step, and what follows from it.
+    """A solved internal step, and its consequence.
 
     Attributes:
         path: the path with the iterations of the trial, at the state before it.
         solution: the last solution.
-        verdict: what follows; `Verdict.STOP` if an interruption ended the solve.
+        verdict: the consequence; `Verdict.STOP` if an interruption ended the solve.
         step: the internal step; None if it is not accepted.
     """
 

@@ -32,6 +32,7 @@ from gdfe_ros.solver.matrix.constant_matrix import assemble
 from gdfe_ros.solver.settings import Dynamics
 from gdfe_ros.solver.state import Saved
 from gdfe_ros.solver.terms.term import Term, as_arrays, term_kernel
+from gdfe_ros.solver.vectors import Array
 
 GREEN = 6
 """Number of strains of E; each hourglass vector adds three."""
@@ -130,7 +131,7 @@ def all_strains(x, reals, integers, out):
 
 @kernel
 def viscous_tangents(x, reals, integers, out):
-    """Write the tangents (m, 3 c, 3 c) [N/m] of elements at positions ``x`` (n, 3) [m]: sums over their places."""
+    """Write the tangents (m, 3 c, 3 c) [N/m] of elements at positions ``x`` (n, 3) [m], summed over their places."""
     count, modes = integers[0], integers[1]
     rows, cells = places(reals, integers, count, modes)
     f, q, strain, each = np.empty((3, 3)), np.empty((modes, 3)), np.empty(GREEN + 3 * modes), len(rows) // len(out)
@@ -219,8 +220,8 @@ class Viscosity(Term):
         """Return the vertices (m, c) of the elements."""
         return self._body.cells
 
-    def tangents(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the tangents (m, 3 c, 3 c) [N/m] of the elements, without the part that changes with the stress."""
+    def tangents(self, positions: Array) -> Array:
+        """Return the tangents (m, 3 c, 3 c) [N/m] of the elements, without the geometric stiffness of the stress."""
         tangents = np.empty((len(self._body.cells), 3 * self._body.cells.shape[1], 3 * self._body.cells.shape[1]))
         viscous_tangents(positions, self.reals, self.integers, tangents)
         return tangents
@@ -237,7 +238,7 @@ class Viscosity(Term):
             "lost": np.zeros(1),
         }
 
-    def begin(self, commands: Mapping[str, float], saved: Saved, positions: NDArray[np.float64], ratio: float) -> None:
+    def begin(self, commands: Mapping[str, float], saved: Saved, positions: Array, ratio: float) -> None:
         """Set the strains E_hat that follow from the previous steps."""
         now = saved["strain"]
         drift = (4.0 * now - self._before(saved)) / 3.0
@@ -246,7 +247,7 @@ class Viscosity(Term):
             total += modulus[:, None] * (held + 0.5 * self._h / branch.time * (now - held))
         self.reals.reshape(len(self._volume), -1)[:, self._aims] = total / self._sum[:, None]
 
-    def finish(self, saved: Saved, positions: NDArray[np.float64]) -> Saved:
+    def finish(self, saved: Saved, positions: Array) -> Saved:
         """Return the state to store: strains, branches, their elastic energy and the dissipated energy so far [J]."""
         now, new, h = saved["strain"], self._strains(positions), self._h
         rate = 1.5 / h * (new - (4.0 * now - self._before(saved)) / 3.0)
@@ -268,24 +269,24 @@ class Viscosity(Term):
             "lost": saved["lost"] + h * power.sum(),
         }
 
-    def energy(self, positions: NDArray[np.float64]) -> float:
+    def energy(self, positions: Array) -> float:
         """Return 0: the energy stored in branches is reported separately."""
         return 0.0
 
-    def _before(self, saved: Saved) -> NDArray[np.float64]:
-        """Return the strains one step of the present length earlier than the last state, by linear extrapolation."""
+    def _before(self, saved: Saved) -> Array:
+        """Return the strains one present step length before the last state, by linear extrapolation."""
         before, length = saved["h"][0], self._h
         if before == length:
             return saved["before"]
         return saved["strain"] - (length / before if before else 0.0) * (saved["strain"] - saved["before"])
 
-    def _strains(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _strains(self, positions: Array) -> Array:
         found = np.empty((len(self._volume), self._aims.stop - self._aims.start))
         all_strains(positions, self.reals, self.integers, found)
         return found
 
-    def _square(self, strain: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return |E|^2 V + b sum_k |w_k|^2 (k,) [m^3] of strains (k, 18) of elements, or (k, 6) of points."""
+    def _square(self, strain: Array) -> Array:
+        """Return |E|^2 V + b sum_k |w_k|^2 (p,) [m^3] for the strains (p, 6 + 3 modes) of all places."""
         stretch = np.einsum("ei,ei->e", strain[:, :3], strain[:, :3])
         stretch += 2.0 * np.einsum("ei,ei->e", strain[:, 3:6], strain[:, 3:6])
         return self._volume * stretch + self._bend * np.einsum("ei,ei->e", strain[:, 6:], strain[:, 6:])

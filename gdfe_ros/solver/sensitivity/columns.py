@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Derivatives of solves, one column per parameter: varied inputs, and the derivatives that result from them."""
+"""Derivatives of solves, one column per parameter, from linearised solves and varied inputs."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from dataclasses import dataclass, field, replace
 from typing import NamedTuple, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gdfe_ros.constraints import Pose
 from gdfe_ros.errors import GdfeError
@@ -25,6 +24,7 @@ from gdfe_ros.solver.sensitivity.parameter import Parameter
 from gdfe_ros.solver.settings import Dynamics
 from gdfe_ros.solver.state import State
 from gdfe_ros.solver.terms.term import Term
+from gdfe_ros.solver.vectors import Array
 from gdfe_ros.threads import one_blas_thread
 
 T = TypeVar("T")
@@ -64,7 +64,7 @@ class Pair(NamedTuple):
     step: float
 
     def difference(self, value: Callable[[VariedInputs], T]) -> T:
-        """Return the derivative of what ``value`` returns, an array or a mapping or tuple of arrays."""
+        """Return the derivative of the result of ``value``, an array or a mapping or tuple of arrays."""
         return difference(value(self.above), value(self.below), 2.0 * self.step)
 
 
@@ -99,7 +99,7 @@ class Column:
         self._forces, found = forces, solve.solve(forces, change, turned)
         self.change = found._replace(positions=found.positions + driven)
 
-    def reactions(self) -> dict[str, NDArray[np.float64]]:
+    def reactions(self) -> dict[str, Array]:
         """Return a dict from handle or obstacle name to the derivative (6,) of its reaction on the body."""
         solve, change = self._solve, self.change
         forces = self._forces + solve.product(solve.find_displacements(change.unknowns), change.multipliers)[0]
@@ -115,7 +115,7 @@ class Column:
         solve.restore()
         return difference(*found, 2.0 * step)
 
-    def after(self, made: Callable[[VariedInputs, NDArray[np.float64]], T]) -> T:
+    def after(self, made: Callable[[VariedInputs, Array], T]) -> T:
         """Return the derivative of ``made(side, positions)``, a mapping of arrays, at the end of the solve.
 
         Before each call, the terms are set to the inputs ``side``. A derivative that is NaN counts as zero.
@@ -135,7 +135,7 @@ class Column:
         solve.restore()
         return map_arrays(lambda *each: np.nan_to_num(sum(each)), *parts)
 
-    def _place_handles(self, side: VariedInputs) -> tuple[NDArray[np.float64], HandlePositions]:
+    def _place_handles(self, side: VariedInputs) -> tuple[Array, HandlePositions]:
         """Return positions (n, 3) [m] and the frame with the handles at the poses of ``side``."""
         solve, end, handles = self._solve, self._solve.end, self._solve.handles
         base = handles.base(side.poses, end.poses, end.base)
@@ -147,7 +147,7 @@ class Column:
         place(solve.u, frame, solve.body.unknowns, x)
         return x, frame
 
-    def _vary(self, side: VariedInputs, x: NDArray[np.float64]) -> None:
+    def _vary(self, side: VariedInputs, x: Array) -> None:
         """Set all terms to the inputs ``side``, with the multipliers at the end of the solve."""
         solve = self._solve
         for term in solve.actuation.terms:
@@ -158,13 +158,13 @@ class Column:
                 term.reals[...] = own.reals
         solve.joint.hold(solve.multipliers)
 
-    def _terms_part(self, pair: Pair) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def _terms_part(self, pair: Pair) -> tuple[Array, Array]:
         """Return the derivatives of the terms' forces (n, 3) and updated multipliers (k,) at constant positions."""
         solve, first, own = self._solve, pair.above, pair.middle
         if not first.terms and (first.commands, first.poses, first.start) == (own.commands, own.poses, own.start):
             return np.zeros_like(solve.x), np.zeros_like(solve.multipliers)
 
-        def numbers(side: VariedInputs) -> NDArray[np.float64]:
+        def numbers(side: VariedInputs) -> Array:
             solve.restore()
             self._vary(side, self._place_handles(side)[0])
             return solve.actuation.table.reals.copy()
@@ -177,14 +177,14 @@ class Column:
         solve.restore()
         return difference(*found, 2.0 * pair.step)
 
-    def _elements_part(self, pair: Pair) -> NDArray[np.float64]:
+    def _elements_part(self, pair: Pair) -> Array:
         """Return the derivative of the elements' forces (n, 3) at constant positions."""
         solve, growths, before = self._solve, self._solve.actuation.growths, self._solve.end.operators
         same = all(growths.at(side.commands, before) is before for side in (pair.above, pair.below))
         if same and pair.above.table is pair.below.table:
             return np.zeros_like(solve.x)
 
-        def forces(side: VariedInputs) -> NDArray[np.float64]:
+        def forces(side: VariedInputs) -> Array:
             operators, scale = growths.at(side.commands, before), solve.scale.copy()
             if len(solve.softening):
                 given = solve.softening, operators.shape, solve.body.material, side.table
@@ -233,10 +233,10 @@ class Tangents:
         *,
         reacting: bool,
         interrupted: Callable[[], bool] | None = None,
-    ) -> list[tuple[NDArray[np.float64], Mapping[str, NDArray[np.float64]]]]:
+    ) -> list[tuple[Array, Mapping[str, Array]]]:
         """Return the derivatives at an equilibrium, for each parameter: of positions (n, 3), and of reactions.
 
-        ``reacting`` is whether those of reactions are wanted: dict from handle or obstacle name to derivative (6,).
+        Derivatives of reactions, a dict from handle or obstacle name to derivative (6,), are empty unless ``reacting``.
 
         Raises:
             GdfeError: the state is no equilibrium, has no derivative, or the computation was interrupted.

@@ -6,11 +6,10 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gdfe_ros.errors import GdfeError
+from gdfe_ros.solver.vectors import Array
 
-Array = NDArray[np.float64]
 Map = Callable[[Array], Array]
 
 
@@ -77,7 +76,7 @@ class ConjugateResiduals:
         return answer
 
     def _extend(self, vector: Array) -> bool:
-        """Store ``vector`` as a direction, its image made orthogonal to all stored images; return whether it is new."""
+        """Store ``vector`` as a direction, with an image orthogonal to all stored images; return whether it is new."""
         back = -vector / np.linalg.norm(vector)
         image = self._precondition(self._product(-back))
         for _ in range(2):  # a single pass leaves rounding, which matters if the matrix is close to the preconditioner

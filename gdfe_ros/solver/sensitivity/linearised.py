@@ -39,6 +39,7 @@ from gdfe_ros.solver.sensitivity.krylov import ConjugateResiduals
 from gdfe_ros.solver.state import State
 from gdfe_ros.solver.terms.multiplier import Multipliers
 from gdfe_ros.solver.terms.term import terms_energy
+from gdfe_ros.solver.vectors import Array
 
 STIFF = 1e4
 """Finite substitute for an infinite bulk modulus, divided by the penalty bulk modulus. The relative error is 1e-5."""
@@ -78,12 +79,7 @@ class Volumes:
     """
 
     def __init__(
-        self,
-        x: NDArray[np.float64],
-        shape: ShapeOperators,
-        material: NDArray[np.int32],
-        table: MaterialTable,
-        pressure: NDArray[np.float64],
+        self, x: Array, shape: ShapeOperators, material: NDArray[np.int32], table: MaterialTable, pressure: Array
     ) -> None:
         self._material, self._ratio, self.table = material, np.empty(len(material)), elastic(table)
         write_volume_ratios(x, shape, self._ratio)
@@ -92,10 +88,11 @@ class Volumes:
         self._total = np.where(own[:, CARRIED] == 1.0, kept, self._slopes(self.table))
         self.rigid = bool(np.isinf(own[:, BULK]).any())
 
-    def pressures(self, table: MaterialTable) -> NDArray[np.float64]:
-        """Return the pressures p_e (m,) [Pa] beside the laws of ``table``, an `elastic` one, at the same J_0.
+    def pressures(self, table: MaterialTable) -> Array:
+        """Return the pressures p_e (m,) [Pa] that elements need with the materials of ``table`` (see `elastic`) at J_0.
 
-        The total pressure is that of the state, in proportion to the moduli unless they are infinite.
+        Volume law and p_e together give the pressure of the state, scaled by the ratio of the new to the old moduli
+        unless they are infinite.
         """
         old, new = (each.parameters[self._material] for each in (self.table, table))
         carried = new[:, CARRIED] == 1.0
@@ -104,7 +101,7 @@ class Volumes:
         np.divide(*moduli, out=share, where=carried & np.isfinite(new[:, BULK]))
         return np.where(carried, share * self._total - self._slopes(table), 0.0)
 
-    def _slopes(self, table: MaterialTable) -> NDArray[np.float64]:
+    def _slopes(self, table: MaterialTable) -> Array:
         """Return U' (m,) [Pa] at J_0 by the laws of an `elastic` table."""
         parameters, ratio = table.parameters[self._material], self._ratio
         return parameters[:, LAME] * np.log(ratio) / ratio + parameters[:, PENALTY] * (ratio - 1.0)
@@ -122,9 +119,9 @@ class StateDerivative(NamedTuple):
         multipliers: (k,) derivative of the multipliers of all terms, one term after another.
     """
 
-    unknowns: NDArray[np.float64]
-    positions: NDArray[np.float64]
-    multipliers: NDArray[np.float64]
+    unknowns: Array
+    positions: Array
+    multipliers: Array
 
 
 def map_arrays(function: Callable[..., object], *values: object) -> object:
@@ -140,7 +137,7 @@ def map_arrays(function: Callable[..., object], *values: object) -> object:
 def difference(above: T, below: T, twice: float) -> T:
     """Return the difference of arrays, or of tuples or mappings of arrays, divided by ``twice``."""
 
-    def subtract(high: NDArray[np.float64], low: NDArray[np.float64]) -> NDArray[np.float64]:
+    def subtract(high: Array, low: Array) -> Array:
         return np.subtract(high, low, out=np.zeros_like(high), where=high != low) / twice  # some limits are infinite
 
     return map_arrays(subtract, above, below)
@@ -151,7 +148,7 @@ class Linearised:
 
     Args:
         equilibrium: the equilibrium solver.
-        level: evaluates and factors tangents of the body; no minimisation may use this instance.
+        level: factors the tangent of the body; no minimisation may use this instance.
         start: state at the beginning of the solve; equal to ``end`` if only derivatives of later solves are needed.
         end: state at the end of the solve.
 
@@ -171,8 +168,8 @@ class Linearised:
     """
 
     EXACT, STIFF = 1e-8, 1e-10
-    """Relative tolerances of the linear solve, without and with incompressible elements. Constraints make the forces
-    stiff, so that small errors of positions are large errors of reactions.
+    """Relative tolerances of the linear solve, without and with incompressible elements, for which small errors of
+    positions cause large errors of reactions.
     """
     SPACING, NEARER, TURN = 1e-6, 1e-8, 1e-6
     """Displacements in finite differences, divided by the body's size: for terms without friction, for terms with
@@ -222,7 +219,7 @@ class Linearised:
             term.aim(end.poses, start)
             term.resume(end.commands, start.terms[term.name], end.terms[term.name], self.x)
 
-    def term_forces(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+    def term_forces(self, x: Array) -> Array:
         """Return dE/dx (n, 3) [N] of all terms other than the elements."""
         force = np.zeros_like(x)
         self.turn_contacts(x)
@@ -230,29 +227,27 @@ class Linearised:
             terms_energy(x, self.actuation.table, force, np.zeros(1))
         return force
 
-    def turn_contacts(self, x: NDArray[np.float64]) -> None:
-        """Turn the forces of all contacts with their surfaces to positions ``x`` (n, 3) [m]."""
+    def turn_contacts(self, x: Array) -> None:
+        """Turn the forces of all contacts with the surfaces, as these are at positions ``x`` (n, 3) [m]."""
         for contact in self.actuation.contacts:
             contact.look(x)
         if self.actuation.contacts:
             self.actuation.held.take(x)
 
     def element_forces(
-        self, table: MaterialTable, *, operators: Operators | None = None, scale: NDArray[np.float64] | None = None
-    ) -> NDArray[np.float64]:
+        self, table: MaterialTable, *, operators: Operators | None = None, scale: Array | None = None
+    ) -> Array:
         """Return dE/dx (n, 3) [N] of the elements with the materials of ``table``, at their pressures."""
         return self._sum(self._corner_forces(elastic(table), operators, self.scale if scale is None else scale))
 
-    def _corner_forces(
-        self, table: MaterialTable, operators: Operators | None, scale: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+    def _corner_forces(self, table: MaterialTable, operators: Operators | None, scale: Array) -> Array:
         """Return dE/dx (m, c, 3) [N] of the elements with `elastic` materials; None for the operators of the state."""
         force, energies, found = self.no_forces(), np.zeros(len(self.body.material)), operators or self.end.operators
         given = self.body.material, self.volumes.pressures(table), scale, table, self._watch.watched
         evaluate(self.x, found.shape, found.blocks, *given, force, energies, None)
         return force
 
-    def no_forces(self) -> NDArray[np.float64]:
+    def no_forces(self) -> Array:
         """Return zero forces (m, c, 3) [N] of the elements on their nodes."""
         return np.zeros((*self.body.cells.shape, 3))
 
@@ -261,20 +256,18 @@ class Linearised:
         self.actuation.table.reals[...] = self.numbers
         self.joint.hold(self.multipliers)
 
-    def find_displacements(self, unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
+    def find_displacements(self, unknowns: Array) -> Array:
         """Return the displacements (n, 3) [m] of all vertices for a displacement (3 r,) of the unknowns."""
         motion, count = np.zeros_like(self.x), 3 * len(self._unknowns.free)
         motion[self._unknowns.free] = unknowns[:count].reshape(-1, 3)
         motion[self._unknowns.members] = (self._motion @ unknowns[count:]).reshape(-1, 3)
         return motion
 
-    def gather_forces(self, forces: NDArray[np.float64]) -> NDArray[np.float64]:
+    def gather_forces(self, forces: Array) -> Array:
         """Return forces (n, 3) [N] as generalised forces (3 r,) on the unknowns."""
         return generalise(forces, self._unknowns, self._motion)
 
-    def product(
-        self, motion: NDArray[np.float64], multipliers: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def product(self, motion: Array, multipliers: Array) -> tuple[Array, Array]:
         """Return dF (n, 3) [N] and dU (k,) for a displacement (n, 3) [m] and a change of the multipliers (k,)."""
         forces, change = self._beside(motion, multipliers)
         local = motion[self.body.cells]
@@ -283,9 +276,7 @@ class Linearised:
             own += self._softened * self._scale_change(motion)[:, None, None]
         return forces + self._sum(own), change
 
-    def solve(
-        self, forces: NDArray[np.float64], change: NDArray[np.float64], turned: NDArray[np.float64]
-    ) -> StateDerivative:
+    def solve(self, forces: Array, change: Array, turned: Array) -> StateDerivative:
         """Return the derivative of the solution from derivatives of forces and updates at constant x and m.
 
         Args:
@@ -308,7 +299,7 @@ class Linearised:
         unknowns, multipliers = found[:rows], found[rows:] * self._weights
         return StateDerivative(unknowns, self.find_displacements(unknowns), multipliers)
 
-    def rigid_part(self, u: NDArray[np.float64], frame: HandlePositions) -> NDArray[np.float64]:
+    def rigid_part(self, u: Array, frame: HandlePositions) -> Array:
         """Return the generalised forces (3 q,) of `forces` on the rigid rows, for the rigid motions in ``u``.
 
         Args:
@@ -330,11 +321,11 @@ class Linearised:
         sides = [self._corner_forces(self.volumes.table, None, self.scale + half) for half in (0.5, -0.5)]
         self._softened = sides[0] - sides[1]
 
-    def reach(self, motion: NDArray[np.float64], multipliers: NDArray[np.float64]) -> float:
+    def reach(self, motion: Array, multipliers: Array) -> float:
         """Return the largest displacement [m] of a motion (n, 3) [m] and a change of the multipliers (k,)."""
         return max(np.abs(motion).max(initial=0.0), self.joint.metres(multipliers))
 
-    def _scale_change(self, motion: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _scale_change(self, motion: Array) -> Array:
         """Return the derivative (m,) of the hourglass scales along a displacement (n, 3) [m]."""
         step, sides = self.SPACING * self.body.size / max(np.abs(motion).max(initial=0.0), 1e-300), []
         for sign in (step, -step):
@@ -343,13 +334,13 @@ class Linearised:
             update_hourglass_scales(self.x + sign * motion, *given, sides[-1])
         return difference(*sides, 2.0 * step)
 
-    def _turn_forces(self, unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _turn_forces(self, unknowns: Array) -> Array:
         """Return the change (3 q,) of the rigid rows' generalised forces by ``unknowns`` at constant vertex forces."""
         step = self.TURN * self.body.size / max(np.abs(unknowns).max(initial=0.0), 1e-300)
         sides = [self.rigid_part(self.u + sign * unknowns, self.frame) for sign in (step, -step)]
         return difference(*sides, 2.0 * step)
 
-    def _multiply(self, vector: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _multiply(self, vector: Array) -> Array:
         if self.interrupted is not None and self.interrupted():
             raise GdfeError(ENDED)
         rows = 3 * self._unknowns.rows
@@ -360,8 +351,8 @@ class Linearised:
             gradient[3 * len(self._unknowns.free) :] += self._turn_forces(unknowns)
         return np.concatenate([gradient, (multipliers - change) / self._weights])
 
-    def _precondition(self, vector: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Solve with the factor; the multipliers act on the forces, and stay."""
+    def _precondition(self, vector: Array) -> Array:
+        """Solve with the factor of the tangent; changes of the multipliers act on the forces, and stay unchanged."""
         rows = 3 * self._unknowns.rows
         gradient, multipliers = vector[:rows], vector[rows:]
         if len(multipliers):
@@ -371,9 +362,7 @@ class Linearised:
         self._level.solve(np.ascontiguousarray(gradient), found)
         return np.concatenate([found, multipliers])
 
-    def _beside(
-        self, motion: NDArray[np.float64], multipliers: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def _beside(self, motion: Array, multipliers: Array) -> tuple[Array, Array]:
         """Return the result of `product` without the contribution of the elements."""
         largest = self.reach(motion, multipliers)
         if largest == 0.0 or not len(self.actuation.table.address):
@@ -386,5 +375,5 @@ class Linearised:
         self.joint.hold(self.multipliers)
         return difference(*sides, 2.0 * step)
 
-    def _sum(self, force: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _sum(self, force: Array) -> Array:
         return vertex_forces(self.body, np.arange(len(self.x), dtype=np.int32), force)

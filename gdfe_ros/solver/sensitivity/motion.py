@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Derivatives along a motion; each internal step propagates them with positions, velocities and stored states."""
+"""Derivatives along a motion: internal steps propagate derivatives of positions and of the terms' stored states."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.solver.minimise.curvature import TangentProducts
@@ -18,12 +17,13 @@ from gdfe_ros.solver.sensitivity.columns import Column, Pair, Tangents, VariedIn
 from gdfe_ros.solver.sensitivity.parameter import Parameter, move_pose
 from gdfe_ros.solver.state import State
 from gdfe_ros.solver.terms.term import TermTable, terms_energy
+from gdfe_ros.solver.vectors import Array
 from gdfe_ros.threads import one_blas_thread
 
-Kept = Mapping[str, Mapping[str, NDArray[np.float64]]]
+Kept = Mapping[str, Mapping[str, Array]]
 """Dict from term name to the term's stored state, itself a dict from name to array."""
 REACTIONS = "(reactions)"
-"""Name under which the reactions stand beside the terms' states."""
+"""Key of the reactions in a dict from term name to state."""
 REPLACED = "no derivative: the state was replaced after `follow`, by restore, reset or set_positions; remedy: follow"
 
 
@@ -34,14 +34,14 @@ class Carried:
     Attributes:
         positions: (n, 3) derivative of the positions.
         terms: derivatives of the terms' stored states.
-        share: fraction of the parameter's change that the present command or pose has reached.
+        share: fraction of the parameter's change by which the present command or pose has already changed.
         reactions: dict from handle or obstacle name to the derivative (6,) of its reaction.
     """
 
-    positions: NDArray[np.float64]
+    positions: Array
     terms: Kept
     share: float = 0.0
-    reactions: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
+    reactions: Mapping[str, Array] = field(default_factory=dict)
 
 
 class Trail:
@@ -58,11 +58,7 @@ class Trail:
     """Largest number of time step lengths [s] for which tangents are cached."""
 
     def __init__(
-        self,
-        stepper: MotionStepper,
-        parameters: Sequence[Parameter],
-        state: State,
-        tangents: dict[int, Tangents],
+        self, stepper: MotionStepper, parameters: Sequence[Parameter], state: State, tangents: dict[int, Tangents]
     ) -> None:
         self._stepper, self._tangents = stepper, tangents
         self.parameters, self.state, self.flaw = tuple(parameters), state, ""
@@ -72,7 +68,7 @@ class Trail:
         self._began = [0.0 for _ in parameters]
 
     def begin(self, state: State) -> None:
-        """Record ``state``, the beginning of a step of the simulation, from which commands change linearly."""
+        """Begin a step of the simulation at ``state``, from which commands change linearly."""
         if state.positions is not self.state.positions:
             self.flaw = REPLACED
         self._began = [column.share for column in self.columns]
@@ -125,8 +121,8 @@ class Trail:
         sides = (replace(own, start=_beside(own.start, parameter, column, sign * step)) for sign in (1.0, -1.0))
         return Pair(*sides, own, step)
 
-    def _finish_terms(self, stage: InternalStep, side: VariedInputs, x: NDArray[np.float64]) -> Kept:
-        """Return the terms' states after a varied step that ends at ``x``, and, as `REACTIONS`, the reactions."""
+    def _finish_terms(self, stage: InternalStep, side: VariedInputs, x: Array) -> Kept:
+        """Return the terms' states, and the reactions as `REACTIONS`, after a varied step that ends at ``x`` (n, 3)."""
         dynamics, h, terms = stage.dynamics, stage.h, {}
         actuation = self._stepper.equilibrium_of(dynamics, h).actuation
         for contact in actuation.contacts:

@@ -65,7 +65,7 @@ class Variant:
         self._heavier = [each.density for each in materials] != [each.density for each in own.materials.values()]
 
     def terms(self, h: float | None = None, scheme: Dynamics | None = None) -> dict[str, Term]:
-        """Return a dict from name to term for the terms that differ from those of the body.
+        """Return a dict from name to term, with the terms that change with materials or damping.
 
         In motion, ``h`` [s] is the step length, and ``scheme`` has the time integration scheme in use. Both are None
         for equilibria.
@@ -103,7 +103,7 @@ class Parameter:
         name: dotted name from the scene's keys.
         unit: unit of the value; empty for a dimensionless parameter.
         value: value in the model; zero for poses and commands, whose values are in the state.
-        scale: lower bound of the order of magnitude of the value, for `step`.
+        scale: least order of magnitude of the value, to which finite differences are proportional (`step`).
         command: name of the actuator or load whose command the parameter is; empty for other parameters.
         handle: name of the handle whose pose has the parameter as component; empty for other parameters.
         axis: index of the component of the pose.

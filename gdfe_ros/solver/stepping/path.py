@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Path of a step, in load or in time, from the present commands to the target; attempts on load paths, and verdicts."""
+"""Paths of steps, in load or in time, from the present commands to the target, and verdicts on attempted increments."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ from enum import Enum
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gdfe_ros.actuators import Actuator
 from gdfe_ros.constraints import Pose
@@ -20,7 +19,7 @@ from gdfe_ros.solver.matrix.rotation import apply_left_jacobian
 from gdfe_ros.solver.outcome import Outcome, join, tell
 from gdfe_ros.solver.solution import Increment, March, Solution
 from gdfe_ros.solver.state import State, replace_fields
-from gdfe_ros.solver.vectors import largest_distance
+from gdfe_ros.solver.vectors import Array, largest_distance
 
 LARGEST_TURN = math.radians(100.0)
 """Largest rotation of a handle in one increment [rad]."""
@@ -32,7 +31,7 @@ Place = tuple[Mapping[str, Pose], Mapping[str, float]]
 def count_increments(
     targets: Mapping[str, Pose], poses: Mapping[str, Pose], size: float, *, together: Collection[str] = ()
 ) -> int:
-    """Return the number of increments. In each, a handle turns by at most `LARGEST_TURN` and moves by at most ``size``.
+    """Return the number of increments in which a handle turns by at most `LARGEST_TURN` and moves by at most ``size``.
 
     Args:
         targets: pose of every handle.
@@ -50,10 +49,10 @@ def count_increments(
     return math.ceil(most)
 
 
-def on_path(began: Place, goal: Place, share: float, centres: Mapping[str, NDArray[np.float64]] | None = None) -> Place:
-    """Return the poses and commands at a ``share`` of the linear path; from 1 on they are those of ``goal``.
+def on_path(began: Place, goal: Place, share: float, centres: Mapping[str, Array] | None = None) -> Place:
+    """Return the poses and commands after the fraction ``share`` of a linear path from ``began`` to ``goal``.
 
-    ``centres`` (3,) [m] are those of handles that move nearly as one rigid body: they do so all along the path.
+    ``centres`` is a dict from handle to centre (3,) [m], of handles that move nearly as one rigid body along the path.
     """
     if share >= 1.0:
         return goal
@@ -78,8 +77,7 @@ class Verdict(Enum):
 class Path:
     """A path of commands, in load or in time, and the progress on it.
 
-    The path consists of units. An attempt covers ``size`` of them, at first as many as were planned, and after failures
-    half as many.
+    The path consists of units. An attempt covers ``size`` units: at first `WHOLE`, and half as many after each failure.
 
     Attributes:
         began: the state at the beginning.
@@ -89,7 +87,7 @@ class Path:
         size: number of units of the next attempt.
         done: number of completed units.
         iterations, attempts: numbers of iterations and of attempts so far.
-        centres: centres (3,) [m] of the handles if they move nearly as one rigid body, otherwise empty.
+        centres: dict from handle to centre (3,) [m] if the handles move nearly as one rigid body; otherwise empty.
     """
 
     WHOLE = 1
@@ -103,7 +101,7 @@ class Path:
     done: int = 0
     iterations: int = 0
     attempts: int = 0
-    centres: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
+    centres: Mapping[str, Array] = field(default_factory=dict)
 
     @classmethod
     def over(cls: type[AnyPath], state: State, goal: Increment, count: int, **more: object) -> AnyPath:
@@ -132,7 +130,7 @@ class Path:
         return on_path(began, goal, self.next, self.centres)
 
     def record_attempt(self: AnyPath, solution: Solution, **seen: object) -> AnyPath:
-        """Return the path after an attempt, with its iterations and other changes."""
+        """Return the path with the iterations of an attempt counted, and with further fields changed to ``seen``."""
         iterations = self.iterations + solution.iterations
         return replace_fields(self, iterations=iterations, attempts=self.attempts + 1, **seen)
 
@@ -239,7 +237,7 @@ class Attempt:
 
     @property
     def snapped(self) -> bool:
-        """Whether the body jumped to another equilibrium, or jumped without reaching an equilibrium."""
+        """Whether the body jumped to another equilibrium, or jumped earlier on the path and has not converged now."""
         return self.jumps or (self.path.jumped and not self.solution.converged)
 
     @property
@@ -252,7 +250,7 @@ class Attempt:
 
     @property
     def folds(self) -> bool:
-        """Whether a body that was sound is not sound any more, and its solve was not just cut short."""
+        """Whether a sound body became unsound, except in a solve that was cut while the attempt is `patient`."""
         before = self.path.state
         once_sound = before.sound or before.anchor is not None
         passing = self.solution.cut and self.patient
@@ -260,7 +258,7 @@ class Attempt:
 
     @property
     def verdict(self) -> Verdict:
-        """The verdict: a shorter increment may succeed or avoid a jump; a failure leaves no state to go on from."""
+        """The consequence of the attempt."""
         path, failed = self.path, self.failed
         avoidable = self.jumps and path.length > self.SHORTEST_JUMP
         if ((failed and not path.shortest) or avoidable) and not self.spent:
@@ -287,7 +285,7 @@ def work_between(old: State, new: State, handles: HandleMotions) -> tuple[float,
     """Return the work [J] of handles and commands between two states, and its uncertainty [J].
 
     The work follows from the trapezoidal rule. The uncertainty is half of the difference between the work with the
-    first slopes and the work with the last slopes.
+    forces at the beginning and with the forces at the end.
     """
     work, doubt, first, last = 0.0, 0.0, old.summary.reactions, new.summary.reactions
     for name, pose in new.poses.items():
@@ -325,7 +323,7 @@ def has_jumped(old: State, new: Solution, handles: HandleMotions, size: float) -
     return bool(largest_distance(new.positions, new.began) > Attempt.LEAST_MOTION * size)
 
 
-def _displacement(begin: Pose, end: Pose) -> NDArray[np.float64]:
+def _displacement(begin: Pose, end: Pose) -> Array:
     """Return translation [m] and rotation about world axes [rad] (6,); their product with a wrench is its work."""
     middle, change = 0.5 * np.add(end.rotation, begin.rotation), np.subtract(end.rotation, begin.rotation)
     turned = apply_left_jacobian(middle[None], change[None])[0]

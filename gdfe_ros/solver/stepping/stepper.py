@@ -6,7 +6,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gdfe_ros.actuators import Actuator
 from gdfe_ros.constraints import Pose
@@ -21,9 +20,10 @@ from gdfe_ros.solver.settings import Skip, SolverSettings
 from gdfe_ros.solver.solution import Increment, March, Solution, is_crumpled
 from gdfe_ros.solver.state import State, replace_fields
 from gdfe_ros.solver.stepping.path import Attempt, LoadPath, Verdict, count_increments, has_jumped
+from gdfe_ros.solver.vectors import Array
 
 
-def place(body: Body, handles: HandleMotions, state: State, positions: NDArray[np.float64], *, afresh: State) -> State:
+def place(body: Body, handles: HandleMotions, state: State, positions: Array, *, afresh: State) -> State:
     """Return a state at ``positions`` (n, 3) [m] with the handles at their commanded poses.
 
     Args:
@@ -64,7 +64,7 @@ class Stepper:
         body: the discretised body.
         settings: settings of the solver.
         actuation: the external terms; None if there are none.
-        equilibrium: another solver of equilibria with the same methods, instead of that of the policy ``energy``.
+        equilibrium: solver of equilibria of another policy, with the same methods; None for the policy ``energy``.
 
     Attributes:
         body, settings: the arguments.
@@ -72,8 +72,8 @@ class Stepper:
     """
 
     FINER = 1e-2
-    """Factor of the tolerance for a body with freely rotating handles. At the full tolerance, unbalanced forces are
-    large compared with the handles' moments.
+    """Factor of the tolerance for a body with freely rotating handles. With the full tolerance, the remaining forces
+    would be large compared with the moments on these handles.
     """
 
     def __init__(
@@ -138,7 +138,7 @@ class Stepper:
         return replace_fields(march, state=march.state.with_(suspect=suspect))
 
     def _rescue(self, march: March, goal: Increment, state: State) -> March:
-        """Return ``march``, or the outcome of a better load path if this one from ``state`` gave up or is doubtful."""
+        """Return ``march``, the outcome from ``state``, or a better outcome of a retry if it failed or is doubtful."""
         unfinished, deadline = march.state.unfinished, goal.deadline
         given_up = unfinished is None or max(march.iterations, unfinished.iterations) >= self.equilibrium.patience
         doubtful = is_crumpled(state) or is_crumpled(march.state) or not march.sound
@@ -152,7 +152,7 @@ class Stepper:
             march = self._let_go(march, goal, state)
         return march
 
-    def place(self, state: State, positions: NDArray[np.float64]) -> State:
+    def place(self, state: State, positions: Array) -> State:
         """Return a state at ``positions`` (n, 3) [m]; the handles stay at their commanded poses.
 
         Pressures, captured shapes and the last motion are reset. If an element is folded or inverted there, the next
@@ -163,17 +163,14 @@ class Stepper:
         return there.with_(suspect=not there.sound)
 
     def carry_energies(self, state: State, before: State) -> State:
-        """Return ``state``, in which bodies were put elsewhere; ``before`` is the state before this.
-
-        A `MotionStepper` also takes over the account of energies from ``before``. Equilibria have no such account.
-        """
+        """Return ``state`` unchanged: equilibria have no energy account to take over from the state ``before``."""
         return state
 
     def velocities(self, state: State) -> None:
         """Return None: equilibria have no velocity."""
 
     def energies(self, state: State) -> dict[str, float]:
-        """Return no energies beyond those of the summary."""
+        """Return no energies: only a motion has an energy account."""
         return {}
 
     def _unreachable(self, state: State, goal: Increment) -> str:
@@ -233,11 +230,11 @@ class Stepper:
         return self.actuation.unstable(solution.positions, since, commands, before)
 
     def _accept(self, attempt: Attempt, *, stops: bool) -> State:
-        """Return the state of an accepted attempt; it has a `State.anchor` if the load path fails.
+        """Return the state of an accepted attempt; if the load path fails, the state gets a `State.anchor`.
 
         A load path fails if the solve is unfinished, or if the path stops before its end with elements folded or nearly
-        folded. The anchor is then the last equilibrium. If the elements of this equilibrium are folded or nearly
-        folded, the equilibrium at the beginning of the load path is preferred, or that before an unfinished beginning.
+        folded. The anchor is then the last equilibrium without such elements: before the attempt, at the beginning of
+        the load path, or the anchor of that. If all have such elements, it is the last of them.
         """
         state, begin = attempt.path.state, attempt.path.began
         accepted = self.equilibrium.accept(attempt.solution, state)

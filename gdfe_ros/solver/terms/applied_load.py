@@ -8,8 +8,8 @@ A follower pressure p acts on faces of the body, normal to them as they move and
 Node a of the faces gets the force p f_a, with f_a = int N_a n dA over the deformed faces. Let V be the volume of the
 cones from the faces to a fixed point, V = 1/3 int x . n dA. Then f_a = dV/dx_a + b_a, where b_a is not zero only at
 nodes on open edges of the faces. The first part has the energy -p V. The second part has none: with open edges, the
-work of a pressure depends on the path. A solve holds the forces p b_a constant in each minimisation, with the energy
--p b_a . x_a, and computes them anew between two minimisations, until they are those of the present positions.
+work of a pressure depends on the path. The forces p b_a, with the energy -p b_a . x_a, are therefore constant in each
+minimisation, and updated between minimisations until they agree with the present positions.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from gdfe_ros.solver.state import Saved, State
 from gdfe_ros.solver.terms.multiplier import Anderson, UpdatedTerm
 from gdfe_ros.solver.terms.term import Term, as_arrays, term_kernel
 from gdfe_ros.solver.terms.volume import COUNT, FACES, NODES, PRODUCTS, face_forces, pack_faces, volume_curvature
-from gdfe_ros.solver.vectors import NEGLIGIBLE
+from gdfe_ros.solver.vectors import NEGLIGIBLE, Array
 
 PRESSURE, VOLUME, APEX, EDGE = 0, 1, 2, 5
 """Offsets in ``reals`` of p [Pa], a volume [m^3] that is subtracted to keep energies small, the cones' common point
@@ -54,7 +54,7 @@ def pressure_energy(x, reals, integers, force, size):
 
 @term_kernel
 def pressure_entry(x, n, reals, k, integers, i, force, size):
-    """Call `pressure_energy`."""
+    """Call `pressure_energy` with the raw pointers that the terms' kernels receive."""
     return pressure_energy(*as_arrays(x, n, reals, k, integers, i, force, size))
 
 
@@ -69,7 +69,7 @@ class PressureTerm(UpdatedTerm):
     FINE = 1e-2
     """Allowed displacement by the last change of the forces p b, divided by the tolerance."""
     GROWTH = 1e3
-    """The forces' iteration may diverge by itself; the history of its acceleration is kept up to this growth."""
+    """Growth of the residual up to which Anderson acceleration keeps its history; plain updates of b may diverge."""
 
     kernel, stored = pressure_entry, "edge"
 
@@ -94,25 +94,25 @@ class PressureTerm(UpdatedTerm):
         return len(self._edge) > 0 and self.reals[PRESSURE] != 0.0
 
     @property
-    def own_multipliers(self) -> NDArray[np.float64]:
+    def own_multipliers(self) -> Array:
         """The vectors b (k, 3) [m^2] in use, a view."""
         return self.reals[EDGE:].reshape(-1, 3)
 
-    def _sum_forces(self, x: NDArray[np.float64], of_volume: float, of_area: float) -> NDArray[np.float64]:
-        """Return the sum (n, 3) [m^2] of dV/dx and f with these factors."""
+    def _sum_forces(self, x: Array, of_volume: float, of_area: float) -> Array:
+        """Return ``of_volume`` times dV/dx_a plus ``of_area`` times f_a for all nodes a, (n, 3) [m^2]."""
         force = np.zeros_like(x)
         face_forces(x, self.integers, self.reals[APEX:EDGE], of_volume, of_area, force)
         return force
 
-    def renew(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+    def renew(self, positions: Array) -> Array:
         """Return the vectors b (k, 3) [m^2] of the nodes on open edges at ``positions`` (n, 3) [m]."""
         return self._sum_forces(positions, -1.0, 1.0)[self._edge]
 
-    def _volume(self, x: NDArray[np.float64]) -> float:
+    def _volume(self, x: Array) -> float:
         return float(face_forces(x, self.integers, self.reals[APEX:EDGE], 0.0, 0.0, np.zeros((0, 3))))
 
     def fit(self, matrix: ConstantMatrix) -> None:
-        """Compute the displacement [m/N] by a force of 1 N that is distributed over the faces as the pressure is."""
+        """Compute the displacement [m/N] by a force of 1 N in total, distributed over the faces like the pressure."""
         areas = self._sum_forces(self._rest, 0.0, 1.0)
         self._softness = matrix.compliance(areas) / self._area**2
 
@@ -120,7 +120,7 @@ class PressureTerm(UpdatedTerm):
         """Return the nodes of the faces (q, c)."""
         return self._faces
 
-    def tangents(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+    def tangents(self, positions: Array) -> Array:
         """Return the tangents -p d2V/dx2 [N/m] of the faces, (q, 3 c, 3 c); without the part of open edges."""
         count, nodes = self._faces.shape
         found = np.zeros((count, 3 * nodes, 3 * nodes))
@@ -130,14 +130,14 @@ class PressureTerm(UpdatedTerm):
         return found
 
     def neutral(self) -> Saved:
-        """Return the stored state of a pressure that has not moved anything."""
+        """Return the stored state before the first solve: no swept volume."""
         return {"swept": np.zeros(1), "edge": np.zeros_like(self.own_multipliers)}
 
     def aim(self, poses: Mapping[str, Pose], last: State) -> None:
         """Store the previous positions, from which the swept volume is counted."""
         self._last = self._rest if last is None else last.positions
 
-    def begin(self, commands: Mapping[str, float], saved: Saved, positions: NDArray[np.float64], ratio: float) -> None:
+    def begin(self, commands: Mapping[str, float], saved: Saved, positions: Array, ratio: float) -> None:
         """Set the pressure, and the forces at open edges as they are at ``positions``."""
         numbers, self._anderson, self.errors = self.reals, Anderson(self.GROWTH), []
         numbers[PRESSURE] = commands[self.name] * self._load.pressure
@@ -146,19 +146,19 @@ class PressureTerm(UpdatedTerm):
         numbers[VOLUME] += np.vdot(self.own_multipliers, positions[self._edge] - numbers[APEX:EDGE])
         self._swept = float(saved["swept"][0])
 
-    def update(self, positions: NDArray[np.float64]) -> float:
-        """Let the forces at open edges follow; return their change as a displacement [m], divided by `FINE`."""
+    def update(self, positions: Array) -> float:
+        """Update the vectors b; return the change of the forces as a displacement [m], divided by `FINE`."""
         change = (self.renew(positions) - self.own_multipliers).ravel()
         self.own_multipliers[...] = self._anderson.next(self.own_multipliers.ravel(), change).reshape(-1, 3)
         moved = abs(self.reals[PRESSURE]) * np.linalg.norm(change.reshape(-1, 3), axis=1).sum()
         self.errors.append(float(moved) * self._softness / self.FINE)
         return self.errors[-1]
 
-    def finish(self, saved: Saved, positions: NDArray[np.float64]) -> Saved:
+    def finish(self, saved: Saved, positions: Array) -> Saved:
         """Return the state to store: the volume that the faces have swept, and the vectors b."""
         return {"swept": np.array([self._sweep(positions)]), "edge": self.own_multipliers.copy()}
 
-    def _sweep(self, positions: NDArray[np.float64]) -> float:
+    def _sweep(self, positions: Array) -> float:
         """Return the volume [m^3] int f . dx that the faces have swept since the beginning of the run.
 
         The part of open edges depends on the path and is integrated by the trapezoidal rule.
@@ -169,11 +169,11 @@ class PressureTerm(UpdatedTerm):
         return self._swept + self._volume(positions) - self._volume(last) + along
 
     @property
-    def per_metre(self) -> NDArray[np.float64]:
+    def per_metre(self) -> Array:
         """The order of magnitude (3 k,) [m] of the change of b per 1 m: the size of the faces."""
         return np.full(self.multipliers.shape, np.sqrt(self._area))
 
-    def potential(self, positions: NDArray[np.float64], command: float) -> tuple[float, float]:
+    def potential(self, positions: Array, command: float) -> tuple[float, float]:
         """Return minus the work [J] of the present pressure in the swept volume, and its derivative by the factor."""
         slope = -self._load.pressure * self._sweep(positions)
         return command * slope, slope
@@ -202,7 +202,7 @@ def dead_load_energy(x, reals, integers, force, size):
 
 @term_kernel
 def dead_load_entry(x, n, reals, k, integers, i, force, size):
-    """Call `dead_load_energy`."""
+    """Call `dead_load_energy` with the raw pointers that the terms' kernels receive."""
     return dead_load_energy(*as_arrays(x, n, reals, k, integers, i, force, size))
 
 
@@ -222,11 +222,11 @@ class DeadLoadTerm(Term):
         numbers = np.concatenate([self._forces[acted], body.rest[acted]], axis=1).ravel()
         super().__init__(load.name, np.concatenate([[0.0], numbers]), acted)
 
-    def begin(self, commands: Mapping[str, float], saved: Saved, positions: NDArray[np.float64], ratio: float) -> None:
+    def begin(self, commands: Mapping[str, float], saved: Saved, positions: Array, ratio: float) -> None:
         """Set the factor of the load."""
         self.reals[FACTOR] = commands[self.name]
 
-    def potential(self, positions: NDArray[np.float64], command: float) -> tuple[float, float]:
+    def potential(self, positions: Array, command: float) -> tuple[float, float]:
         """Return the potential [J] at ``positions`` (n, 3) [m] and its derivative with respect to ``command``."""
         slope = -float(np.vdot(self._forces, positions - self._rest))
         return command * slope, slope

@@ -2,8 +2,7 @@
 """Cables as terms.
 
 The segments have the lengths d. The cable's length is L = sum sqrt(d^2 + e^2) - c, with the constant c for which L is
-exact at rest. The short length e rounds off the kink of L at d = 0: where two eyelets meet, the cable holds them
-together.
+exact at rest. Without the short length e, L would have a kink at d = 0, where a cable holds two points together.
 
 A cable of length L has the tension t = max(0, T + k (L - l)) and the energy (t^2 - T^2) / (2 k). This is the augmented
 Lagrangian of the constraint L <= l with multiplier T. For T = 0 it is an elastic cable of stiffness k. For k = 0 the
@@ -28,7 +27,7 @@ from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.state import Saved
 from gdfe_ros.solver.terms.multiplier import EFFORT, STIFFNESS, TARGET, EffortTerm
 from gdfe_ros.solver.terms.term import as_arrays, share, spread, term_kernel, weighted
-from gdfe_ros.solver.vectors import NEGLIGIBLE
+from gdfe_ros.solver.vectors import NEGLIGIBLE, Array
 
 EYELET, EXCESS, CARRIERS, WEIGHTS = range(STIFFNESS + 1, STIFFNESS + 5)
 """Offsets in ``reals``, after T [N], l [m] and k [N/m], of e [m], c [m], the number of vertices that carry each point,
@@ -110,8 +109,8 @@ class CableTerm(EffortTerm):
     """
 
     ROUND = 3e-4
-    """The length e, divided by the mean length of a cable's segments at rest. With e = 0, the line search would cut
-    every Newton step onto the kink.
+    """The length e, divided by the mean length of a cable's segments at rest. With e = 0, the line search would shorten
+    every Newton step to the kink.
     """
     FAINT, NEARLY = 1e-12, 3e-6
     """FAINT: negligible tension, divided by Young's modulus times the squared body size. NEARLY: negligible
@@ -144,7 +143,7 @@ class CableTerm(EffortTerm):
         return self.actuator.constrains
 
     def fit(self, matrix: ConstantMatrix) -> None:
-        """Set an elastic cable's stiffness; for a kept length, set a penalty proportional to the body's stiffness."""
+        """Set the stiffness of an elastic cable; for a commanded length, set a penalty by the body's stiffness."""
         if self.actuator.mode is Mode.TENSION:
             return
         if self._elastic:
@@ -158,7 +157,7 @@ class CableTerm(EffortTerm):
             force = max(stretches, key=matrix.compliance)
         self.fit_penalty(matrix, force)
 
-    def _pull(self, points: slice) -> NDArray[np.float64]:
+    def _pull(self, points: slice) -> Array:
         """Return dL/dx (n, 3) of the undeformed segments between ``points``."""
         weights, corners = (values[points] for values in self._points())
         force, anchors = np.zeros_like(self._body.rest), self._anchors[points]
@@ -166,7 +165,7 @@ class CableTerm(EffortTerm):
         pull(self._body.rest, reals, corners.ravel(), 1.0, force)
         return force
 
-    def _points(self) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+    def _points(self) -> tuple[Array, NDArray[np.int32]]:
         """Return the weights (p, c) and vertices (p, c) that carry the cable points."""
         corners = self.integers.reshape(-1, self._carriers)
         return self.reals[WEIGHTS : WEIGHTS + corners.size].reshape(corners.shape), corners
@@ -176,7 +175,7 @@ class CableTerm(EffortTerm):
         _, corners = self._points()
         return np.concatenate([corners[:-1], corners[1:]], axis=1)
 
-    def tangents(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+    def tangents(self, positions: Array) -> Array:
         """Return the tangent t / l (I - d d^T) [N/m] of each segment, by which a taut cable resists bending.
 
         t is the tension, l the segment's length and d its direction.
@@ -192,8 +191,8 @@ class CableTerm(EffortTerm):
         signed = np.concatenate([-weights[:-1], weights[1:]], axis=1)
         return spread(signed, bent)
 
-    def springs(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return a taut cable with a stiffness or a penalty k as a spring: k dL/dx dL/dx^T."""
+    def springs(self, positions: Array) -> Array:
+        """Return one spring for a taut cable with a stiffness or penalty k, with the tangent k dL/dx dL/dx^T."""
         numbers = self.reals
         if not numbers[STIFFNESS] or not cable_tension(cable_length(positions, numbers, self.integers), numbers):
             return super().springs(positions)
@@ -201,8 +200,8 @@ class CableTerm(EffortTerm):
         pull(positions, numbers, self.integers, np.sqrt(numbers[STIFFNESS]), slope[0])
         return slope
 
-    def begin(self, commands: Mapping[str, float], saved: Saved, positions: NDArray[np.float64], ratio: float) -> None:
-        """Set the command; for a kept length, also the initial tension, extrapolated from the last steps."""
+    def begin(self, commands: Mapping[str, float], saved: Saved, positions: Array, ratio: float) -> None:
+        """Set the command; for a commanded length, also the initial tension, extrapolated from the last steps."""
         self._command, numbers = commands[self.name], self.reals
         if self.actuator.mode is Mode.TENSION:
             numbers[EFFORT], numbers[TARGET] = self._command, cable_length(positions, numbers, self.integers)
@@ -210,7 +209,7 @@ class CableTerm(EffortTerm):
         numbers[EFFORT] = 0.0 if self._elastic else max(0.0, self.guess_effort(saved, ratio))
         numbers[TARGET] = self.find_target_length(self._command)
 
-    def resume(self, commands: Mapping[str, float], saved: Saved, found: Saved, positions: NDArray[np.float64]) -> None:
+    def resume(self, commands: Mapping[str, float], saved: Saved, found: Saved, positions: Array) -> None:
         """Restore the tension at the end of a solve; a cable at the limit of becoming taut counts as taut."""
         super().resume(commands, saved, found, positions)
         numbers, size = self.reals, self._body.size
@@ -221,12 +220,12 @@ class CableTerm(EffortTerm):
         self._lifted = least if taut and cable_tension(length, numbers) < least else 0.0
         numbers[EFFORT] += self._lifted
 
-    def vary(self, commands: Mapping[str, float], saved: Saved, positions: NDArray[np.float64]) -> None:
-        """Set another command or another stored state after `resume`."""
+    def vary(self, commands: Mapping[str, float], saved: Saved, positions: Array) -> None:
+        """Begin a solve from another command or stored state after `resume`, to differentiate by it."""
         self.begin(commands, saved, positions, 0.0)
         self.reals[EFFORT] += self._lifted
 
-    def renew(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+    def renew(self, positions: Array) -> Array:
         """Return the tension (1,) [N] after an update."""
         return np.array([cable_tension(cable_length(positions, self.reals, self.integers), self.reals)])
 
@@ -236,21 +235,21 @@ class CableTerm(EffortTerm):
 
     @property
     def strung(self) -> bool:
-        """Whether fixed handles impose a least length; shorter commands are refused."""
+        """Whether two or more points are on handles or in the world; commands below their distance are refused."""
         return self.updates and int(self._anchored.sum()) > 1
 
-    def shortest(self, base: NDArray[np.float64]) -> float:
+    def shortest(self, base: Array) -> float:
         """Return the least length [m] with handles at ``base`` (n, 3) [m]: straight between the fixed points."""
         held = self.actuator.points.at(base)[self._anchored]
         return float(np.linalg.norm(np.diff(held, axis=0), axis=1).sum())
 
-    def state(self, positions: NDArray[np.float64]) -> ActuatorState:
+    def state(self, positions: Array) -> ActuatorState:
         """Return command, length and tension."""
         extent = float(cable_length(positions, self.reals, self.integers))
         effort = cable_tension(extent, self.reals) if self._elastic else self.reals[EFFORT]
         return ActuatorState(self.actuator.mode, self._command, extent, float(effort))
 
-    def potential(self, positions: NDArray[np.float64], command: float) -> tuple[float, float]:
+    def potential(self, positions: Array, command: float) -> tuple[float, float]:
         """Return the potential [J] and its derivative with respect to the command.
 
         For a commanded length the derivative is minus the tension, for a shortening it is the tension.

@@ -22,6 +22,7 @@ from gdfe_ros.solver.state import Saved
 from gdfe_ros.solver.terms.multiplier import EFFORT, STIFFNESS, TARGET, EffortTerm
 from gdfe_ros.solver.terms.term import as_arrays, share, term_kernel, weighted
 from gdfe_ros.solver.terms.volume import FACES, PRODUCTS, face_forces, pack_faces, volume_curvature
+from gdfe_ros.solver.vectors import Array
 
 LIMIT = STIFFNESS + 1
 """Offset in ``reals``, after p [Pa], v [m^3] and k [Pa/m^3], of the volume [m^3] above which the chamber counts as
@@ -118,7 +119,7 @@ class ChamberTerm(EffortTerm):
         if self.updates:
             self.fit_penalty(matrix, self._find_unit_forces(self._body.rest))
 
-    def _find_unit_forces(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _find_unit_forces(self, positions: Array) -> Array:
         """Return -dV/dx (n, 3) [m^2]."""
         places, points = self.actuator.at(positions), self.actuator.points
         force = np.zeros_like(places)
@@ -133,7 +134,7 @@ class ChamberTerm(EffortTerm):
         faces = self.actuator.quads.astype(np.int32)
         return faces if self.exact else faces[:0]
 
-    def tangents(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+    def tangents(self, positions: Array) -> Array:
         """Return the tangents -p d2V/dx2 [N/m] of the faces, (k, 3 c, 3 c)."""
         count, corners = self.couplings().shape
         found = np.zeros((count, 3 * corners, 3 * corners))
@@ -143,17 +144,17 @@ class ChamberTerm(EffortTerm):
             volume_curvature(*given, -pressure, found)
         return found
 
-    def springs(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return a commanded volume with its penalty k as a spring: k dV/dx dV/dx^T."""
+    def springs(self, positions: Array) -> Array:
+        """Return one spring for a commanded volume, with the tangent k dV/dx dV/dx^T of its penalty k."""
         if not self.updates:
             return super().springs(positions)
         return np.sqrt(self.reals[STIFFNESS]) * self._find_unit_forces(positions)[None]
 
-    def _volume(self, positions: NDArray[np.float64]) -> float:
+    def _volume(self, positions: Array) -> float:
         places = self.actuator.at(positions)
         return float(face_forces(places, self._faces, places[self._faces[FACES]], 0.0, 0.0, np.zeros((0, 3))))
 
-    def begin(self, commands: Mapping[str, float], saved: Saved, positions: NDArray[np.float64], ratio: float) -> None:
+    def begin(self, commands: Mapping[str, float], saved: Saved, positions: Array, ratio: float) -> None:
         """Set the command; for a commanded volume, also the initial pressure, extrapolated from the last steps."""
         self._command, numbers = commands[self.name], self.reals
         if self.updates:
@@ -165,10 +166,10 @@ class ChamberTerm(EffortTerm):
 
     @property
     def area(self) -> float:
-        """A surface of the chamber's size [m^2]."""
+        """Order of magnitude [m^2] of the chamber's surface: its volume to the power 2/3."""
         return max(abs(self.reals[TARGET]), self.actuator.least, 1e-30) ** (2.0 / 3.0)
 
-    def renew(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+    def renew(self, positions: Array) -> Array:
         """Return the pressure (1,) [Pa] after an update."""
         return np.array([chamber_pressure(self._volume(positions), self.reals)])
 
@@ -176,17 +177,17 @@ class ChamberTerm(EffortTerm):
         """Return the volume [m^3] beyond which the chamber counts as unstable in a solve from ``volume`` [m^3]."""
         return self.LARGEST_INFLATION * max(abs(volume), self._rest_volume, self.actuator.least)
 
-    def ran_away(self, positions: NDArray[np.float64], since: NDArray[np.float64]) -> bool:
+    def ran_away(self, positions: Array, since: Array) -> bool:
         """Return whether a chamber of given pressure inflated beyond `RUNNING_AWAY` from ``since`` to ``positions``."""
         return self.unbounded and not self._volume(positions) <= self.RUNNING_AWAY * self._limit(self._volume(since))
 
-    def state(self, positions: NDArray[np.float64]) -> ActuatorState:
+    def state(self, positions: Array) -> ActuatorState:
         """Return command, volume and pressure."""
         extent = self._volume(positions)
         return ActuatorState(self.actuator.mode, self._command, extent, float(self.reals[EFFORT]))
 
-    def potential(self, positions: NDArray[np.float64], command: float) -> tuple[float, float]:
-        """Return the potential [J] and its derivative with respect to the command; for a volume it is the pressure."""
+    def potential(self, positions: Array, command: float) -> tuple[float, float]:
+        """Return the potential [J] and its derivative by the command; for a commanded volume, that is the pressure."""
         if self.updates:
             return 0.0, float(self.reals[EFFORT])
         slope = self._rest_volume - self._volume(positions)

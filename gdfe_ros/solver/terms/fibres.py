@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Layers of fibres as terms.
 
-The energy of a fibre point with area A is k A / 2 e^2, with e = (d . d - 1) / 2. The present fibre vector d is linear
-in the positions of the face's nodes (`gdfe_ros.mesh.cells.face_fibres`).
+A layer consists of fibre points on faces. The energy of a point with area A is k A / 2 e^2, with the layer's stiffness
+k and the Green strain e = (d . d - 1) / 2. The present fibre vector d is linear in the positions of the face's nodes
+(`gdfe_ros.mesh.cells.face_fibres`).
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from gdfe_ros.mesh.triples import dot
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.matrix.constant_matrix import scatter
 from gdfe_ros.solver.terms.term import Term, as_arrays, share, term_kernel, weighted
+from gdfe_ros.solver.vectors import Array
 
 NODES, POINTS, SLACK, HEAD = range(4)
 """Offsets in ``integers``: nodes of a face, points of a face, whether compressed fibres are slack; then the nodes of
@@ -82,11 +84,11 @@ class FibreTerm(Term):
         """Return the nodes of the faces (f, c)."""
         return self._faces
 
-    def tangents(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+    def tangents(self, positions: Array) -> Array:
         """Return the stiffness of each face at ``positions`` (n, 3) [m], (f, 3 c, 3 c) [N/m].
 
-        A taut fibre point adds k A (d d^T + max(e, 0) I), distributed to the c nodes of its face. The symbols are those
-        of the module. A slack fibre point adds nothing.
+        With the symbols of the module, a taut fibre point adds k A (d d^T + max(e, 0) I), distributed to the c nodes of
+        its face. A slack fibre point adds nothing.
         """
         vectors, strains = self._strain(positions)
         taut = self._springs * (self._layer.compression | (strains > self.ONSET))
@@ -94,14 +96,14 @@ class FibreTerm(Term):
         spread = np.einsum("fp,fpa,fpij,fpb->faibj", taut, self._factors, inner, self._factors, optimize=True)
         return spread.reshape(len(spread), 3 * self._factors.shape[2], -1)
 
-    def report(self, positions: NDArray[np.float64]) -> dict[str, float]:
-        """Return the largest stretch of a fibre, and the largest force per undeformed width [N/m]."""
+    def report(self, positions: Array) -> dict[str, float]:
+        """Return the largest ``stretch`` of a fibre, and the largest ``force`` per undeformed width [N/m]."""
         _, strains = self._strain(positions)
         stretch = np.sqrt(1.0 + 2.0 * strains)
         pulled = np.maximum(strains, 0.0) if not self._layer.compression else strains
         return {"stretch": float(stretch.max()), "force": float((self._layer.stiffness * pulled * stretch).max())}
 
-    def _strain(self, positions: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def _strain(self, positions: Array) -> tuple[Array, Array]:
         """Return the present fibre vectors (f, p, 3) and their Green strains (f, p)."""
         vectors = np.einsum("fpa,fai->fpi", self._factors, positions[self._faces])
         return vectors, 0.5 * (np.einsum("fpi,fpi->fp", vectors, vectors) - 1.0)

@@ -1,22 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Multipliers of terms: their penalties and updates, all of them as one vector, and Anderson's acceleration."""
+"""Multipliers of terms: penalties, updates, access to the multipliers of all terms, and Anderson acceleration."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.state import Saved
 from gdfe_ros.solver.terms.term import Term
-
-Array = NDArray[np.float64]
+from gdfe_ros.solver.vectors import Array
 
 
 class UpdatedTerm(Term):
-    """A term whose multipliers are among its own numbers. A solve changes them while `updates` is True.
+    """Base class of terms whose multipliers are among their numbers ``reals``; solves change them if `updates` is True.
 
     Attributes:
         own_multipliers: the multipliers, of any shape; a view.
@@ -27,8 +25,8 @@ class UpdatedTerm(Term):
     """
 
     PATIENCE, FAINT = 6, 1e-5
-    """After this number of updates, the error must be less than the first one. Errors below the fraction `FAINT` of the
-    body's size do not count.
+    """After the first number of updates, the error must be smaller than at the first update. Errors below the second
+    number times the body's size do not count.
     """
     own_multipliers: Array
     renew: Callable[[Array], Array]
@@ -38,7 +36,7 @@ class UpdatedTerm(Term):
 
     @property
     def wanders(self) -> bool:
-        """Whether updates do not settle: they go to and fro, or the constraints contradict each other."""
+        """Whether updates do not settle: they oscillate, or the constraints contradict each other."""
         errors = self.errors
         return len(errors) >= self.PATIENCE and errors[-1] >= max(errors[0], self.FAINT * self.size)
 
@@ -50,7 +48,7 @@ class UpdatedTerm(Term):
 
     @property
     def multipliers(self) -> Array:
-        """The multipliers (k,), a copy; empty if nothing is kept."""
+        """The multipliers (k,), a copy; empty unless `updates` is True."""
         return self.own_multipliers.flatten() if self.updates else np.zeros(0)
 
     def hold(self, multipliers: Array) -> None:
@@ -59,7 +57,7 @@ class UpdatedTerm(Term):
             self.own_multipliers[...] = multipliers.reshape(self.own_multipliers.shape)
 
     def updated(self, positions: Array) -> Array:
-        """Return the multipliers (k,) after an update at ``positions`` (n, 3) [m]; empty if nothing is kept."""
+        """Return the multipliers (k,) after an update at ``positions`` (n, 3) [m]; empty unless `updates` is True."""
         return self.renew(positions).flatten() if self.updates else np.zeros(0)
 
 
@@ -70,7 +68,7 @@ EFFORT, TARGET, STIFFNESS = range(3)
 
 
 class EffortTerm(UpdatedTerm):
-    """A term with one effort, a tension [N] or a pressure [Pa]: given, or the multiplier of a length or a volume."""
+    """A term with one effort, a tension [N] or pressure [Pa]: commanded, or the multiplier of a length or volume."""
 
     PENALTY = 10.0
     """Penalty stiffness of a commanded length or volume, divided by the stiffness with which the body resists a change
@@ -179,10 +177,10 @@ class Anderson:
 
     def __init__(self, growth: float = GROWTH) -> None:
         self._growth = growth
-        self._iterates: list[NDArray[np.float64]] = []
-        self._residuals: list[NDArray[np.float64]] = []
+        self._iterates: list[Array] = []
+        self._residuals: list[Array] = []
 
-    def next(self, x: NDArray[np.float64], f: NDArray[np.float64]) -> NDArray[np.float64]:
+    def next(self, x: Array, f: Array) -> Array:
         """Return the iterate that follows ``x`` with the residual ``f``; all are flat (k,).
 
         If the norm of the residual has grown by more than ``growth``, the history is dropped and x + f is returned.

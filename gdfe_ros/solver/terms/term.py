@@ -27,6 +27,7 @@ from gdfe_ros.constraints import Pose
 from gdfe_ros.mesh.triples import along, corner
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.state import Saved, State
+from gdfe_ros.solver.vectors import Array
 
 _REALS, _INTEGERS = types.CPointer(types.float64), types.CPointer(types.int32)
 _ENTRY = types.float64(_REALS, types.intp, _REALS, types.intp, _INTEGERS, types.intp, _REALS, _REALS)
@@ -92,10 +93,10 @@ def share(force, vertices, at, weights, first, count, pull):
             force[vertices[at + a], axis] += weights[first + a] * pull[axis]
 
 
-def spread(weights: NDArray[np.float64], blocks: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the tangents (k, 3 c, 3 c) of energies of sums of positions with ``weights`` (k, c).
+def spread(weights: Array, blocks: Array) -> Array:
+    """Return the tangents (k, 3 c, 3 c) of k energies; each depends on a sum of c positions with ``weights`` (k, c).
 
-    ``blocks`` (k, 3, 3) are the second derivatives with respect to the sums.
+    ``blocks`` (k, 3, 3) are the second derivatives of the energies with respect to these sums.
     """
     found = weights[:, :, None, None, None] * weights[:, None, None, :, None] * blocks[:, None, :, None, :]
     return found.reshape(len(found), 3 * weights.shape[1], 3 * weights.shape[1])
@@ -114,7 +115,7 @@ class Term:
         wanders: whether updates do not settle, so that the increment should be shorter.
         delicate: whether the term's forces change within tiny displacements, as at the onset of slip.
         exact: whether `tangents`, `springs` and `stiffness` are the whole second derivative of the term's energy.
-        stage: number of a stage in which `tangents` change little; at another stage, the kept tangent is taken anew.
+        stage: a number; when it changes, the kept tangent is taken anew, because `tangents` have changed much.
         unbounded: whether a command can leave the energy without a lower bound, as a pressure beyond its limit point.
         conservative: whether the forces have a potential; without one, the stability of an equilibrium is not known.
         even: whether `stiffness` is the term's whole tangent, acts on x, y and z alike, and never changes. Kept
@@ -125,7 +126,7 @@ class Term:
     updates, even, exact, inside, delicate, wanders, unbounded = False, False, False, False, False, False, False
     stage, conservative = 0, True
 
-    def __init__(self, name: str, reals: NDArray[np.float64], integers: NDArray[np.int32]) -> None:
+    def __init__(self, name: str, reals: Array, integers: NDArray[np.int32]) -> None:
         self.name, self.reals, self.integers = name, reals, integers
 
     def stiffness(self) -> sparse.spmatrix | None:
@@ -136,7 +137,7 @@ class Term:
         """Return the vertices (k, c) that `tangents` couples; empty if the term adds no tangents."""
         return np.zeros((0, 1), np.int32)
 
-    def tangents(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+    def tangents(self, positions: Array) -> Array:
         """Return the term's part (k, 3 c, 3 c) [N/m] of the kept tangent, between neighbours.
 
         It speeds up the minimisation; no equilibrium depends on it. If it is the whole second derivative (`exact`), a
@@ -144,11 +145,12 @@ class Term:
         """
         return np.zeros((0, 3, 3))
 
-    def springs(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return springs (m, n, 3) [(N/m)^(1/2)] at ``positions`` (n, 3) [m], which couple what nothing else couples.
+    def springs(self, positions: Array) -> Array:
+        """Return springs (m, n, 3) [(N/m)^(1/2)] at ``positions`` (n, 3) [m], which couple vertices that are far apart.
 
-        Each is the square root of its stiffness times the derivative of its length. Springs have the same purpose as
-        `tangents`, but are few, and the term may have none in some solves. Equal numbers count as the same springs.
+        Each is the square root of a stiffness times the derivative of a length. Springs have the same purpose as
+        `tangents`, but are few, and a term may have none in some solves. If a term has as many springs as before, they
+        count as the same springs.
         """
         return np.zeros((0, *positions.shape))
 
@@ -162,7 +164,7 @@ class Term:
     def aim(self, poses: Mapping[str, Pose], last: State) -> None:
         """Store the commanded poses of handles and obstacles, and the previous state, before a solve begins."""
 
-    def begin(self, commands: Mapping[str, float], saved: Saved, positions: NDArray[np.float64], ratio: float) -> None:
+    def begin(self, commands: Mapping[str, float], saved: Saved, positions: Array, ratio: float) -> None:
         """Prepare a solve.
 
         Args:
@@ -173,40 +175,40 @@ class Term:
                 step; multipliers may be extrapolated by the same multiple.
         """
 
-    def update(self, positions: NDArray[np.float64]) -> float:
+    def update(self, positions: Array) -> float:
         """Update the multipliers between minimisations; return the largest error [m] of the constraints."""
         return 0.0
 
-    def finish(self, saved: Saved, positions: NDArray[np.float64]) -> Saved:
+    def finish(self, saved: Saved, positions: Array) -> Saved:
         """Return the state to store after a solve that ended at ``positions`` (n, 3) [m] and began with ``saved``."""
         return {}
 
-    def resume(self, commands: Mapping[str, float], saved: Saved, found: Saved, positions: NDArray[np.float64]) -> None:
+    def resume(self, commands: Mapping[str, float], saved: Saved, found: Saved, positions: Array) -> None:
         """Restore the end of a solve that began with the state ``saved`` and ended with ``found`` at ``positions``."""
         self.begin(commands, saved, positions, 0.0)
 
-    def vary(self, commands: Mapping[str, float], saved: Saved, positions: NDArray[np.float64]) -> None:
-        """Set other commands and initial states after `resume`, with the same vertices in contact."""
+    def vary(self, commands: Mapping[str, float], saved: Saved, positions: Array) -> None:
+        """Begin a solve from other commands or states after `resume`, to differentiate by them; no contact changes."""
         self.begin(commands, saved, positions, 0.0)
 
     @property
-    def multipliers(self) -> NDArray[np.float64]:
+    def multipliers(self) -> Array:
         """The multipliers (k,) that `update` changes, a copy; in a converged solve an update no longer changes them."""
         return np.zeros(0)
 
     @property
-    def per_metre(self) -> NDArray[np.float64]:
+    def per_metre(self) -> Array:
         """Order of magnitude of each multiplier's (k,) change per 1 m of displacement."""
         return np.zeros(0)
 
-    def hold(self, multipliers: NDArray[np.float64]) -> None:
+    def hold(self, multipliers: Array) -> None:
         """Set the multipliers (k,)."""
 
-    def updated(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+    def updated(self, positions: Array) -> Array:
         """Return the multipliers (k,) after an update at ``positions`` (n, 3) [m], without changing the term."""
         return np.zeros(0)
 
-    def energy(self, positions: NDArray[np.float64]) -> float:
+    def energy(self, positions: Array) -> float:
         """Return the term's energy [J] at ``positions`` (n, 3) [m] for the energy balance of increments.
 
         The value must not change if the positions do not change. The default is the energy of the kernel. A term
@@ -217,15 +219,15 @@ class Term:
             return 0.0
         return float(terms_energy(positions, TermTable.of(self), np.zeros_like(positions), np.zeros(1)))
 
-    def flaw(self, positions: NDArray[np.float64]) -> str:
+    def flaw(self, positions: Array) -> str:
         """Return a message if positions (n, 3) [m] of a converged solve are not acceptable; empty if they are."""
         return ""
 
-    def ran_away(self, positions: NDArray[np.float64], since: NDArray[np.float64]) -> bool:
+    def ran_away(self, positions: Array, since: Array) -> bool:
         """Return whether the extent grew without bound between ``since`` (n, 3) [m] and ``positions`` (n, 3) [m]."""
         return False
 
-    def potential(self, positions: NDArray[np.float64], command: float) -> tuple[float, float]:
+    def potential(self, positions: Array, command: float) -> tuple[float, float]:
         """Return the potential [J] and its derivative with respect to the command.
 
         The potential of an actuator or a load is zero while the body is undeformed, and zero if a multiplier keeps the
@@ -233,11 +235,11 @@ class Term:
         """
         return self.energy(positions), 0.0
 
-    def state(self, positions: NDArray[np.float64]) -> ActuatorState | None:
-        """Return command, extent and effort at ``positions`` (n, 3) [m]; None if the term is of no actuator."""
+    def state(self, positions: Array) -> ActuatorState | None:
+        """Return command, extent and effort at ``positions`` (n, 3) [m]; None if the term has no actuator."""
         return None
 
-    def report(self, positions: NDArray[np.float64]) -> dict[str, float]:
+    def report(self, positions: Array) -> dict[str, float]:
         """Return a dict from name to value in SI units, for users; it appears in `StepResult.terms`."""
         return {}
 
@@ -253,7 +255,7 @@ class TermTable(NamedTuple):
 
     address: NDArray[np.int64]
     real_start: NDArray[np.int64]
-    reals: NDArray[np.float64]
+    reals: Array
     integer_start: NDArray[np.int64]
     integers: NDArray[np.int32]
 

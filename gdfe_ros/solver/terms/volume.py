@@ -18,12 +18,13 @@ from gdfe_ros.actuators.load import GAUSS
 from gdfe_ros.compiled import inlined, internal, kernel
 from gdfe_ros.mesh.cells.tetrahedra import face_slopes, face_weights, triangle_rule
 from gdfe_ros.mesh.triples import along, corner, cross, dot, minus, plus
+from gdfe_ros.solver.vectors import Array
 
 NODES, COUNT, FACES = range(3)
 """Offsets in ``integers`` of the number of nodes of a face, the number of faces, and the nodes of all faces."""
 
 
-Products = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
+Products = tuple[Array, Array, Array, Array]
 """The triple products of a face with c nodes: the weights (p, c) of the nodes in u, v and w, and the weight (p,) of
 each product in the volume.
 """
@@ -85,9 +86,9 @@ def add_faces(x, integers, apex, n, g, h, share, of_volume, of_area, force):
 
 @internal
 def add_quads(x, integers, apex, scale, force):
-    """Return the volume of quads: the mean over both divisions into triangles. Add ``scale`` times its derivative.
+    """Return the volume between quads and ``apex``; add ``scale`` times its derivative to ``force``.
 
-    This is exact as the products are, and five times as fast.
+    The volume of a bilinear quad is the mean over both divisions into triangles: five times as fast as the products.
     """
     total, share = 0.0, scale / 12.0
     for q in range(integers[COUNT]):
@@ -112,7 +113,7 @@ def add_quads(x, integers, apex, scale, force):
 def face_forces(x, integers, apex, of_volume, of_area, force):
     """Return the volume V [m^3] between faces and ``apex`` (3,) [m]; add derivatives to ``force`` (n, 3).
 
-    They are ``of_volume`` times dV/dx at a constant apex, and ``of_area`` times f_a = int N_a n dA.
+    Added are ``of_volume`` times dV/dx, at a constant apex, and ``of_area`` times f_a = int N_a n dA.
     """
     if integers[NODES] == 4 and of_area == 0.0:
         return add_quads(x, integers, apex, of_volume, force)
