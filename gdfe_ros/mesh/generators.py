@@ -16,7 +16,7 @@ from gdfe_ros.mesh.selection import Where, select_cells
 
 
 def bar(size: Sequence[float], cells: Sequence[int]) -> HexMesh:
-    """Mesh a straight bar along x. It starts at x = 0; y and z are centred on 0.
+    """Mesh a straight bar along x that starts at x = 0 and is centred on y = z = 0.
 
     Args:
         size: length, width, height [m], each > 0.
@@ -36,7 +36,7 @@ def bar(size: Sequence[float], cells: Sequence[int]) -> HexMesh:
 
 
 def grid(x: ArrayLike, y: ArrayLike, z: ArrayLike) -> HexMesh:
-    """Mesh a block that planes perpendicular to x, y and z divide into cells; numbering as for `bar`.
+    """Mesh a block divided into cells by planes perpendicular to x, y and z; numbered as in `bar`.
 
     Args:
         x: coordinates of the planes perpendicular to x [m], strictly ascending, at least two.
@@ -101,7 +101,7 @@ def grid_cells(nx: int, ny: int, nz: int) -> NDArray[np.int32]:
 
 
 def finger(size: Sequence[float], *, joints: int, gap: float, web: float, cell: float, taper: float = 1.0) -> HexMesh:
-    """Mesh a finger: a bar along x with notches cut from below. It starts at x = 0; y and z are centred on 0.
+    """Mesh a finger: a bar along x with notches in its lower side, from x = 0, centred on y = z = 0.
 
     Args:
         size: length, width, height at the base [m].
@@ -140,7 +140,7 @@ def finger(size: Sequence[float], *, joints: int, gap: float, web: float, cell: 
 
 
 def _planes(borders: NDArray[np.float64], cell: float) -> NDArray[np.float64]:
-    """Return ascending coordinates of planes: the borders, and planes between them at most ``cell`` apart [m]."""
+    """Return ascending coordinates of planes [m]: the borders, and planes between, at most ``cell`` apart."""
     pieces = [borders[:1]]
     for low, high in pairwise(borders):
         count = max(1, int(np.ceil((high - low) / cell - 1e-9)))
@@ -157,7 +157,7 @@ _CORE = 0.55
 def tube(
     inner: float, outer: float, length: float, cells: Sequence[int], *, cap: float = 0.0, cap_cells: int = 1
 ) -> HexMesh:
-    """Mesh a tube along x with its axis at y = z = 0, from x = 0; with caps it encloses a chamber.
+    """Mesh a tube along the x axis from x = 0; with caps it encloses a chamber.
 
     Args:
         inner: inner radius [m], > 0.
@@ -281,7 +281,7 @@ def _plug(radius: float, around: int, planes: NDArray[np.float64]) -> HexMesh:
 
 
 def _full_turn(around: int) -> NDArray[np.float64]:
-    """Return ``around`` + 1 equally spaced angles [rad] of a full circle, from -45 degrees (a square's corner)."""
+    """Return ``around`` + 1 equally spaced angles [rad] of a full circle, from a corner of `_plug`'s core, -45 deg."""
     return np.linspace(-np.pi / 4, 7 * np.pi / 4, around + 1)
 
 

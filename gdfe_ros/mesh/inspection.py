@@ -31,7 +31,7 @@ from gdfe_ros.mesh.quality import QualityReport, check_mesh
 from gdfe_ros.mesh.surfaces.shells import Shells, shells
 from gdfe_ros.mesh.tetmesh import TetMesh
 
-#: Cells along the longest side of a suggested first voxel mesh.
+#: Number of cells along the longest side of the voxel mesh that is suggested for a first run.
 _FIRST_GRID = 40
 
 
@@ -59,13 +59,13 @@ class Inspection:
 
 
 def inspect_file(path: str | Path, *, scale: float | None = None, size: float | None = None) -> Inspection:
-    """Inspect a file with cells, a surface or CAD solids; its defects are returned and raise no error.
+    """Inspect a file with cells, a surface or CAD solids. Defects are returned, not raised.
 
     Args:
         path: the file.
         scale: metres for each unit of the file; None assumes metres and checks whether that is plausible.
-        size: size of the cells [m] with which the walls of a surface or of CAD solids are compared; None for the
-            default of ``gdfe new``.
+        size: intended size of the cells [m], which decides whether the walls of a surface or of CAD solids count as
+            thin; None for the default of ``gdfe new``.
     """
     path = Path(path)
     try:
@@ -85,7 +85,7 @@ def inspect_mesh(mesh: Mesh, *, path: Path | None = None, defects: list[str] | N
     Args:
         mesh: the mesh.
         path: its file.
-        defects: the mesh's defects; None if `check_mesh` has to find them.
+        defects: the mesh's defects if they are known; None to find them with `check_mesh`.
     """
     quality = check_mesh(mesh)
     found = quality.defects if defects is None else defects
@@ -146,7 +146,7 @@ def _solids(path: Path, size: float | None) -> Inspection:
 
 
 def _air(facts: list[tuple[str, str]]) -> list[str]:
-    """Return a list with a remark on chambers if no solid of a STEP file, with these facts, has a cavity of its own."""
+    """Return a list with a remark on chambers if no solid has a cavity; ``facts`` are those of a STEP file."""
     solids = [text for name, text in facts if name.startswith("solid ")]
     if any("no cavity" not in text for text in solids):
         return []
