@@ -23,8 +23,8 @@ from gdfe_ros.mesh.touching import Touching
 FINE, SMALL = 0.25, 0.1
 """The edges of a skin are divided until they are at most FINE times the SMALL quantile of the boundary cells' sizes."""
 CREASE = np.cos(np.radians(30.0))
-"""The common edge of two triangles is a crease if the cosine between their normals is below this. A point is a tip, like
-that of a cone, if the cosine between its normal and the normal of a triangle around it is below this.
+"""The common edge of two triangles is a crease if the cosine between their normals is below this. A point is a tip,
+like that of a cone, if the cosine between its normal and the normal of a triangle around it is below this.
 """
 FARTHEST = np.array([0.5, 0.75, 1.0])
 """Another contact point is added where the distance to the nearest contact point, divided by the size of the point's

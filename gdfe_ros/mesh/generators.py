@@ -192,11 +192,7 @@ def tube(
     x, radius = mesh.vertices[:, 0], np.hypot(mesh.vertices[:, 1], mesh.vertices[:, 2])
     between = (x > cap - 1e-9 * length) & (x < length - cap + 1e-9 * length)
     return _with_sets(
-        mesh,
-        inner=between & _near(radius, inner),
-        outer=_near(radius, outer),
-        start=x == 0.0,
-        end=_near(x, length),
+        mesh, inner=between & _near(radius, inner), outer=_near(radius, outer), start=x == 0.0, end=_near(x, length)
     )
 
 
@@ -224,9 +220,7 @@ def ring(radius: float, section: Sequence[float], cells: Sequence[int], *, angle
     low, high = radius - section[0] / 2, radius + section[0] / 2
     angles = _full_turn(cells[1]) if full else np.linspace(0, np.radians(angle), cells[1] + 1)
     flat = grid(
-        np.linspace(low, high, cells[0] + 1),
-        angles,
-        np.linspace(-section[1] / 2, section[1] / 2, cells[2] + 1),
+        np.linspace(low, high, cells[0] + 1), angles, np.linspace(-section[1] / 2, section[1] / 2, cells[2] + 1)
     )
     r, turn, _ = flat.vertices.T
     sets = {"inner": r == r.min(), "outer": r == r.max()}

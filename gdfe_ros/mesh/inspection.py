@@ -176,10 +176,7 @@ def _quality(quality: QualityReport) -> list[tuple[str, str]]:
 
 def _shells(surface: Shells) -> list[tuple[str, str]]:
     outer = len(surface.depths) - surface.n_cavities
-    return [
-        ("volume", f"{surface.volume:.6g} m^3"),
-        ("bodies, cavities", f"{outer}, {surface.n_cavities}"),
-    ]
+    return [("volume", f"{surface.volume:.6g} m^3"), ("bodies, cavities", f"{outer}, {surface.n_cavities}")]
 
 
 def _sets(sets: Mapping[str, NDArray[np.int32]]) -> str:

@@ -99,10 +99,7 @@ class Outside:
 
 
 def carry_skin(
-    vertices: NDArray[np.float64],
-    cells: NDArray[np.int32],
-    points: NDArray[np.float64],
-    triangles: NDArray[np.int64],
+    vertices: NDArray[np.float64], cells: NDArray[np.int32], points: NDArray[np.float64], triangles: NDArray[np.int64]
 ) -> Outside:
     """Return a triangle surface as a skin: each point is attached to the cell that contains it, or to the nearest cell.
 

@@ -38,8 +38,7 @@ class Side(Enum):
 
 
 Interval = Annotated[
-    tuple[float, float],
-    Quantity("interval [low, high] of the coordinate", "m", count=2, ascending=True, infinite=True),
+    tuple[float, float], Quantity("interval [low, high] of the coordinate", "m", count=2, ascending=True, infinite=True)
 ]
 Ids = Annotated[tuple[int, ...], Quantity("ids, from 0", least=0, most=2**31 - 1, count=ANY, whole=True)]
 _UNION = Meaning(
@@ -244,8 +243,7 @@ def _check(ids: tuple[int, ...], count: int, noun: str) -> NDArray[np.int32]:
     wrong = [i for i in ids if not 0 <= i < count]
     if wrong:
         raise MeshError(
-            "the selection does not fit the mesh",
-            [f"{noun} ids {wrong[:10]} do not exist; allowed: 0 to {count - 1}"],
+            "the selection does not fit the mesh", [f"{noun} ids {wrong[:10]} do not exist; allowed: 0 to {count - 1}"]
         )
     return np.unique(np.asarray(ids, dtype=np.int32))
 

@@ -23,12 +23,7 @@ CORNERS = np.array(
 
 
 MODES = np.stack(
-    [
-        CORNERS[:, 1] * CORNERS[:, 2],
-        CORNERS[:, 0] * CORNERS[:, 2],
-        CORNERS[:, 0] * CORNERS[:, 1],
-        CORNERS.prod(axis=1),
-    ]
+    [CORNERS[:, 1] * CORNERS[:, 2], CORNERS[:, 0] * CORNERS[:, 2], CORNERS[:, 0] * CORNERS[:, 1], CORNERS.prod(axis=1)]
 )
 """Corner values (4, 8) of the fields eta zeta, xi zeta, xi eta and xi eta zeta: mode i < 3 is constant along axis i."""
 

@@ -57,7 +57,7 @@ from gdfe_ros.scene.schemas.scene_schema import Draft
 def build_actuators(
     draft: Draft, mesh: HexMesh | None, handles: Sequence[Handle], report: Defects
 ) -> tuple[Actuator, ...]:
-    """Return the actuators whose points, faces or cells in the body are valid; report the defects of the others."""
+    """Return the actuators with valid points, faces or cells in the body; report the defects of other entries."""
     built = []
     for name, model in draft.actuators.items() if mesh is not None else ():
         kind, value = model.chosen
@@ -90,7 +90,7 @@ build_actuator.register(build_chamber)
 def build_masses(
     draft: Draft, mesh: HexMesh | None, probes: Mapping[str, Embedding], report: Defects
 ) -> tuple[AttachedMass, ...]:
-    """Return the attached masses whose vertices or probes are valid; ``probes`` are the valid ones, by name."""
+    """Return the attached masses with valid vertices or probes; ``probes`` is a dict of the valid probes by name."""
     found = []
     for name, model in draft.masses.items() if mesh is not None else ():
         with report.entry("masses", name):
@@ -113,9 +113,10 @@ def build_loads(
     masses: tuple[AttachedMass, ...],
     report: Defects,
 ) -> tuple[Load, ...]:
-    """Return the loads whose points or faces in the body are valid; gravity needs the density of every material.
+    """Return the loads with valid points or faces in the body; gravity needs the density of every material.
 
-    Gravity acts on ``whole``, the body and all soft bodies beside it, whose cells have the materials ``cell_material``.
+    Gravity acts on ``whole``, the mesh of the body and all soft bodies; ``cell_material`` is the index of the material
+    of each of its cells.
     """
     built, sound = [], len(materials) > cell_material.max(initial=0) and (cell_material >= 0).all()
     make = {"point": _point, "surface": _surface, "pressure": _pressure}
@@ -134,7 +135,7 @@ def build_loads(
 
 
 def build_probes(draft: Draft, mesh: HexMesh | None, report: Defects) -> dict[str, Embedding]:
-    """Return a dict from the name of each probe inside the body to its material point; report the other probes."""
+    """Return a dict from name to material point of the probes inside the body; report probes outside."""
     found = {}
     for name, place in draft.probes.items() if mesh is not None else ():
         part, point = (place.mesh, place.at) if isinstance(place, PlaceModel) else (None, place)
@@ -144,9 +145,9 @@ def build_probes(draft: Draft, mesh: HexMesh | None, report: Defects) -> dict[st
 
 
 def neutral_commands(scene: Scene) -> dict[str, float]:
-    """Return a dict from the name of each actuator and load to the command that leaves the body undeformed.
+    """Return a dict from actuator or load to the command at which it exerts no force on the undeformed body.
 
-    It is `Actuator.neutral` for an actuator, and 0 for a load.
+    The command is `Actuator.neutral` for an actuator, and 0 for a load.
     """
     commands = {item.name: item.neutral(scene.mesh.vertices) for item in scene.actuators}
     return {load.name: 0.0 for load in scene.loads} | commands
@@ -196,7 +197,7 @@ def _build_growth(value: GrowthModel, mesh: HexMesh, handles: Sequence[Handle], 
 
 @build_actuator.register
 def _build_grip(value: GripModel, mesh: HexMesh, handles: Sequence[Handle], common: dict) -> Grip:
-    """Return a grip; raise `Unfit` if its holder or what it holds is unknown or unsuitable."""
+    """Return a grip; raise `Unfit` if its holder, or the body or vertices that it holds, are unknown or unsuitable."""
     known = {each.name: each for each in handles}
     require_known("to", "handle, obstacle or body", value.to, known)
     if known[value.to].loose and not isinstance(known[value.to], RigidBody):
@@ -246,7 +247,7 @@ def _embed(mesh: HexMesh, part: str | None, points: object, key: str = "", *, re
     """Return the material points at given positions (p, 3) [m].
 
     If ``part`` names one of several meshes, the points are in this mesh, and the positions are in its frame. ``key`` is
-    the key of the points in their entry, and ``reach`` the argument of `embed`.
+    the key of the scene entry that gives the points. ``reach`` is an argument of `embed`.
 
     Raises:
         Unfit: there is no such mesh, or a point is outside of it.

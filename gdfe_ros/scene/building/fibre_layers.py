@@ -19,8 +19,8 @@ from gdfe_ros.scene.schemas.material_schema import FibreLayerModel, Wall
 from gdfe_ros.scene.schemas.scene_schema import Draft
 
 STIFFEST = 1e4
-"""Largest stiffness of a layer, divided by the least Young's modulus and the size of the body. Fibres beyond it hardly
-stretch, but their tensions cannot be resolved."""
+"""Largest stiffness of a layer, divided by the least Young's modulus and the size of the body. Stiffer fibres hardly
+stretch, and rounding errors dominate their tensions."""
 
 
 def build_fibres(
@@ -39,7 +39,7 @@ def build_fibres(
 
 
 def _layer(name: str, model: FibreLayerModel, mesh: Mesh) -> FibreLayer:
-    """Return a layer; raise `Unfit` if there are no faces, or if fibres cannot lie on them."""
+    """Return a layer; raise `Unfit` if no face is selected, or if a face is perpendicular to the fibres."""
     if mesh.skin is not None or mesh.filling is not None:
         text = "the faces of voxels are steps, not the wall of the body"
         raise Unfit("", f"{text}; remedy: a mesh of hexahedra or tetrahedra, e.g. mesh: {{tets: ...}}", value=NO_VALUE)
@@ -64,7 +64,7 @@ def _layer(name: str, model: FibreLayerModel, mesh: Mesh) -> FibreLayer:
 
 
 def _wall(mesh: Mesh, wall: Wall) -> NDArray[np.int32]:
-    """Return the faces of one wall: of the closed pieces of the boundary with a positive or a negative volume."""
+    """Return the faces of the outer or the inner wall: the closed pieces of the boundary with volume > 0 or < 0."""
     faces = mesh.surface()
     piece, kept = surface_pieces(mesh.vertices, corners_of(faces)), np.zeros(len(faces), dtype=bool)
     for number in range(int(piece.max(initial=-1)) + 1):

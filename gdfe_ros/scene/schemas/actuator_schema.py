@@ -68,7 +68,7 @@ class DriveModel(Entry):
 
     @property
     def mode(self) -> Mode:
-        """Quantity that the command prescribes: the value of the key ``command``, if the entry has this key."""
+        """Quantity that the command prescribes, from the key ``command``; entries without this key override it."""
         return Mode(self.command)
 
 
