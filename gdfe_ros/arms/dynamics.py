@@ -16,7 +16,7 @@ from gdfe_ros.errors import ArmError
 
 Vector = NDArray[np.float64]
 FARTHEST = 1e9
-"""Limit [rad] that makes a continuous joint a hinge; pinocchio describes a hinge by one number."""
+"""Limit [rad] with which continuous joints are passed to pinocchio as revolute joints, which have one coordinate."""
 
 
 class LinkFrame(NamedTuple):
@@ -46,7 +46,7 @@ class LinkDynamics:
     Newton-Euler algorithm (Featherstone, *Rigid Body Dynamics Algorithms*, 2008, section 5.3).
 
     Args:
-        description: of the robot.
+        description: description of the robot.
         base: frame of the robot's root link in the world.
 
     Raises:
@@ -80,7 +80,7 @@ class LinkDynamics:
         return spread, offset
 
     def frames(self, q: Vector) -> dict[str, LinkFrame]:
-        """Return dict from link to its frame in the world, at joint positions ``q`` (n,) [rad] or [m]."""
+        """Return a dict from link to its frame in the world, at joint positions ``q`` (n,) [rad] or [m]."""
         self._pin.framesForwardKinematics(self._model, self._data, self._full(q))
         found = {}
         for name, number in self._frames.items():
@@ -96,7 +96,7 @@ class LinkDynamics:
             q: positions (n,) [rad] or [m].
             v: velocities (n,) [rad/s] or [m/s].
             a: accelerations (n,) [rad/s^2] or [m/s^2].
-            gravity: (3,) [m/s^2] in the world.
+            gravity: acceleration (3,) [m/s^2] in the world.
             pushes: dict from link to the wrench on it.
         """
         self._model.gravity.linear = self.base.axes.T @ gravity
@@ -141,7 +141,7 @@ class LinkDynamics:
 
 
 def _plain(description: Description) -> str:
-    """Return URDF text without shapes and mimics, and with hinges in place of continuous joints (see `FARTHEST`)."""
+    """Return URDF text without shapes and mimics, and with revolute instead of continuous joints (see `FARTHEST`)."""
     robot = ElementTree.fromstring(description.text)
     for item in robot.findall("joint"):
         for mimic in item.findall("mimic"):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The meshes of a robot's links: search of their files, reading, and division into convex pieces."""
+"""Meshes of a robot's links: their files are found and read, and their surfaces divided into convex pieces."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from gdfe_ros.mesh.surfaces.shells import shell_numbers
 from gdfe_ros.untrusted.regular_file import defect_of, is_file
 
 DEBRIS = 1e-6
-"""Least volume of a convex piece of a collision mesh, divided by that of the largest piece."""
+"""Convex pieces of a collision mesh whose volume, divided by that of the largest piece, is below this are ignored."""
 _LONGEST = 200
 """Largest number of characters of a URI or path in an error."""
 Surface = tuple[NDArray[np.float64], NDArray[np.int64]]
@@ -58,10 +58,10 @@ def find_mesh(uri: str, *, folder: Path, packages: Mapping[str, Path]) -> Path:
 
 
 def _package(name: str, folder: Path, packages: Mapping[str, Path]) -> list[Path]:
-    """Return the possible folders of a package: the given folder, else folders in ROS' index and around the URDF.
+    """Return the possible folders of a package: the given folder, or else folders in ROS' index and around the URDF.
 
-    Copies of a package often have another folder name, or no ``package.xml``. The folders above the URDF are therefore
-    tried, too, each as the package itself; the nearest folder comes first.
+    Copies of a package often have another folder name, or no ``package.xml``. Therefore each folder above the URDF is
+    also tried as the package's folder, the nearest first.
     """
     if name in packages:
         return [packages[name]]

@@ -62,7 +62,7 @@ class Reach:
 
 
 class InverseControl:
-    """Open-loop controller: it commands the actuators of a model so that the model's targets reach their goals.
+    """Open-loop controller: commands a model's actuators so that the model's targets reach their goals.
 
     All commands stay within the scene's ranges, and tensions stay non-negative. Each `move` respects the scene's rates.
 
@@ -214,7 +214,7 @@ class InverseControl:
         return np.array([states[name].command for name in self.names])
 
     def _tell_idle(self) -> str:
-        """Return a message with the actuators that move no target at the present commands; empty if all move one."""
+        """Return a message that lists the actuators that move no target at present; empty if there are none."""
         rows, limits = self._jacobian.at(self._now(), self._stack.values()), self._limits
         with np.errstate(invalid="ignore"):  # zero times an infinite range
             motions = np.nan_to_num(np.linalg.norm(rows, axis=0) * (limits.high - limits.low))

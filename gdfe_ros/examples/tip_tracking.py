@@ -25,6 +25,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
 from std_srvs.srv import Trigger
 
+from gdfe_ros.examples.tip_follower import nanoseconds_of, read_commands
 from gdfe_ros.examples.tip_tracker import TipTracker, circle
 from gdfe_ros.node.middleware.process import answer_arguments, run
 from gdfe_ros.scene.loader import scene_from_text
@@ -34,8 +35,9 @@ _STATES = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _BASELINE, _REACH = 0.06, 0.2
 """Least motion that corrects the Jacobian, and largest motion of one command, both divided by the radius."""
 _FIRST = 0.02
-"""Largest delay that is assumed for the first command, divided by the period."""
+"""Largest delay that is assumed before the delay of a command has been measured, divided by the period."""
 _LOOK = 0.2
+"""Time [s] between two checks whether a request or command has no answer."""
 
 
 class TipTracking(Node):
@@ -132,8 +134,7 @@ class TipTracking(Node):
 
     def _take_state(self, message: PoseStamped | JointState) -> None:
         """Store a message by its stamp, and process the steps whose pose and joint states have both arrived."""
-        stamp = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
-        self._parts.setdefault(stamp, {})[type(message)] = message
+        self._parts.setdefault(nanoseconds_of(message), {})[type(message)] = message
         self._take_whole()
 
     def _take_whole(self) -> None:
@@ -143,19 +144,11 @@ class TipTracking(Node):
         for stamp in sorted(stamp for stamp, parts in self._parts.items() if len(parts) == 2):
             parts = self._parts[stamp]
             self._parts = {later: kept for later, kept in self._parts.items() if later > stamp}
-            self._applied = self._commands_of(parts[JointState])
+            self._applied = np.array(list(read_commands(parts[JointState], self._scene.actuators).values()))
             last, self._last = self._last, 1e-9 * stamp
             if self._tracker is not None:
                 position = parts[PoseStamped].pose.position
                 self._follow(np.array([position.x, position.y, position.z]), self._last, last)
-
-    def _commands_of(self, joints: JointState) -> NDArray[np.float64]:
-        places = {name: place for place, name in enumerate(joints.name)}
-        values = [
-            (joints.effort if actuator.mode.by_effort else joints.position)[places[actuator.name]]
-            for actuator in self._scene.actuators
-        ]
-        return np.array(values)
 
     def _follow(self, tip: NDArray[np.float64], now: float, last: float) -> None:
         """Send the next command after the step at the time ``now`` [s]; the previous step was at ``last`` [s]."""

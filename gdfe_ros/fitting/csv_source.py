@@ -113,7 +113,7 @@ class TableFile:
 
 
 TIMES = ("time", "t", "t_s")
-"""Names by which the time column is found if the match file does not name it."""
+"""Names of the time column that are tried if the match file does not name it."""
 
 
 class CsvSource:
@@ -198,15 +198,14 @@ class CsvSource:
         return Series(name, observable, self.times, values, labels, along, sigma)
 
     def _commands(self) -> dict[str, float | CommandModel]:
-        given = dict(self._source.match.commands)
-        movers = [handle.name for handle in self._scene.handles]
+        if self._source.match.commands:
+            return self._source.match.commands
+        given = {}
         for item in (*self._scene.actuators, *self._scene.loads):
-            names = [name for name in (f"command.{item.name}", item.name) if name in self._table]
-            if names and not self._source.match.commands:
+            if names := [name for name in (f"command.{item.name}", item.name) if name in self._table]:
                 given[item.name] = CommandModel(column=names[0])
-        for name in movers:
-            columns = {axis: f"target.{name}.{axis}" for axis in AXES if f"target.{name}.{axis}" in self._table}
-            if columns and not self._source.match.commands:
+        for name in (handle.name for handle in self._scene.handles):
+            if columns := {axis: f"target.{name}.{axis}" for axis in AXES if f"target.{name}.{axis}" in self._table}:
                 given[name] = CommandModel(columns=columns)
         return given
 

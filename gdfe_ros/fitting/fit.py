@@ -18,14 +18,7 @@ from gdfe_ros.fitting.csv_source import CsvSource
 from gdfe_ros.fitting.fitted_parameter import FittedParameter
 from gdfe_ros.fitting.match import Source, find_sources
 from gdfe_ros.fitting.problem import FitPoint, FitProblem, Solved, require_motion, solve
-from gdfe_ros.fitting.recording import (
-    ROW,
-    TIME,
-    Recording,
-    Schedule,
-    make_schedule,
-    require_commanded,
-)
+from gdfe_ros.fitting.recording import ROW, TIME, Recording, Schedule, make_schedule, require_commanded
 from gdfe_ros.fitting.statistics import Confidence, Match, confidence, matches, require_bounds, warnings
 from gdfe_ros.fitting.trajectory import Simulations, require_simulated
 from gdfe_ros.scene import Scene, scene_from_text

@@ -142,7 +142,7 @@ def require_held(mesh: HexMesh, handles: Iterable[Handle], report: Defects) -> N
 
 
 def find_unheld(mesh: HexMesh, handles: Iterable[Handle]) -> Iterator[tuple[str, NDArray[np.intp]]]:
-    """Yield an axis letter and the vertices (k,) of a piece, for pieces of the body that no handle holds along it."""
+    """Yield an axis letter and the vertices (k,) of a piece, for pieces that no handle holds along this axis."""
     part = vertex_pieces(mesh.cells, mesh.n_vertices)
     reached = [(handle.free, set(part[handle.vertices].tolist())) for handle in handles]
     for axis, letter in enumerate("xyz"):
