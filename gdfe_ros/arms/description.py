@@ -166,12 +166,9 @@ class Description:
 
     def rigid_with(self, link: str) -> set[str]:
         """Return the names of the links that only fixed joints connect with a ``link``, this link included."""
-        found, added = {link}, True
-        while added:
-            ends = [{joint.parent, joint.child} for joint in self.joints.values() if not joint.moves]
-            more = set().union(*(pair for pair in ends if pair & found)) - found
+        found, fixed = {link}, [{joint.parent, joint.child} for joint in self.joints.values() if not joint.moves]
+        while more := set().union(*(pair for pair in fixed if pair & found)) - found:
             found |= more
-            added = bool(more)
         return found
 
     def mesh_files(self) -> Iterator[str]:

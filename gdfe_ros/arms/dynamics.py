@@ -106,8 +106,10 @@ class LinkDynamics:
         if pushes:
             self._pin.computeJointJacobians(self._model, self._data, full)
             self._pin.updateFramePlacements(self._model, self._data)
+        axes = self._pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
         for name, push in pushes.items():
-            efforts -= self._jacobian(name).T @ self._wrench(name, push)
+            jacobian = self._pin.getFrameJacobian(self._model, self._data, self._frames[name], axes)
+            efforts -= jacobian.T @ self._wrench(name, push)
         return self._spread.T @ efforts
 
     def mass_matrix(self, q: Vector) -> Vector:
@@ -126,11 +128,6 @@ class LinkDynamics:
 
     def _full(self, q: Vector) -> Vector:
         return self._spread @ q + self._offset
-
-    def _jacobian(self, link: str) -> Vector:
-        """Return the Jacobian (6, m) of a link's frame in the base's axes; the link's placement must be up to date."""
-        frame = self._pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-        return self._pin.getFrameJacobian(self._model, self._data, self._frames[link], frame)
 
     def _wrench(self, link: str, push: Push) -> Vector:
         """Return a wrench (6,) in the base's axes, with the moment about the origin of the link's frame."""

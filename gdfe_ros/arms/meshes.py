@@ -14,7 +14,7 @@ from scipy.spatial import ConvexHull, QhullError
 
 from gdfe_ros.errors import ArmError, MeshError
 from gdfe_ros.mesh.meshing.voxels import SUFFIXES, examine_surface
-from gdfe_ros.mesh.surfaces.shells import shell_numbers
+from gdfe_ros.mesh.surfaces.shells import cone_volumes, shell_numbers
 from gdfe_ros.untrusted.regular_file import defect_of, is_file
 
 DEBRIS = 1e-6
@@ -125,7 +125,6 @@ def convex_pieces(surface: Surface) -> tuple[list[Surface], int]:
 def _outward(hull: ConvexHull) -> Surface:
     used, flat = np.unique(hull.simplices, return_inverse=True)
     points, triangles = hull.points[used], flat.reshape(-1, 3).astype(np.int64)
-    a, b, c = np.moveaxis(points[triangles], 1, 0)
-    inward = np.einsum("ij,ij->i", np.cross(b - a, c - a), hull.equations[:, :3]) < 0.0
+    inward = cone_volumes(points, triangles) < 0.0
     triangles[inward] = triangles[inward][:, ::-1]
     return np.ascontiguousarray(points), triangles

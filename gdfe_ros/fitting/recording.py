@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 class QuantityKind(Enum):
-    """Kinds of quantities. Positions are vectors [m], which a recording may state in a frame of its own."""
+    """Kinds of measured quantities. Positions are vectors [m]; a recording may give them in its own frame."""
 
     PROBE = "probe"
     MEAN = "mean"

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -46,17 +46,24 @@ def find_cavities(mesh: Mesh) -> list[Cavity]:
     The boundary consists of closed pieces with normals out of the material. A piece with a negative enclosed volume
     bounds a cavity.
     """
+    found = [
+        Cavity(inner, volume, mesh.vertices[np.unique(inner)].mean(axis=0))
+        for inner, volume in ((reverse(mesh.boundary.quads[own]), volume) for own, volume in boundary_pieces(mesh))
+        if volume > 0.0
+    ]
+    return sorted(found, key=lambda cavity: (-cavity.volume, tuple(cavity.center)))
+
+
+def boundary_pieces(mesh: Mesh) -> Iterator[tuple[NDArray[np.bool_], float]]:
+    """Yield a mask (q,) of the faces of each closed piece of the boundary, and the volume [m^3] of the space inside it.
+
+    The volume is positive for a cavity, and negative for the outside of a body.
+    """
     quads = mesh.boundary.quads
     piece = surface_pieces(mesh.vertices, corners_of(quads))
-    found = []
     for number in range(int(piece.max(initial=-1)) + 1):
         own = piece == number
-        inner = reverse(quads[own])
-        volume = inside_volume(mesh.vertices, inner)
-        if volume > 0:
-            center = mesh.vertices[np.unique(inner)].mean(axis=0)
-            found.append(Cavity(inner, volume, center))
-    return sorted(found, key=lambda cavity: (-cavity.volume, tuple(cavity.center)))
+        yield own, inside_volume(mesh.vertices, reverse(quads[own]))
 
 
 def inside_volume(points: NDArray[np.float64], faces: NDArray[np.int32]) -> float:

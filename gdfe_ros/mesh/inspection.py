@@ -28,7 +28,7 @@ from gdfe_ros.mesh.meshing.tetrahedralise import (
 from gdfe_ros.mesh.meshing.voxels import SUFFIXES, examine_surface
 from gdfe_ros.mesh.meshing.walls import default_size, flat_walls, wall_cells
 from gdfe_ros.mesh.quality import QualityReport, check_mesh
-from gdfe_ros.mesh.surfaces.shells import Shells, shells
+from gdfe_ros.mesh.surfaces.shells import shells
 from gdfe_ros.mesh.tetmesh import TetMesh
 
 #: Number of cells along the longest side of the voxel mesh that is suggested for a first run.
@@ -127,8 +127,12 @@ def _surface(path: Path, scale: float | None, size: float | None) -> Inspection:
     ]
     found = surface_findings(vertices, triangles, size=size or default_size(vertices))
     if found.walls is not None:
-        facts += _shells(shells(vertices, triangles))
-        facts.append(("a first cell size", f"{np.ptp(vertices, axis=0).max() / _FIRST_GRID:.2g} m"))
+        nested = shells(vertices, triangles)
+        facts += [
+            ("volume", f"{nested.volume:.6g} m^3"),
+            ("bodies, cavities", f"{len(nested.depths) - nested.n_cavities}, {nested.n_cavities}"),
+            ("a first cell size", f"{np.ptp(vertices, axis=0).max() / _FIRST_GRID:.2g} m"),
+        ]
     return Inspection(path, facts + found.facts, defects + found.defects, found.remarks, surface=found)
 
 
@@ -172,11 +176,6 @@ def _quality(quality: QualityReport) -> list[tuple[str, str]]:
         ("inverted or flat cells", str(int((quality.scaled_jacobian <= 0).sum()))),
         ("disconnected parts", str(quality.parts)),
     ]
-
-
-def _shells(surface: Shells) -> list[tuple[str, str]]:
-    outer = len(surface.depths) - surface.n_cavities
-    return [("volume", f"{surface.volume:.6g} m^3"), ("bodies, cavities", f"{outer}, {surface.n_cavities}")]
 
 
 def _sets(sets: Mapping[str, NDArray[np.int32]]) -> str:

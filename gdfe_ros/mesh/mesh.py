@@ -139,7 +139,7 @@ class Mesh:
 
     @cached_property
     def outside(self) -> Outside:
-        """Surface that is drawn: the skin, or the boundary if there is no skin."""
+        """Surface that is drawn: the skin or, without a skin, the boundary."""
         return self.skin or Outside.of_faces(self.boundary)
 
     def surface(self) -> NDArray[np.int32]:

@@ -127,7 +127,7 @@ def _normals(corners: NDArray[np.float64], mesh: Mesh) -> NDArray[np.float64]:
 
 
 def _deepest_point(first: Mesh, second: Mesh) -> tuple[float, NDArray[np.float64]]:
-    """Return the largest depth [m] of a point of one mesh's surface inside the other's, and this point (3,) [m].
+    """Return the depth [m] and the position (3,) [m] of the surface point of one mesh that is deepest in the other.
 
     Only contact points of skins and vertices of faces are tested; a crossing between these points is not found.
     """

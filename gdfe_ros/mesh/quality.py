@@ -66,7 +66,7 @@ class QualityReport:
 def check_mesh(mesh: Mesh) -> QualityReport:
     """Return a report on a mesh that names every defect; a defect raises no error.
 
-    Several pieces that share no vertex are no defect.
+    A mesh of several separate pieces is not a defect.
 
     Args:
         mesh: the mesh.

@@ -74,7 +74,7 @@ class Entity:
 
 
 def read_entity(text: str, *, where: str = "the resource") -> Entity:
-    """Return the body that a URDF, a YAML entry like those in `bodies`, or a mesh with its material describes.
+    """Read a body from a URDF, from a YAML entry as in `bodies`, or from a mesh with its material.
 
     A soft body is a mesh, as in a scene, with `material` (its law and parameters), or with `materials` and `regions`;
     the mesh may also be under the key `mesh`, as in a scene. A URDF must have one link with one <collision> that is a

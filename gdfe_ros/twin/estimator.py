@@ -96,18 +96,11 @@ class ProbeComparison:
 
         ``idle`` is whether the simulation has been at rest since its last state.
         """
-        found, later = [], []
-        for stamp, probe, place in self._waiting:
-            if now - stamp > LATEST or not self._samples or stamp < self._samples[0].stamp:
-                if now - stamp <= LATEST:
-                    later.append((stamp, probe, place))
-                continue
-            if stamp > self._samples[-1].stamp and not (idle and stamp <= now):
-                later.append((stamp, probe, place))
-                continue
-            found.append(self._pair(stamp, probe, place))
-        self._waiting = deque(later, maxlen=_KEPT)
-        return found
+        first, last = (self._samples[0].stamp, self._samples[-1].stamp) if self._samples else (np.inf, np.inf)
+        last = max(now, last) if idle else last
+        waiting = [item for item in self._waiting if now - item[0] <= LATEST]
+        self._waiting = deque((item for item in waiting if not first <= item[0] <= last), maxlen=_KEPT)
+        return [self._pair(*item) for item in waiting if first <= item[0] <= last]
 
     def _pair(self, stamp: float, probe: str, place: NDArray[np.float64]) -> Deviation:
         after = next((i for i, each in enumerate(self._samples) if each.stamp >= stamp), len(self._samples) - 1)

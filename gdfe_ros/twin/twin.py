@@ -8,7 +8,6 @@ import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,14 +18,10 @@ from gdfe_ros.live.session import LiveSession
 from gdfe_ros.node.driving.orders import ActuatorOrder, require_near
 from gdfe_ros.node.driving.remodelling import moduli_of
 from gdfe_ros.node.refusals import Reason, Refusal, require_finite
-from gdfe_ros.scene.scene import Scene
 from gdfe_ros.simulation import Simulation
 from gdfe_ros.twin.estimator import LATEST, Deviation, ModulusEstimator, ProbeComparison, Sample
 from gdfe_ros.untrusted.bounded_text import Throttle
 from gdfe_ros.untrusted.spelling import did_you_mean
-
-if TYPE_CHECKING:
-    from gdfe_ros.twin.twin_bag import TwinBag
 
 SMALLEST = 0.005
 """Least relative correction of a modulus that is applied; each applied correction rebuilds the simulation."""
@@ -91,7 +86,11 @@ class Twin:
         self._estimator, self._comparison = ModulusEstimator(len(self._names)), ProbeComparison(dt, window)
         self._lock, self._changed, self._change = threading.Lock(), 0.0, None
         self._file = None if table is None else table.open("x", newline="", encoding="utf-8")
-        self._bag = None if bag is None else _begin(bag, simulation.scene)
+        self._bag = None
+        if bag is not None:
+            from gdfe_ros.twin.twin_bag import TwinBag  # needs an extra
+
+            self._bag = TwinBag(bag, simulation.scene)
         self._table = None if self._file is None else csv.writer(self._file)
         if self._table is not None:
             self._table.writerow((*_HEAD, *(f"{name} [Pa]" for name in self._names)))
@@ -221,12 +220,6 @@ class Twin:
         for each in found:
             numbers = (*each.measured.tolist(), *each.simulated.tolist(), each.distance, each.spread)
             self._table.writerow((f"{each.stamp:.6f}", each.probe, *(f"{number:.9g}" for number in numbers), *moduli))
-
-
-def _begin(path: Path, scene: Scene) -> TwinBag:
-    from gdfe_ros.twin.twin_bag import TwinBag  # imported here, because it needs an extra, and only for recordings
-
-    return TwinBag(path, scene)
 
 
 def _require(simulation: Simulation, moduli: Sequence[str]) -> None:

@@ -88,6 +88,7 @@ def _operators(corners: NDArray[np.float64], cells: NDArray[np.int32]) -> ShapeO
     edges = np.einsum("eai,aj->eji", corners, trilinear_slopes(np.zeros(3)))
     lengths = np.linalg.norm(edges, axis=2)
     bends = np.abs(np.einsum("ka,eai->eki", MODES, corners)).max(axis=(1, 2))
+    products = 8.0 * np.linalg.det(np.einsum("eai,caj->ecij", corners, trilinear_slopes(CORNERS)))
     return ShapeOperators(
         np.ascontiguousarray(cells, dtype=np.int32),
         volume,
@@ -97,16 +98,11 @@ def _operators(corners: NDArray[np.float64], cells: NDArray[np.int32]) -> ShapeO
         2.0 * lengths,
         np.ascontiguousarray(np.linalg.inv(edges.transpose(0, 2, 1))),
         bends <= PARALLEL * lengths.min(axis=1),
-        np.ascontiguousarray(1.0 / _corner_products(corners)),
+        np.ascontiguousarray(1.0 / products),
         np.zeros(len(cells), dtype=np.bool_),
         np.tile([0.0, 1.0], (len(cells), 3, 1)),
         np.ones(len(cells), dtype=np.int32),
     )
-
-
-def _corner_products(corners: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the triple product (m, 8) [m^3] of the edges at each of the corners (m, 8, 3) [m]: 8 det(dX/dxi)."""
-    return 8.0 * np.linalg.det(np.einsum("eai,caj->ecij", corners, trilinear_slopes(CORNERS)))
 
 
 def _hourglass_vectors(corners: NDArray[np.float64], gradient: NDArray[np.float64]) -> NDArray[np.float64]:

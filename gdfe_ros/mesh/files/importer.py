@@ -101,15 +101,9 @@ def _by_meshio(path: Path, kind: str | None, heading: str) -> RawMesh | None:
         own = str(error) if isinstance(error, library.ReadError) and str(error) else "its content does not fit its kind"
         remedy = f"remedy: export it again, as one of {', '.join(SUFFIXES)}"
         raise MeshError(heading, [f"cannot be read as {path.suffix}: {own}; {remedy}"]) from error
-    return RawMesh(
-        points=raw.points,
-        cells=[CellBlock(block.type, block.data, block.dim) for block in raw.cells],
-        cell_sets=raw.cell_sets,
-        point_sets=raw.point_sets,
-        cell_data=raw.cell_data,
-        point_data=raw.point_data,
-        field_data=raw.field_data,
-    )
+    same = ("points", "cell_sets", "point_sets", "cell_data", "point_data", "field_data")
+    cells = [CellBlock(block.type, block.data, block.dim) for block in raw.cells]
+    return RawMesh(cells=cells, **{name: getattr(raw, name) for name in same})
 
 
 def _is_whole(raw: RawMesh, path: Path, kind: str) -> bool:

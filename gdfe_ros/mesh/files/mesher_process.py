@@ -150,14 +150,10 @@ def from_step(request: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
 
 def _set_background(gmsh, request: dict[str, np.ndarray]) -> None:
     """Set the largest edge [m] of cells: gmsh interpolates it from the ``sizes`` (a, b, c) at the points of a grid."""
+    sizes = request["sizes"]
+    rows = request["start"], np.full(3, request["spacing"]), np.array(sizes.shape), sizes.ravel()
     with open(BACKGROUND, "w", encoding="ascii") as file:
-        for line in (
-            request["start"],
-            np.full(3, request["spacing"]),
-            request["sizes"].shape,
-            request["sizes"].ravel(),
-        ):
-            file.write(" ".join(map(repr, line.tolist() if isinstance(line, np.ndarray) else line)) + "\n")
+        file.writelines(" ".join(map(repr, row.tolist())) + "\n" for row in rows)
     field = gmsh.model.mesh.field.add("Structured")
     gmsh.model.mesh.field.setString(field, "FileName", BACKGROUND)
     gmsh.model.mesh.field.setNumber(field, "TextFormat", 1)

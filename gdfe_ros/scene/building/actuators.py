@@ -6,7 +6,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import singledispatch
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,7 +33,6 @@ from gdfe_ros.materials import Material, cell_densities, lacks_density
 from gdfe_ros.mesh import HexMesh, select_cells, select_faces, select_vertices
 from gdfe_ros.mesh.cells.faces import reverse
 from gdfe_ros.mesh.selection import select_skin
-from gdfe_ros.scene.base_entry import Entry
 from gdfe_ros.scene.building.builder import select
 from gdfe_ros.scene.building.chambers import build_chamber, on_skin
 from gdfe_ros.scene.building.simulated_mesh import require_part
@@ -57,7 +55,12 @@ from gdfe_ros.scene.schemas.scene_schema import Draft
 def build_actuators(
     draft: Draft, mesh: HexMesh | None, handles: Sequence[Handle], report: Defects
 ) -> tuple[Actuator, ...]:
-    """Return the actuators with valid points, faces or cells in the body; report the defects of other entries."""
+    """Return the actuators with valid points, faces or cells in the body; report the defects of other entries.
+
+    Each kind of actuator has a function that builds it from its entry, the mesh, the handles, and a dict of the
+    arguments that all actuators have: name and mode; if there is a range, also low, high and rate.
+    """
+    make = {"cable": _build_cable, "chamber": build_chamber, "growth": _build_growth, "grip": _build_grip}
     built = []
     for name, model in draft.actuators.items() if mesh is not None else ():
         kind, value = model.chosen
@@ -66,25 +69,9 @@ def build_actuators(
             if isinstance(value, DriveModel):
                 low, high = value.range or value.mode.limits
                 common |= {"low": low, "high": high, "rate": value.rate or math.inf}
-            built.append(build_actuator(value, mesh, handles, common))
+            built.append(make[kind](value, mesh, handles, common))
             _require_within(built[-1])
     return tuple(built)
-
-
-@singledispatch
-def build_actuator(value: Entry, mesh: HexMesh, handles: Sequence[Handle], common: dict) -> Actuator:
-    """Return the actuator of an entry; each kind of entry registers its builder, which may raise `Unfit`.
-
-    Args:
-        value: the entry.
-        mesh: the body.
-        handles: handles of the scene.
-        common: name and mode of the actuator; if it has a range, also low, high and rate.
-    """
-    raise TypeError(f"no builder is registered for {type(value).__name__}")
-
-
-build_actuator.register(build_chamber)
 
 
 def build_masses(
@@ -161,7 +148,6 @@ def _require_within(actuator: Actuator) -> None:
         raise Unfit("range", f"allowed for {mode.value}{unit}: {least:g} to {most:g}")
 
 
-@build_actuator.register
 def _build_cable(value: CableModel, mesh: HexMesh, handles: Sequence[Handle], common: dict) -> Cable:
     """Return a cable; points up to half a cell outside of the body are moved onto it."""
     world, groups = [], {}
@@ -185,7 +171,6 @@ def _build_cable(value: CableModel, mesh: HexMesh, handles: Sequence[Handle], co
     return Cable(points=points, stiffness=value.stiffness or math.inf, **common)
 
 
-@build_actuator.register
 def _build_growth(value: GrowthModel, mesh: HexMesh, handles: Sequence[Handle], common: dict) -> Growth:
     cells = select(select_cells, mesh, value.where, "cell")
     stretch = np.diag(value.stretch)
@@ -195,7 +180,6 @@ def _build_growth(value: GrowthModel, mesh: HexMesh, handles: Sequence[Handle], 
     return Growth(cells=cells, stretch=0.5 * (stretch + stretch.T), **common)
 
 
-@build_actuator.register
 def _build_grip(value: GripModel, mesh: HexMesh, handles: Sequence[Handle], common: dict) -> Grip:
     """Return a grip; raise `Unfit` if its holder, or the body or vertices that it holds, are unknown or unsuitable."""
     known = {each.name: each for each in handles}

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from gdfe_ros.materials import Material
 from gdfe_ros.mesh import Mesh, select_faces
-from gdfe_ros.mesh.cavities import inside_volume, surface_pieces
+from gdfe_ros.mesh.cavities import boundary_pieces
 from gdfe_ros.mesh.cells.face_fibres import FibreLayer, fibre_points, perpendicular_faces
 from gdfe_ros.mesh.cells.faces import corners_of, group_faces
 from gdfe_ros.scene.building.builder import select
@@ -64,10 +64,7 @@ def _layer(name: str, model: FibreLayerModel, mesh: Mesh) -> FibreLayer:
 
 
 def _wall(mesh: Mesh, wall: Wall) -> NDArray[np.int32]:
-    """Return the faces of the outer or the inner wall: the closed pieces of the boundary with volume > 0 or < 0."""
+    """Return the faces of the outer wall of a body, or of the walls of its cavities."""
     faces = mesh.surface()
-    piece, kept = surface_pieces(mesh.vertices, corners_of(faces)), np.zeros(len(faces), dtype=bool)
-    for number in range(int(piece.max(initial=-1)) + 1):
-        own = piece == number
-        kept |= own & ((inside_volume(mesh.vertices, faces[own]) > 0.0) is (wall is Wall.OUTER))
-    return faces[kept]
+    chosen = [own for own, volume in boundary_pieces(mesh) if (volume < 0.0) is (wall is Wall.OUTER)]
+    return faces[np.any([np.zeros(len(faces), dtype=bool), *chosen], axis=0)]

@@ -148,9 +148,9 @@ class GrowthModel(DriveModel):
 
 
 class GripModel(Entry):
-    """A suction cup, a vacuum or a magnet: it takes hold where things are, and lets go again.
+    """A suction cup, a vacuum or a magnet: it holds a rigid body or vertices, and can release them.
 
-    At command 1, what it holds keeps its place on the holder; at 0 it is free.
+    At command 1, the held body or vertices keep their present pose relative to the holder; at 0 they are free.
     """
 
     mode: ClassVar = Mode.GRIP

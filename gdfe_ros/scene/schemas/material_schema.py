@@ -164,7 +164,7 @@ class PresetModel(_Common):
 
 
 class PublishedModel(Entry):
-    """Constants of a material as somebody has published them ([sets](fitting.md#published-sets))."""
+    """Constants of a material from a publication ([sets](fitting.md#published-sets))."""
 
     published: Literal[tuple(PUBLISHED)] = Field(description="name of the set: material, law and source")
     poisson: Annotated[float, _POISSON] | None = Field(None, description="Poisson's ratio; default: that of the set")

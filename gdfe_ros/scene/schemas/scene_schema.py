@@ -49,7 +49,7 @@ class SoftBodyModel(PlacedMeshModel):
 
 
 class HandleModel(Entry):
-    """Vertices that are fixed, move together as a rigid body, or slide each by itself."""
+    """Vertices that are fixed, move together as a rigid body, or slide individually."""
 
     where: Where = Field(description="the vertices, e.g. {face: x-}")
     fixed: bool = Field(False, description="true: the handle stays at its rest pose and takes no commands")
