@@ -38,7 +38,7 @@ SOFT, RIGID = "ecoflex", "box"
 SPAN = 8
 """Number of steps over which forces and accelerations are averaged in the check of their balance."""
 LIFTED = 1e-4
-"""An object is lifted, and the table carries none of its weight, if its lowest corner is higher above the table [m]."""
+"""An object counts as lifted, without support by the table, if its lowest corner is more than this above it [m]."""
 CONTACT = 4e-4
 """Area [m^2] of a fingertip's contact: 20 mm wide and 20 mm high."""
 

@@ -59,7 +59,7 @@ def vector_of(part: Any, *, pose: bool) -> list[float] | None:
     """Return the numbers of a number, point, vector, pose, transform or wrench; None for any other value.
 
     Args:
-        part: a message, or a value in it. Poses with a stamp or a covariance are poses.
+        part: a message, or a value in it. Poses with a stamp or a covariance count as poses.
         pose: whether the rotation vector of a pose is appended to its position.
     """
     if isinstance(part, int | float | np.number):

@@ -48,8 +48,8 @@ class Twin:
         dt: time of a step [s], in simulation time and in real time.
         noise: standard deviation of the measured positions along an axis [m].
         delay: time by which the stamps of measurements are late [s].
-        window: uncertainty of the times of commands and measurements [s]; the simulation's motion within this time is
-            added to the standard deviation of a measurement.
+        window: uncertainty of the times of commands and measurements [s]; the simulation's motion within this time
+            increases the standard deviation of a measurement.
         table: path of a CSV file of all measured and simulated positions; None: none is written.
         bag: path of an MCAP file (`TwinBag`); None: none is written.
         told: function that is called with the view of each step, in the stepping thread.

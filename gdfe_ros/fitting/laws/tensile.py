@@ -26,7 +26,7 @@ SURE = 4.0
 weight. If this limit exceeds all stresses, the fit minimises absolute errors.
 """
 GOOD = 0.01
-"""Relative misfit at every point below which no further term is tried."""
+"""A fit is good enough, and no further terms are tried, if the relative misfit at every point is below this."""
 MOST_TERMS = 3
 MOST_ALPHA = 20.0
 """Largest magnitude of Ogden's exponents; for larger ones, powers of the stretch overflow."""
@@ -153,7 +153,7 @@ def _check(strain: ArrayLike, stress: ArrayLike) -> tuple[Vector, Vector]:
 
 
 def _weights(data: TestData) -> Vector:
-    """Return the factor [1/Pa] from the error of each stress to its misfit."""
+    """Return the factors (k,) [1/Pa] that convert errors of stresses to misfits."""
     least = max(FLOOR * np.abs(data.stress).max(initial=0.0), SURE / GOOD * data.scatter)
     return 1.0 / np.maximum(np.abs(data.stress), least)
 

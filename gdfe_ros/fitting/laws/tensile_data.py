@@ -159,7 +159,7 @@ def _slack(strain: Vector, stress: Vector, scatter: float, foot: _Foot) -> float
 
 
 def _below_foot(strain: Vector, stress: Vector, scatter: float, foot: _Foot) -> NDArray[np.bool_]:
-    """Return whether each point at the start has far less stress (`FLAT`) than the foot's tangent has there."""
+    """Return whether each point at the start of the curve has far less stress (`FLAT`) than the extrapolated curve."""
     expected = foot.slope * (strain - foot.end)
     early = (strain > foot.end) & (expected < TAUT[1] * stress.max())
     return early & (np.abs(stress) < FLAT * expected) & (expected - stress > 8.0 * scatter)

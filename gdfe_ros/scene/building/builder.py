@@ -63,7 +63,8 @@ def fill_regions(
         regions: regions with their key paths; later ones win.
         path: key path of the list of regions.
         report: collects the defects.
-        complete: whether no region has been left out because of a defect; if so, all cells must have a material.
+        complete: whether ``regions`` has all regions of the file, because none has a defect. Each cell must then have a
+            material.
     """
     names = report.names("materials")
     assigned = np.full(mesh.n_cells if mesh is not None else 0, -1, dtype=np.int32)

@@ -70,7 +70,7 @@ def with_soft_bodies(mesh: HexMesh | None, bodies: Mapping[str, MeshPart]) -> He
 
 
 def assign_soft_materials(draft: Draft, bodies: Mapping[str, MeshPart], report: Defects) -> NDArray[np.int32]:
-    """Return the index of the material of each cell of the soft bodies (m,), int32; -1: none."""
+    """Return the index (m,) int32 of the material of each cell of the soft bodies; -1 for a cell without material."""
     assigned = [np.zeros(0, dtype=np.int32)]
     for name, part in bodies.items():
         model, path = draft.soft_bodies[name], ("soft_bodies", name)

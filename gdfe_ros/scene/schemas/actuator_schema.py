@@ -116,7 +116,7 @@ class CableModel(DriveModel):
 
 
 class ChamberModel(DriveModel):
-    """A surface filled with a fluid, closed or with open edges on handles; with cut cells, a shell of the skin."""
+    """A closed surface filled with a fluid, or one with open edges on handles; with cut cells, a shell of the skin."""
 
     cavity: Annotated[int, _CAVITY] | None = None
     near: Point3 | None = Field(None, description="selects the cavity whose centre is nearest to this point [x, y, z]")

@@ -95,7 +95,7 @@ def _keys_of(law: type[Material]) -> type[_Law]:
 
 
 LAW_MODELS = {law: _keys_of(law) for law in _FORMULAS}
-"""Dict from each law that is a formula to its entry."""
+"""Dict from the class of each law with a formula to the schema of its entry."""
 
 
 class CurveModel(_Common):
