@@ -28,7 +28,7 @@ def edge_counts(faces: NDArray[np.integer]) -> tuple[NDArray[np.int64], NDArray[
     """Return the edges (e, 2) of faces (q, 3 or 4), the number of faces at each edge, and the balance of directions.
 
     The balance (e,) is the number of faces that run through the edge from its lower to its higher vertex id, minus the
-    number of faces that run the other way.
+    number of faces that run in the opposite direction.
     """
     ends = np.stack([faces.ravel(), np.roll(faces, -1, axis=1).ravel()], axis=1)
     edges, which = number_edges(np.sort(ends, axis=1))
