@@ -160,7 +160,6 @@ class FeedbackControl:
             distances=stack.distances(error),
             reached=stack.has_reached(error),
             message=stack.message(left, values, self._limits.list_limited(self._sent)),
-            tries=1,
         )
 
     def _judge(self, measured: Array, foretold: Array) -> None:

@@ -93,7 +93,6 @@ class Fit:
 
     Attributes:
         scene: scene with the fitted values.
-        parameters: fitted parameters.
         problem: least-squares problem of the fitted recordings.
         solved: solution of this problem.
         known: confidence intervals and correlations of the parameters.
@@ -105,7 +104,6 @@ class Fit:
     """
 
     scene: Scene
-    parameters: tuple[FittedParameter, ...]
     problem: FitProblem
     solved: Solved
     known: Confidence
@@ -114,11 +112,6 @@ class Fit:
     matches: tuple[Match, ...]
     warnings: tuple[str, ...]
     simulations: int
-
-    @property
-    def values(self) -> dict[str, float]:
-        """Dict from key to fitted value."""
-        return {estimate.key: estimate.value for estimate in self.known.estimates}
 
 
 def fit_scene(
@@ -157,21 +150,20 @@ def fit_scene(
     require_bounds(problem, solved, known)
     values = {estimate.key: estimate.value for estimate in known.estimates}
     fitted = matches(problem, solved.point)
-    other = point = None
+    other, point, predicted = None, None, []
     if held_out:
         other = FitProblem(simulations, parameters, held_out, quads=quads)
         point = predict(other, solved.point.values)
-    predicted = matches(other, point, held_out=True) if held_out else []
+        predicted = matches(other, point, held_out=True)
     return Fit(
         scene=scene_from_text(scene.source, origin="that was fitted", overrides=values),
-        parameters=tuple(parameters),
         problem=problem,
         solved=solved,
         known=known,
         held_out=other,
         prediction=point,
         matches=(*fitted, *predicted),
-        warnings=tuple([*warnings(fitted, predicted, known, parameters), *_list_unconverged(solved.point, problem)]),
+        warnings=(*warnings(fitted, predicted, known, parameters), *_list_unconverged(solved.point, problem)),
         simulations=simulations.count,
     )
 
