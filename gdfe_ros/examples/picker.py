@@ -15,19 +15,17 @@ from builtin_interfaces.msg import Duration
 from geometry_msgs.msg import WrenchStamped
 from rclpy.action import ActionClient
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from gdfe_ros.examples.soft_grip import GripSchedule
 from gdfe_ros.examples.tip_follower import nanoseconds_of
-from gdfe_ros.node.interface import FOLLOW_TRAJECTORY
+from gdfe_ros.node.interface import FOLLOW_TRAJECTORY, Delivery
 from gdfe_ros.node.messages import actuation
-from gdfe_ros.node.middleware.ros_types import interface_class, is_installed
+from gdfe_ros.node.middleware.ros_types import interface_class, is_installed, qos_profile
 from gdfe_ros.scene.program import Program
 from gdfe_ros.scene.scene import Scene
 
-_STATES = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _SOON = 1e-6
 """Time [s] by which a trajectory may begin early, to allow for the rounding of times to nanoseconds."""
 
@@ -70,7 +68,7 @@ class Picker(Node):
         self._commands = self.create_publisher(JointState, f"{simulation}/actuation", 10)
         for name in self._actuators:
             topic = f"{simulation}/sensors/{name}/wrench"
-            self.create_subscription(WrenchStamped, topic, partial(self._feel, name), _STATES)
+            self.create_subscription(WrenchStamped, topic, partial(self._feel, name), qos_profile(Delivery.STATE))
         self._action = None
         if is_installed(FOLLOW_TRAJECTORY.type):
             kind = interface_class(FOLLOW_TRAJECTORY.type)

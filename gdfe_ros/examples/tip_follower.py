@@ -16,21 +16,20 @@ import numpy as np
 from geometry_msgs.msg import PoseStamped, WrenchStamped
 from numpy.typing import NDArray
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
 from gdfe_ros.actuators import Actuator
 from gdfe_ros.control import FeedbackControl, Target
 from gdfe_ros.errors import GdfeError
+from gdfe_ros.node.interface import Delivery
 from gdfe_ros.node.messages import actuation
 from gdfe_ros.node.middleware.process import answer_arguments, run
+from gdfe_ros.node.middleware.ros_types import qos_profile
 from gdfe_ros.scene.loader import scene_from_text
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.simulation import Command, Simulation
 
-_LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-_STATES = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _PERIOD = 0.02
 """Duration of the first command to a goal [s]; later commands have the time between two states as their duration."""
 _REST = 1e-4
@@ -71,9 +70,10 @@ class TipFollower(Node):
         self._last: int | None = None
         self._told, self._answers = False, 0
         self._commands = self.create_publisher(JointState, f"{name}/actuation", 10)
-        self.create_subscription(String, f"{name}/scene", self._take_scene, _LATCHED)
-        self.create_subscription(PoseStamped, f"{name}/probe/{self._probe}", self._take_pose, _STATES)
-        self.create_subscription(JointState, f"{name}/joint_states", self._take_joints, _STATES)
+        states = qos_profile(Delivery.STATE)
+        self.create_subscription(String, f"{name}/scene", self._take_scene, qos_profile(Delivery.LATCHED))
+        self.create_subscription(PoseStamped, f"{name}/probe/{self._probe}", self._take_pose, states)
+        self.create_subscription(JointState, f"{name}/joint_states", self._take_joints, states)
         self.create_subscription(PoseStamped, "~/goal", self._take_goal, 10)
 
     def close(self) -> None:

@@ -20,18 +20,17 @@ import numpy as np
 from geometry_msgs.msg import PoseStamped
 from numpy.typing import NDArray
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
 from std_srvs.srv import Trigger
 
 from gdfe_ros.examples.tip_follower import nanoseconds_of, read_commands
 from gdfe_ros.examples.tip_tracker import TipTracker, circle
+from gdfe_ros.node.interface import Delivery
 from gdfe_ros.node.middleware.process import answer_arguments, run
+from gdfe_ros.node.middleware.ros_types import qos_profile
 from gdfe_ros.scene.loader import scene_from_text
 
-_LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-_STATES = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _BASELINE, _REACH = 0.06, 0.2
 """Least motion that corrects the Jacobian, and largest motion of one command, both divided by the radius."""
 _FIRST = 0.02
@@ -69,10 +68,11 @@ class TipTracking(Node):
         self._last = self._ahead = 0.0
         self._commands = self.create_publisher(Float64MultiArray, f"{name}/commands", 10)
         self._jacobian = self.create_client(Trigger, f"{name}/compute_jacobian")
-        self.create_subscription(String, f"{name}/scene", self._take_scene, _LATCHED)
-        self.create_subscription(Float64MultiArray, f"{name}/jacobian", self._take_jacobian, _LATCHED)
-        self.create_subscription(PoseStamped, f"{name}/probe/{self._probe}", self._take_state, _STATES)
-        self.create_subscription(JointState, f"{name}/joint_states", self._take_state, _STATES)
+        latched, states = qos_profile(Delivery.LATCHED), qos_profile(Delivery.STATE)
+        self.create_subscription(String, f"{name}/scene", self._take_scene, latched)
+        self.create_subscription(Float64MultiArray, f"{name}/jacobian", self._take_jacobian, latched)
+        self.create_subscription(PoseStamped, f"{name}/probe/{self._probe}", self._take_state, states)
+        self.create_subscription(JointState, f"{name}/joint_states", self._take_state, states)
         self.create_timer(_LOOK, self._look)
 
     def close(self) -> None:
