@@ -55,7 +55,9 @@ def grid(x: ArrayLike, y: ArrayLike, z: ArrayLike) -> HexMesh:
         raise MeshError("cannot mesh this grid", defects)
     across_z, across_y, across_x = np.meshgrid(z, y, x, indexing="ij")
     vertices = np.stack([across_x.ravel(), across_y.ravel(), across_z.ravel()], axis=1)
-    return HexMesh(vertices=vertices, cells=grid_cells(len(x) - 1, len(y) - 1, len(z) - 1))
+    first = np.arange(len(vertices)).reshape(across_x.shape)[:-1, :-1, :-1].ravel()
+    bottom = np.array([0, 1, 1 + len(x), len(x)])
+    return HexMesh(vertices, first[:, None] + np.concatenate([bottom, bottom + len(x) * len(y)]))
 
 
 def cut(mesh: HexMesh, holes: Sequence[Where]) -> HexMesh:
@@ -80,24 +82,6 @@ def cut(mesh: HexMesh, holes: Sequence[Where]) -> HexMesh:
     if defects:
         raise MeshError("cannot cut this mesh", defects)
     return keep_cells(mesh, keep)
-
-
-def grid_cells(nx: int, ny: int, nz: int) -> NDArray[np.int32]:
-    """Return the cells of a structured grid.
-
-    Args:
-        nx: number of cells along the first axis.
-        ny: number of cells along the second axis.
-        nz: number of cells along the third axis.
-
-    Returns:
-        Vertex ids, shape (nx*ny*nz, 8), int32, in the numbering of `bar`.
-    """
-    k, j, i = np.meshgrid(np.arange(nz), np.arange(ny), np.arange(nx), indexing="ij")
-    row, layer = nx + 1, (nx + 1) * (ny + 1)
-    first = (i + row * j + layer * k).ravel()
-    bottom = np.array([0, 1, 1 + row, row])
-    return (first[:, None] + np.concatenate([bottom, bottom + layer])).astype(np.int32)
 
 
 def finger(size: Sequence[float], *, joints: int, gap: float, web: float, cell: float, taper: float = 1.0) -> HexMesh:
@@ -185,7 +169,8 @@ def tube(
     ends = [np.linspace(0, cap, cap_cells + 1)] * bool(cap)
     middle = np.linspace(cap, length - cap, along + 1)
     planes = np.unique(np.concatenate([*ends, middle, *(length - end[::-1] for end in ends)]))
-    pieces = [_map(grid(np.linspace(inner, outer, radial + 1), angles, planes), _along_x)]
+    wall = grid(np.linspace(inner, outer, radial + 1), angles, planes)
+    pieces = [_map(wall, lambda r, turn, x: (x, r * np.cos(turn), r * np.sin(turn)))]
     for end in ends:
         pieces += [_plug(inner, around, end), _plug(inner, around, length - end[::-1])]
     mesh = merge_vertices(join(*pieces))
@@ -277,10 +262,6 @@ def _plug(radius: float, around: int, planes: NDArray[np.float64]) -> HexMesh:
 def _full_turn(around: int) -> NDArray[np.float64]:
     """Return ``around`` + 1 equally spaced angles [rad] of a full circle, from a corner of `_plug`'s core, -45 deg."""
     return np.linspace(-np.pi / 4, 7 * np.pi / 4, around + 1)
-
-
-def _along_x(r: NDArray, turn: NDArray, x: NDArray) -> tuple[ArrayLike, ...]:
-    return x, r * np.cos(turn), r * np.sin(turn)
 
 
 def _blow_up(u: NDArray, v: NDArray, r: NDArray) -> tuple[ArrayLike, ...]:

@@ -87,21 +87,14 @@ def read_sets(raw: RawMesh, starts: dict[int, int]) -> tuple[Sets, Sets]:
 
 def _block_groups(raw: RawMesh) -> Iterator[tuple[str, int, NDArray[np.int64]]]:
     """Yield each set or group of cells block by block: its name, the block's index, and the cells' indices in it."""
-    yield from _set_blocks(raw)
+    for name, per_block in raw.cell_sets.items():
+        for block, ids in enumerate(per_block if name and not name.startswith("gmsh:") else ()):
+            if ids is not None and len(ids):
+                yield name, block, np.asarray(ids, dtype=np.int64)
     for key, per_block in raw.cell_data.items():
         whole = np.concatenate([np.asarray(data).ravel() for data in per_block]) if per_block else np.zeros(0)
         for value in [] if key == "gmsh:geometrical" else _groups(whole):
             yield from _value_blocks(raw, key, value)
-
-
-def _set_blocks(raw: RawMesh) -> Iterator[tuple[str, int, NDArray[np.int64]]]:
-    """Yield the named sets of cells, as `_block_groups` does."""
-    for name, per_block in raw.cell_sets.items():
-        if not name or name.startswith("gmsh:"):
-            continue
-        for block, ids in enumerate(per_block):
-            if ids is not None and len(ids):
-                yield name, block, np.asarray(ids, dtype=np.int64)
 
 
 def _value_blocks(raw: RawMesh, key: str, value: int) -> Iterator[tuple[str, int, NDArray[np.int64]]]:
