@@ -82,7 +82,7 @@ class Carriers:
         return {name: float(getattr(motions[arm.name], part)[i]) for name, (arm, i) in self._places.items()}
 
     def frames(self, motions: Motions) -> dict[str, LinkFrame]:
-        """Return dict from link to its frame in the world."""
+        """Return a dict from link to its frame in the world."""
         found: dict[str, LinkFrame] = {}
         for arm in self._arms:
             found |= arm.dynamics.frames(motions[arm.name].positions)
@@ -138,7 +138,7 @@ class Carriers:
         gravity: Vector,
         cuts: Mapping[str, str],
     ) -> dict[str, JointReading]:
-        """Return dict from joint to its state.
+        """Return a dict from joint to its state.
 
         Args:
             motions: motions of the joints.

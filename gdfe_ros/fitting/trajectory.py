@@ -205,7 +205,7 @@ def _step(parameter: FittedParameter, value: float) -> float:
 def _change(
     parameters: Sequence[FittedParameter], values: Sequence[float], place: int, step: float
 ) -> dict[str, float]:
-    """Return dict from key to value, with the coordinate u of the parameter at ``place`` changed by ``step``."""
+    """Return a dict from key to value, with the coordinate u of the parameter at ``place`` changed by ``step``."""
     given = {parameter.key: value for parameter, value in zip(parameters, values, strict=True)}
     changed = parameters[place]
     given[changed.key] = changed.value(changed.coordinate(values[place]) + step)

@@ -272,7 +272,7 @@ def _refusal(fit: TensileFit) -> str:
 
 
 _PLAIN = ("linear", "neo_hookean", "stable_neo_hookean", "curve")
-"""Laws whose stability needs no check of several deformations."""
+"""Laws that count as stable without a check in several modes of deformation."""
 ACCEPTABLE = 0.05
 """Relative misfit above which another law is recommended; repeated tests of one batch differ by about this much."""
 
