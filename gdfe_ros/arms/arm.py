@@ -44,14 +44,14 @@ class Arm:
         rotation R R0^T, translation p + R R0^T (c - p0) - c.
 
     Attributes:
-        name: of the arm.
+        name: name of the arm.
         dynamics: kinematics and dynamics of the arm's links.
         flange: name of the link that carries the handle.
         handle: name of the handle.
         centre: centre of the handle in its rest pose (3,) [m].
         start: initial positions of the arm's commanded joints (n,) [rad] or [m].
-        springs: of the joints that yield; None if all joints are rigid.
-        links: obstacles with the shapes of those links that can touch the body.
+        springs: springs of the joints that yield under load; None if all joints are rigid.
+        links: obstacles with the shapes of the links that can touch the body.
         visuals: drawn shapes of the arm's links.
         remarks: messages about meshes that are left out of pictures.
     """
@@ -88,11 +88,11 @@ class Arm:
         return self.dynamics.frames(self.start)
 
     def poses(self, q: Vector, last: Mapping[str, Pose]) -> dict[str, Pose]:
-        """Return dict from the handle and each piece of ``links`` to its pose, relative to its initial pose.
+        """Return a dict from the handle and each obstacle in ``links`` to its pose, relative to its initial pose.
 
         Args:
             q: positions of the joints (n,) [rad] or [m].
-            last: previous poses. Rotation vectors continue from these, also beyond 180 degrees.
+            last: previous poses. Rotation vectors continue from them without jumps, also beyond 180 degrees.
         """
         if np.array_equal(q, self.start):
             return {name: Pose(rotation=_whole_turns(last.get(name))) for name, *_ in self._carried}
@@ -109,28 +109,31 @@ class Arm:
         return found
 
     def keep_poses(self, q: Vector, last: Mapping[str, Pose]) -> dict[str, Pose]:
-        """Return the ``last`` poses of an arm that has not moved; if a pose is missing, return those of `poses`."""
+        """Return the ``last`` poses of an arm that has not moved; if a pose is missing, compute them with `poses`."""
         names = [name for name, *_ in self._carried]
         return {name: last[name] for name in names} if all(name in last for name in names) else self.poses(q, last)
 
     @cached_property
     def _carried(self) -> list[tuple[str, str, Vector, bool]]:
-        """Name, link and initial centre [m] of the handle and of each piece, and whether its link is immovable."""
+        """Name, link and initial centre [m] of the handle and each obstacle, and whether its link is immovable."""
         mounted = self.dynamics.description.rigid_with(self.dynamics.description.root)
         pieces = [(piece.name, piece.link, np.array(piece.origin), piece.link in mounted) for piece in self.links]
         return [(self.handle, self.flange, self.centre, False), *pieces]
 
     def flange_distance(self, one: Vector, other: Vector, size: float) -> float:
-        """Return how far [m] the flange or a body of ``size`` [m] on it moves between joint positions (n,) each."""
+        """Return how far [m] the flange, with a body of ``size`` [m] on it, moves at most between two joint positions.
+
+        ``one`` and ``other`` are the joint positions (n,).
+        """
         first, second = (self.dynamics.frames(q)[self.flange] for q in (one, other))
         turn = np.linalg.norm(second.axes - first.axes) / np.sqrt(2.0)
         return float(np.linalg.norm(second.origin - first.origin) + turn * size)
 
 
 def _whole_turns(last: Pose | None) -> tuple[float, float, float]:
-    """Return the whole turns [rad] that are nearest to the rotation of the ``last`` pose; zero without such a pose.
+    """Return the rotation vector [rad] of zero or more full turns that is nearest to the rotation of the ``last`` pose.
 
-    Zeros are positive: messages of equal poses are reused, and a replay would find the other sign.
+    It is zero without a last pose. Zeros have a positive sign, so that a replay finds bitwise equal messages.
     """
     x, y, z = (0.0, 0.0, 0.0) if last is None else nearest_turn((0.0, 0.0, 0.0, 1.0), last)
     return x + 0.0, y + 0.0, z + 0.0

@@ -29,7 +29,7 @@ class JointReading(NamedTuple):
         position: [rad] or [m].
         velocity: [rad/s] or [m/s].
         effort: torque [N m] or force [N] of the motor.
-        told: message about limits that restricted the motion or that the effort exceeds; empty if there are none.
+        told: message about limits that restricted the motion, and about an effort above its limit; empty otherwise.
     """
 
     goal: float
@@ -44,8 +44,8 @@ class ArmsStep:
     """Outcome of a step of all arms.
 
     Attributes:
-        motions: of the joints after the step.
-        poses: dict from handle or obstacle of a link to its pose.
+        motions: motions of the joints after the step.
+        poses: dict from each handle on an arm, and each obstacle of a link, to its pose.
         cuts: dict from joint to the limits that restricted its motion, e.g. ``velocity and acceleration``.
     """
 
@@ -55,10 +55,10 @@ class ArmsStep:
 
 
 class Carriers:
-    """The arms of a scene.
+    """The arms of a scene, advanced together in each step.
 
     Args:
-        arms: of the scene.
+        arms: arms of the scene.
     """
 
     def __init__(self, arms: Sequence[Arm]) -> None:
@@ -74,15 +74,15 @@ class Carriers:
 
     @staticmethod
     def restore(motions: Mapping[str, Sequence[Vector]]) -> Motions:
-        """Return the motion of the joints that a snapshot contains."""
+        """Return the motions of joints from a snapshot, in which they are tuples of arrays."""
         return {name: JointMotion(*parts) for name, parts in motions.items()}
 
     def parts(self, motions: Motions, part: str) -> dict[str, float]:
-        """Return dict from joint to one ``part`` of its motion, e.g. ``positions``."""
+        """Return a dict from joint to one field of its `JointMotion`; ``part`` is the field, e.g. ``positions``."""
         return {name: float(getattr(motions[arm.name], part)[i]) for name, (arm, i) in self._places.items()}
 
     def frames(self, motions: Motions) -> dict[str, LinkFrame]:
-        """Return dict from link to its frame in the world."""
+        """Return a dict from link to its frame in the world."""
         found: dict[str, LinkFrame] = {}
         for arm in self._arms:
             found |= arm.dynamics.frames(motions[arm.name].positions)
@@ -92,7 +92,7 @@ class Carriers:
         """Return motions and poses of all arms after a step.
 
         Args:
-            motions: before the step.
+            motions: motions of the joints before the step.
             goals: dict from joint to its new commanded position [rad] or [m]; other joints keep their last command.
             dt: duration of the step [s].
             last: poses of handles and of obstacles of links before the step.
@@ -138,14 +138,14 @@ class Carriers:
         gravity: Vector,
         cuts: Mapping[str, str],
     ) -> dict[str, JointReading]:
-        """Return dict from joint to its state.
+        """Return a dict from joint to its state.
 
         Args:
-            motions: of the joints.
-            poses: of handles and of obstacles of links.
+            motions: motions of the joints.
+            poses: poses of handles and of obstacles of links.
             reactions: dict from handle or obstacle to its wrench on the soft body (6,) [N] and [N m].
             contacts: dict from contact to its points; only contacts of rigid bodies with links are used.
-            gravity: (3,) [m/s^2].
+            gravity: acceleration (3,) [m/s^2].
             cuts: dict from joint to the limits that restricted its motion in the last step.
         """
         found = {}
@@ -165,7 +165,7 @@ class Carriers:
 def link_pushes(
     arm: Arm, poses: Mapping[str, Pose], reactions: Mapping[str, Vector], contacts: Mapping[str, Touch]
 ) -> dict[str, Push]:
-    """Return dict from link to the wrench of soft and rigid bodies on it; moments are about the world's origin."""
+    """Return a dict from link to the wrench of soft and rigid bodies on it; moments are about the world's origin."""
     total: dict[str, Vector] = {}
 
     def add(link: str, force: Vector, moment: Vector, point: Vector) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Description of a robot: the links, joints and shapes that its URDF states."""
+"""Links, joints and shapes of a robot, as its URDF describes them."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class Link:
     """A rigid link.
 
     Attributes:
-        name: of the link.
+        name: name of the link.
         visuals: shapes for pictures.
         collisions: shapes for contact.
     """
@@ -91,7 +91,7 @@ class Joint:
     """A joint between two links.
 
     Attributes:
-        name: of the joint.
+        name: name of the joint.
         motion: kind of the joint.
         parent, child: names of the two links that it connects.
         limits: limits of a joint that accepts commands; None for a fixed joint and for one that mimics another.
@@ -116,10 +116,10 @@ class Joint:
         return "m" if self.motion is JointKind.PRISMATIC else "rad"
 
     def require(self, value: object) -> float:
-        """Return a commanded position [rad] or [m], after a check; the joint has limits.
+        """Check a commanded position [rad] or [m] of a joint with limits, and return it as a float.
 
         Raises:
-            CommandError: it is no finite number within the joint's limits.
+            CommandError: the value is not a finite number within the joint's limits.
         """
         given = {"low": self.limits.lower, "high": self.limits.upper, "unit": self.unit}
         remedy = "remedy: a position within the joint's limits, or `limits` of the arm in the scene"
@@ -131,12 +131,12 @@ class Description:
     """A robot: a tree of links.
 
     Attributes:
-        name: of the robot.
+        name: name of the robot.
         text: URDF, with the prefix on the names of links and joints.
         root: name of the link without a parent.
         links: dict from name to link, in the order of the file.
         joints: dict from name to joint, in the order of the file.
-        remarks: messages about content that is implausible, or left out.
+        remarks: messages about implausible or ignored content of the URDF.
         parents: dict from link to the joint that connects it to its parent.
     """
 
@@ -166,12 +166,9 @@ class Description:
 
     def rigid_with(self, link: str) -> set[str]:
         """Return the names of the links that only fixed joints connect with a ``link``, this link included."""
-        found, added = {link}, True
-        while added:
-            ends = [{joint.parent, joint.child} for joint in self.joints.values() if not joint.moves]
-            more = set().union(*(pair for pair in ends if pair & found)) - found
+        found, fixed = {link}, [{joint.parent, joint.child} for joint in self.joints.values() if not joint.moves]
+        while more := set().union(*(pair for pair in fixed if pair & found)) - found:
             found |= more
-            added = bool(more)
         return found
 
     def mesh_files(self) -> Iterator[str]:

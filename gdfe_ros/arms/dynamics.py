@@ -16,7 +16,7 @@ from gdfe_ros.errors import ArmError
 
 Vector = NDArray[np.float64]
 FARTHEST = 1e9
-"""Limit [rad] that makes a continuous joint a hinge; pinocchio describes a hinge by one number."""
+"""Limit [rad] with which continuous joints are passed to pinocchio as revolute joints, which have one coordinate."""
 
 
 class LinkFrame(NamedTuple):
@@ -46,7 +46,7 @@ class LinkDynamics:
     Newton-Euler algorithm (Featherstone, *Rigid Body Dynamics Algorithms*, 2008, section 5.3).
 
     Args:
-        description: of the robot.
+        description: description of the robot.
         base: frame of the robot's root link in the world.
 
     Raises:
@@ -80,7 +80,7 @@ class LinkDynamics:
         return spread, offset
 
     def frames(self, q: Vector) -> dict[str, LinkFrame]:
-        """Return dict from link to its frame in the world, at joint positions ``q`` (n,) [rad] or [m]."""
+        """Return a dict from link to its frame in the world, at joint positions ``q`` (n,) [rad] or [m]."""
         self._pin.framesForwardKinematics(self._model, self._data, self._full(q))
         found = {}
         for name, number in self._frames.items():
@@ -96,7 +96,7 @@ class LinkDynamics:
             q: positions (n,) [rad] or [m].
             v: velocities (n,) [rad/s] or [m/s].
             a: accelerations (n,) [rad/s^2] or [m/s^2].
-            gravity: (3,) [m/s^2] in the world.
+            gravity: acceleration (3,) [m/s^2] in the world.
             pushes: dict from link to the wrench on it.
         """
         self._model.gravity.linear = self.base.axes.T @ gravity
@@ -106,8 +106,10 @@ class LinkDynamics:
         if pushes:
             self._pin.computeJointJacobians(self._model, self._data, full)
             self._pin.updateFramePlacements(self._model, self._data)
+        axes = self._pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
         for name, push in pushes.items():
-            efforts -= self._jacobian(name).T @ self._wrench(name, push)
+            jacobian = self._pin.getFrameJacobian(self._model, self._data, self._frames[name], axes)
+            efforts -= jacobian.T @ self._wrench(name, push)
         return self._spread.T @ efforts
 
     def mass_matrix(self, q: Vector) -> Vector:
@@ -127,11 +129,6 @@ class LinkDynamics:
     def _full(self, q: Vector) -> Vector:
         return self._spread @ q + self._offset
 
-    def _jacobian(self, link: str) -> Vector:
-        """Return the Jacobian (6, m) of a link's frame in the base's axes; the link's placement must be up to date."""
-        frame = self._pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-        return self._pin.getFrameJacobian(self._model, self._data, self._frames[link], frame)
-
     def _wrench(self, link: str, push: Push) -> Vector:
         """Return a wrench (6,) in the base's axes, with the moment about the origin of the link's frame."""
         back = self.base.axes.T
@@ -141,7 +138,7 @@ class LinkDynamics:
 
 
 def _plain(description: Description) -> str:
-    """Return URDF text without shapes and mimics, and with hinges in place of continuous joints (see `FARTHEST`)."""
+    """Return URDF text without shapes and mimics, and with revolute instead of continuous joints (see `FARTHEST`)."""
     robot = ElementTree.fromstring(description.text)
     for item in robot.findall("joint"):
         for mimic in item.findall("mimic"):

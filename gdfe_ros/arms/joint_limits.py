@@ -66,7 +66,7 @@ class JointLimits:
     is limited to +-v_max, and to the previous velocity +-a h. The position advances by v h.
 
     Args:
-        limits: of each joint.
+        limits: limits of each joint.
     """
 
     def __init__(self, limits: Sequence[UrdfLimits]) -> None:
@@ -101,7 +101,7 @@ class JointLimits:
         )
 
     def _braking(self, left: Vector, dt: float) -> Vector:
-        """Return the velocities (n,), u(e) with the sign of e, at which joints can stop in distances ``left`` (n,)."""
+        """Return the velocities sign(e) u(e) (n,) from which joints can stop within the distances e, ``left`` (n,)."""
         reach, a = np.abs(left), self._acceleration
         with np.errstate(invalid="ignore"):
             braked = a * (np.sqrt(0.25 * dt**2 + 2.0 * reach / a) - 0.5 * dt)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The meshes of a robot's links: search of their files, reading, and division into convex pieces."""
+"""Meshes of a robot's links: their files are found and read, and their surfaces divided into convex pieces."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from scipy.spatial import ConvexHull, QhullError
 
 from gdfe_ros.errors import ArmError, MeshError
 from gdfe_ros.mesh.meshing.voxels import SUFFIXES, examine_surface
-from gdfe_ros.mesh.surfaces.shells import shell_numbers
+from gdfe_ros.mesh.surfaces.shells import cone_volumes, shell_numbers
 from gdfe_ros.untrusted.regular_file import defect_of, is_file
 
 DEBRIS = 1e-6
-"""Least volume of a convex piece of a collision mesh, divided by that of the largest piece."""
+"""Convex pieces of a collision mesh whose volume, divided by that of the largest piece, is below this are ignored."""
 _LONGEST = 200
 """Largest number of characters of a URI or path in an error."""
 Surface = tuple[NDArray[np.float64], NDArray[np.int64]]
@@ -58,10 +58,10 @@ def find_mesh(uri: str, *, folder: Path, packages: Mapping[str, Path]) -> Path:
 
 
 def _package(name: str, folder: Path, packages: Mapping[str, Path]) -> list[Path]:
-    """Return the possible folders of a package: the given folder, else folders in ROS' index and around the URDF.
+    """Return the possible folders of a package: the given folder, or else folders in ROS' index and around the URDF.
 
-    Copies of a package often have another folder name, or no ``package.xml``. The folders above the URDF are therefore
-    tried, too, each as the package itself; the nearest folder comes first.
+    Copies of a package often have another folder name, or no ``package.xml``. Therefore each folder above the URDF is
+    also tried as the package's folder, the nearest first.
     """
     if name in packages:
         return [packages[name]]
@@ -125,7 +125,6 @@ def convex_pieces(surface: Surface) -> tuple[list[Surface], int]:
 def _outward(hull: ConvexHull) -> Surface:
     used, flat = np.unique(hull.simplices, return_inverse=True)
     points, triangles = hull.points[used], flat.reshape(-1, 3).astype(np.int64)
-    a, b, c = np.moveaxis(points[triangles], 1, 0)
-    inward = np.einsum("ij,ij->i", np.cross(b - a, c - a), hull.equations[:, :3]) < 0.0
+    inward = cone_volumes(points, triangles) < 0.0
     triangles[inward] = triangles[inward][:, ::-1]
     return np.ascontiguousarray(points), triangles

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Collision shapes and pictures of links, and the check that an arm is free of the body at the start."""
+"""Collision shapes and pictures of links, and a check that no link is initially inside another body."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ def _solid(points: bytes, faces: bytes) -> Solid:
 def visuals(robot: Description, surfaces: Mapping[str, Surface]) -> tuple[Visual, ...]:
     """Return the drawn shapes of all links, except meshes that are not among the ``surfaces``.
 
-    A link without visual shapes, or with none that is left, is drawn with its collision shapes.
+    A link without drawable visual shapes is drawn with its collision shapes.
     """
     found = []
     for name, link in robot.links.items():
@@ -116,7 +116,7 @@ def _faces(shape: Geometry, surfaces: Mapping[str, Surface]) -> np.ndarray:
 
 
 TOUCHING = 1e-3
-"""Largest penetration depth [m] that counts as contact, not as inside; the meshes of links are not exact."""
+"""Initial penetration up to this depth [m] is allowed, because the meshes of links are not exact."""
 
 
 def begins_inside(arm: Arm, handles: Sequence[Handle], mesh: HexMesh) -> Iterator[str]:

@@ -46,7 +46,7 @@ def root_of(names: set[str], joints: Sequence[Joint]) -> tuple[str, list[str]]:
 
 
 def _cycles(joints: Sequence[Joint]) -> list[str]:
-    """Return a message for links that form a loop and are therefore not connected with the root."""
+    """Return a list with a message about links that form a loop apart from the root; empty if there are none."""
     try:
         TopologicalSorter({joint.child: [joint.parent] for joint in joints}).prepare()
     except CycleError as error:
@@ -56,7 +56,7 @@ def _cycles(joints: Sequence[Joint]) -> list[str]:
 
 
 def mimic_defects(joints: Mapping[str, Joint]) -> list[str]:
-    """Return messages about joints that mimic a fixed joint, or a joint that itself mimics another one."""
+    """Return messages about joints that mimic a missing or fixed joint, or a joint that itself mimics another one."""
     found = []
     for joint in joints.values():
         if joint.mimic is None:

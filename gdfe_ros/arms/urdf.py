@@ -24,14 +24,14 @@ from gdfe_ros.untrusted.spelling import did_you_mean
 _NAMED = {"link": ("name",), "joint": ("name",), "parent": ("link",), "child": ("link",), "mimic": ("joint",)}
 """Dict from XML element to the attribute that contains the name of a link or a joint."""
 _XACRO = re.compile(r"\{[^}]*xacro[^}]*\}", re.IGNORECASE)
-"""Namespace of xacro's elements, of which there are several. URDFs that xacro wrote still declare it, but have no
-element of it.
+"""Tag prefix of xacro's elements; the namespace has several spellings. URDFs written by xacro declare the namespace,
+but have no such elements.
 """
 _PREFIXED = re.compile(r"[\s<]([A-Za-z_][\w.-]*):[A-Za-z_][\w.-]*[\s=/>]")
 """Prefix of an element or attribute, e.g. of ``drake:acceleration``."""
 _MACROS = "it has xacro macros; remedy: `xacro arm.urdf.xacro > arm.urdf`, and give that file"
 _FORMS = {"box": Box, "cylinder": Cylinder, "sphere": Sphere, "mesh": None}
-"""Dict from XML element to the shape that it describes, whose fields are its attributes; a mesh is in a file."""
+"""Dict from XML element to the class of its shape, whose fields are the element's attributes; None for a mesh file."""
 
 
 def parse_urdf(
@@ -69,7 +69,7 @@ def parse_urdf(
 
 
 def _bind_prefixes(text: str) -> str:
-    """Return a URDF that declares each of its prefixes: ROS' own parser knows no namespaces, so that many do not."""
+    """Return the URDF with a declaration of each XML prefix; many URDFs lack them, because ROS' parser ignores them."""
     used = set(_PREFIXED.findall(text)) - set(re.findall(r"xmlns:([\w.-]+)", text)) - {"xmlns", "xml"}
     declared = "".join(f' xmlns:{name}="{name}"' for name in sorted(used))
     return re.sub(r"<robot\b", lambda found: found[0] + declared, text, count=1)

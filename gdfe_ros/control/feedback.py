@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Closed-loop control: commands from measurements of the robot, with a model that may be inaccurate.
 
-Each command is the command at the last measurement plus a change. J is the Jacobian of the targets with respect to the
-commands. The change is chosen such that the predicted motion, J times the change, removes the distance to the goal. J
+Each command is the command at the last measurement plus a change. With J, the Jacobian of the targets with respect to
+the commands, the predicted motion is J times the change; the change is chosen so that this motion reaches the goal. J
 is initially the model's. Each measurement corrects it (Broyden 1965): if a change dc moved the robot by dy instead of
 J dc, J changes by
 
@@ -28,8 +28,8 @@ from gdfe_ros.simulation import Simulation
 
 Array = NDArray[np.float64]
 DAMPING = 1e-3
-"""Weight of the cost |D dc| of a change dc. It limits changes with a nearly singular Jacobian to 500 times the change
-that the strongest actuator would need.
+"""Weight of the cost |D dc| of a change dc. If the Jacobian is nearly singular, the weight limits changes to 500 times
+the change that the strongest actuator would need.
 """
 BASELINE = 3.0
 """Least measured or predicted motion, in tolerances, at which a measurement corrects the Jacobian. Noise is then at
@@ -52,8 +52,8 @@ class FeedbackControl:
         actuators: names of the actuators; None: all.
         tolerance: distance [m] at which a goal counts as reached; it must be at least the noise of the measurements.
             Motions below three times this distance do not correct the Jacobian.
-        slew: least time [s] in which a command may cross its range. It must be at least the robot's (a node's
-            ``slew_time``). Otherwise the robot lags behind the commands of some actuators more than of others.
+        slew: least time [s] in which a command may cross its range. It must be at least that of the robot (a node's
+            ``slew_time``); otherwise the robot lags behind the commands of some actuators more than of others.
         learning: fraction, from 0 to 1, of the prediction error of a change by which the Jacobian is corrected.
 
     Raises:
@@ -160,7 +160,6 @@ class FeedbackControl:
             distances=stack.distances(error),
             reached=stack.has_reached(error),
             message=stack.message(left, values, self._limits.list_limited(self._sent)),
-            tries=1,
         )
 
     def _judge(self, measured: Array, foretold: Array) -> None:

@@ -51,18 +51,16 @@ class Reach:
         distances: distance of each target from its goal (t,), along the target's axes, in its unit: m, rad or N.
         reached: whether all targets are within their tolerances.
         message: reason why goals were not reached; empty if all were reached.
-        tries: number of changes of the commands that were tried.
     """
 
     commands: Mapping[str, float]
     distances: Array
     reached: bool
     message: str
-    tries: int
 
 
 class InverseControl:
-    """Open-loop controller: it commands the actuators of a model so that the model's targets reach their goals.
+    """Open-loop controller: commands a model's actuators so that the model's targets reach their goals.
 
     All commands stay within the scene's ranges, and tensions stay non-negative. Each `move` respects the scene's rates.
 
@@ -130,7 +128,7 @@ class InverseControl:
                     reason = str(flaw)
                     break
                 tries, stuck = tries + spent, not moved
-        return self._report(error, tries, reason)
+        return self._report(error, reason)
 
     def move(self, goals: ArrayLike, dt: float) -> Reach:
         """Change the commands once towards the goals, as far as the rates allow in ``dt`` [s]; for control loops.
@@ -143,14 +141,14 @@ class InverseControl:
             CommandError: goals or time are not allowed; the state is unchanged.
             GdfeError: the present state has no derivative; the state is unchanged.
         """
-        wanted, tries, reason = self._stack.check_goals(goals), 0, ""
+        wanted, reason = self._stack.check_goals(goals), ""
         require_positive("the time of a move", dt, "s")
         with self._all_or_nothing():
             error = self._errors(wanted)
             if not self._stack.has_reached(error):
-                moved, error, tries = self._approach(wanted, error, dt)
+                moved, error, _ = self._approach(wanted, error, dt)
                 reason = "" if moved else self._tell_idle()
-        return self._report(error, tries, reason)
+        return self._report(error, reason)
 
     @contextmanager
     def _all_or_nothing(self) -> Iterator[None]:
@@ -214,14 +212,14 @@ class InverseControl:
         return np.array([states[name].command for name in self.names])
 
     def _tell_idle(self) -> str:
-        """Return a message with the actuators that move no target at the present commands; empty if all move one."""
+        """Return a message that lists the actuators that move no target at present; empty if there are none."""
         rows, limits = self._jacobian.at(self._now(), self._stack.values()), self._limits
         with np.errstate(invalid="ignore"):  # zero times an infinite range
             motions = np.nan_to_num(np.linalg.norm(rows, axis=0) * (limits.high - limits.low))
         idle = [name for name, motion in zip(self.names, motions, strict=True) if motion < STANDSTILL]
         return f"zero derivative at their commands: {', '.join(idle)}; remedy: begin at other ones" if idle else ""
 
-    def _report(self, error: Array, tries: int, reason: str) -> Reach:
+    def _report(self, error: Array, reason: str) -> Reach:
         now = self._now()
         message = self._stack.message(error, self._stack.values(), self._limits.list_limited(now))
         return Reach(
@@ -229,7 +227,6 @@ class InverseControl:
             distances=self._stack.distances(error),
             reached=self._stack.has_reached(error),
             message="; ".join(filter(None, (message, reason))),
-            tries=tries,
         )
 
 

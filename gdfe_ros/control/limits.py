@@ -60,8 +60,8 @@ class CommandLimits:
     def costs(self, rows: Array) -> Array:
         """Return the costs D (n,) of changes of the commands, from the Jacobian ``rows`` (m, n).
 
-        The cost of a command is the largest norm of all columns whose commands have the same unit. Therefore a command
-        is hardly changed if it moves the targets much less than other commands with its unit.
+        The cost of a command is the largest norm among the columns of all commands with its unit. A command that moves
+        the targets much less than others of its unit is therefore hardly changed.
         """
         return np.where(self._alike, np.linalg.norm(rows, axis=0), 0.0).max(axis=1)
 

@@ -20,11 +20,11 @@ PATIENCE = 60.0
 
 
 class RealTimeControl:
-    """Returns commands for moving goals without waiting for the model's equilibrium.
+    """Controller for moving goals that returns commands without waiting for the model's equilibrium.
 
-    A command is computed in less than a millisecond, from the model's last equilibrium and its Jacobian. In a separate
-    thread, the model is solved for the latest commands, as fast as possible. Its new equilibrium corrects the next
-    command, like a measurement in `FeedbackControl`.
+    A command is computed in less than a millisecond, from the model's last equilibrium and its Jacobian. A separate
+    thread solves the model for the latest commands, as fast as possible. The new equilibrium corrects the next command,
+    like a measurement in `FeedbackControl`.
 
     Args:
         simulation: model without dynamics; until `close`, only this object may step it.

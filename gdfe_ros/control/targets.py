@@ -16,9 +16,9 @@ from gdfe_ros.scene.scene import Scene
 from gdfe_ros.simulation import Simulation
 
 Array = NDArray[np.float64]
-WAY, TURN = 0.1, 0.5
-"""Limits of one change of the commands: longest motion of a probe, divided by the body's size, and largest rotation
-[rad].
+MOTION, TURN = 0.1, 0.5
+"""Limits of the effect of one change of the commands: largest motion of a probe, divided by the body's size, and
+largest rotation of a probe [rad].
 """
 
 
@@ -75,7 +75,10 @@ class Aim(ABC):
 
     @abstractmethod
     def longest(self, simulation: Simulation, goal: Array, value: Array) -> float:
-        """Return the longest motion in one change of the commands, from ``value`` (3,) towards ``goal`` (3,)."""
+        """Return the largest allowed effect of one change of the commands, in the unit of the target.
+
+        The change leads from ``value`` (3,) towards ``goal`` (3,).
+        """
 
     def missing(self, goal: Array, value: Array) -> Array:
         """Return the difference goal - value (3,)."""
@@ -126,8 +129,8 @@ class Target(ProbeTarget):
         return simulation.probe_positions()[self.probe]
 
     def longest(self, simulation: Simulation, goal: Array, value: Array) -> float:
-        """Return the longest motion of a probe [m]: `WAY` times the body's size."""
-        return WAY * simulation.mesh.size
+        """Return the longest motion of a probe [m]: `MOTION` times the body's size."""
+        return MOTION * simulation.mesh.size
 
 
 @dataclass(frozen=True, kw_only=True)

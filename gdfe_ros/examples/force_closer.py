@@ -11,7 +11,7 @@ tolerance and the sensor's noise would dominate the slope."""
 
 
 class ForceCloser:
-    """Finds the command at which an actuator or handle that closes exerts a wanted force. Needs no ROS.
+    """Controller that finds the command at which a closing actuator or handle exerts a wanted force. Needs no ROS.
 
     While no force is measured, the command changes by one stride in each step. During contact it changes by
     (goal - force) / slope, but at most by one stride. The slope d force / d command is the secant of two successive
@@ -20,7 +20,7 @@ class ForceCloser:
 
     Args:
         goal: wanted force [N], above ``threshold``.
-        stride: largest change of the command in a step, in its unit; negative if smaller commands close.
+        stride: largest change of the command in a step, in its unit; negative if a decreasing command closes.
         low: least command.
         high: largest command.
         threshold: force up to which there is no contact [N], above 0.

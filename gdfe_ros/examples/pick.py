@@ -36,20 +36,20 @@ GRAVITY = np.array([0.0, 0.0, -9.81])
 SOFT, RIGID = "ecoflex", "box"
 """Material of the soft object, and name of the rigid object."""
 SPAN = 8
-"""Number of steps over which the balance of forces is checked."""
+"""Number of steps over which forces and accelerations are averaged in the check of their balance."""
 LIFTED = 1e-4
-"""Height [m] of an object's lowest corner over the table from which it counts as lifted: the table carries nothing."""
+"""An object counts as lifted, without support by the table, if its lowest corner is more than this above it [m]."""
 CONTACT = 4e-4
 """Area [m^2] of a fingertip's contact: 20 mm wide and 20 mm high."""
 
 
 def forces_of(scene: Scene, strain: float = STRAIN) -> list[float]:
-    """Return the wanted forces [N] of one side: on the rigid box, and on the cube, whose ``strain`` is limited."""
+    """Return the wanted forces [N] of one side of the hand on the box, and on the cube with a limited ``strain``."""
     return [FORCE, min(FORCE, force_limit(strain, young=scene.materials[SOFT].young0, area=CONTACT))]
 
 
 def make_schedule(scene: Scene, forces: Sequence[float]) -> GripSchedule:
-    """Return the controller of a scene's fingers: the first one is alone on its side, all others are on the other.
+    """Return the controller of a scene's fingers: the first is on one side of the hand, all others on the other side.
 
     Pressures change by at most 80 kPa/s, tensions by 6 N/s.
 
@@ -101,17 +101,13 @@ def largest_strain(scene: Scene, states: Sequence[PublishedState]) -> float:
 
 
 def balance_errors(
-    mass: float,
-    centres: NDArray[np.float64],
-    lowest: NDArray[np.float64],
-    forces: NDArray[np.float64],
-    *,
-    dt: float,
+    mass: float, centres: NDArray[np.float64], lowest: NDArray[np.float64], forces: NDArray[np.float64], *, dt: float
 ) -> NDArray[np.float64]:
-    """Return the error of the balance of forces on an object, over its weight, in each `SPAN` steps with it lifted.
+    """Return the errors of the balance of forces on an object, divided by its weight, while the object is lifted.
 
-    Over these steps, the mean force of the fingertips must be m (a - g), with the mean acceleration a: the change of
-    the velocity, by central differences of the centre of mass. The object must be off the table all the time.
+    There is an error for each window of `SPAN` steps. In a window, the mean force of the fingertips must be m (a - g),
+    where a is the mean acceleration. Velocities are central differences of the centre of mass. Windows in which the
+    object touches the table are left out.
 
     Args:
         mass: mass of the object [kg].
@@ -136,7 +132,7 @@ def soft_object(scene: Scene) -> tuple[float, NDArray[np.int32]]:
 
 
 def find_published_errors(scene: Scene, states: Sequence[PublishedState], *, soft: bool) -> NDArray[np.float64]:
-    """Return the result of `balance_errors` for the soft or the rigid object, from what the node published."""
+    """Return the `balance_errors` of the soft or the rigid object in the states that the node published."""
     if soft:
         mass, corners = soft_object(scene)
         points = [state.positions.astype(float)[corners] for state in states]

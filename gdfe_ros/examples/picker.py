@@ -15,24 +15,23 @@ from builtin_interfaces.msg import Duration
 from geometry_msgs.msg import WrenchStamped
 from rclpy.action import ActionClient
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from gdfe_ros.examples.soft_grip import GripSchedule
-from gdfe_ros.node.interface import FOLLOW_TRAJECTORY
+from gdfe_ros.examples.tip_follower import nanoseconds_of
+from gdfe_ros.node.interface import FOLLOW_TRAJECTORY, Delivery
 from gdfe_ros.node.messages import actuation
-from gdfe_ros.node.middleware.ros_types import interface_class, is_installed
+from gdfe_ros.node.middleware.ros_types import interface_class, is_installed, qos_profile
 from gdfe_ros.scene.program import Program
 from gdfe_ros.scene.scene import Scene
 
-_STATES = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _SOON = 1e-6
-"""Time [s] by which a trajectory may begin early, because times are rounded to nanoseconds."""
+"""Time [s] by which a trajectory may begin early, to allow for the rounding of times to nanoseconds."""
 
 
 def motions(program: Program) -> Iterator[tuple[float, JointTrajectory]]:
-    """Yield the start [s] and the trajectory of each motion of a program's joints: a pause ends a motion."""
+    """Yield the start [s] and the trajectory of each motion of a program's joints, between two successive points."""
     names = list(program.joints)
     times = sorted({point.time for points in program.joints.values() for point in points})
     for start, end in pairwise(times):
@@ -47,13 +46,13 @@ def motions(program: Program) -> Iterator[tuple[float, JointTrajectory]]:
 class Picker(Node):
     """Picks the objects of a scene's program, one after the other.
 
-    Each state of the simulation is answered with the commands of the fingers. A motion of the arm is a goal of the
-    action ``follow_joint_trajectory`` or, without control_msgs, a message on ``~/trajectory``.
+    The node answers each state of the simulation with commands of the fingers. It sends motions of the arm as goals of
+    the action ``follow_joint_trajectory`` or, without control_msgs, as messages on ``~/trajectory``.
 
     Args:
         scene: the scene. Each actuator has a contact sensor of the same name, and closes along the x axis.
         simulation: full name of the simulation's node.
-        schedule: when the fingers close, and with which force.
+        schedule: controller of the fingers, which closes and opens them as the program does.
 
     Attributes:
         outcomes: error code of each trajectory that ended; 0 is success.
@@ -69,7 +68,7 @@ class Picker(Node):
         self._commands = self.create_publisher(JointState, f"{simulation}/actuation", 10)
         for name in self._actuators:
             topic = f"{simulation}/sensors/{name}/wrench"
-            self.create_subscription(WrenchStamped, topic, partial(self._feel, name), _STATES)
+            self.create_subscription(WrenchStamped, topic, partial(self._feel, name), qos_profile(Delivery.STATE))
         self._action = None
         if is_installed(FOLLOW_TRAJECTORY.type):
             kind = interface_class(FOLLOW_TRAJECTORY.type)
@@ -79,13 +78,12 @@ class Picker(Node):
             self._trajectories = self.create_publisher(JointTrajectory, f"{simulation}/trajectory", 10)
 
     def _feel(self, name: str, message: WrenchStamped) -> None:
-        stamp = message.header.stamp
-        self._felt[name] = stamp.sec * 10**9 + stamp.nanosec, abs(message.wrench.force.x)
+        self._felt[name] = nanoseconds_of(message), abs(message.wrench.force.x)
         if len(self._felt) == len(self._actuators) and len({moment for moment, _ in self._felt.values()}) == 1:
             self._answer(1e-9 * self._felt[name][0])
 
     def _answer(self, time: float) -> None:
-        """Send the motion that begins at a time [s], then the fingers' commands: they make the next step."""
+        """Send the motion that begins at a time [s], if any, then the fingers' commands, which start the next step."""
         if self._motions and self._motions[0][0] <= time + _SOON:
             self._move(self._motions.pop(0)[1], time)
         else:
@@ -100,7 +98,10 @@ class Picker(Node):
         sent.add_done_callback(partial(self._follow, time))
 
     def _follow(self, time: float, sent: object) -> None:
-        """Wait for the end of an accepted motion, and go on with the step; a rejected goal has the error code -1."""
+        """Await the end of an accepted motion in the background, and send the fingers' commands.
+
+        A rejected goal has the error code -1.
+        """
         if sent.result().accepted:
             ended = sent.result().get_result_async()
             ended.add_done_callback(lambda ended: self.outcomes.append(ended.result().result.error_code))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A policy that reaches random goals in a Gymnasium environment; it is not trained, but estimates a Jacobian.
+"""A policy that reaches random goals in a Gymnasium environment; it needs no training, but estimates a Jacobian.
 
 python -m gdfe_ros.examples.reach_policy --episodes 3
 """
@@ -31,9 +31,9 @@ FINGER = {"actuators.flexor.cable.range": [0.0, 5.0], "actuators.extensor.cable.
 class ReachPolicy:
     """Policy that changes each command once to estimate a Jacobian, and corrects this Jacobian in each later step.
 
-    The input is the same as that of a learnt policy: the default observation of `make_env`. Its first numbers are the
-    tip's position, and its last numbers the commands in force, efforts and the goal. The commands in force may lag
-    behind the requested commands.
+    Its input is the default observation of `make_env`, as for a learnt policy. The observation begins with the tip's
+    position, and ends with the commands in force, the efforts and the goal. The commands in force may lag behind the
+    requested commands.
 
     Args:
         actions: action space of the environment.

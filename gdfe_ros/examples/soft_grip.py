@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from gdfe_ros.scene.program import Program
 
 BAND = 0.01
-"""Error of the force, divided by its goal, below which the commands stay."""
+"""The commands stay constant if the error of the force, divided by the wanted force, is below this."""
 
 
 def force_limit(strain: float, *, young: float, area: float) -> float:
@@ -23,11 +23,11 @@ def force_limit(strain: float, *, young: float, area: float) -> float:
 
 
 class SoftGrip:
-    """Commands the actuators of fingers that close from two sides. Needs no ROS.
+    """Controller of the actuators of fingers that close from two sides. Needs no ROS.
 
-    Each finger closes at a constant rate until its fingertip feels the object, and waits there for the others. From
-    then on one quantity g rises or falls: finger i has the command c_i + s_i g, where c_i is its command at the first
-    contact, and s_i its fraction of the force. The integral law
+    Each finger closes at a constant rate until its fingertip feels the object, and waits there for the others. Then all
+    fingers are controlled by one quantity g: finger i has the command c_i + s_i g, where c_i is its command at the
+    first contact, and s_i its fraction of the force. The integral law
 
         dg/dt = gain (goal - force),   |dg/dt| <= rate
 
@@ -95,7 +95,7 @@ class SoftGrip:
 
 
 class GripSchedule:
-    """Closes and opens a grip when a scene's program does, with a wanted force each time. Needs no ROS.
+    """Controller that closes and opens a grip at the times of a scene's program, with a wanted force. Needs no ROS.
 
     Args:
         program: program of the scene; while the largest command of its actuators is above 0 and does not fall, the

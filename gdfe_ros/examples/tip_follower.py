@@ -10,29 +10,30 @@ poses, e.g. by ``gdfe pub /tip_follower/goal``. For each state of the robot, the
 from __future__ import annotations
 
 import threading
+from collections.abc import Sequence
 
 import numpy as np
-from geometry_msgs.msg import PoseStamped
+from geometry_msgs.msg import PoseStamped, WrenchStamped
 from numpy.typing import NDArray
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
+from gdfe_ros.actuators import Actuator
 from gdfe_ros.control import FeedbackControl, Target
 from gdfe_ros.errors import GdfeError
+from gdfe_ros.node.interface import Delivery
 from gdfe_ros.node.messages import actuation
 from gdfe_ros.node.middleware.process import answer_arguments, run
+from gdfe_ros.node.middleware.ros_types import qos_profile
 from gdfe_ros.scene.loader import scene_from_text
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.simulation import Command, Simulation
 
-_LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-_STATES = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _PERIOD = 0.02
-"""Duration of the first command to a goal [s]; the duration of a later one is the time between two states."""
+"""Duration of the first command to a goal [s]; later commands have the time between two states as their duration."""
 _REST = 1e-4
-"""Relative change of the commands below which they count as constant."""
+"""Commands count as constant if they change by less than this fraction."""
 _LONG = 300
 """Number of commands after which the outcome is logged, even if the commands still change."""
 _ENOUGH = 1e6
@@ -69,9 +70,10 @@ class TipFollower(Node):
         self._last: int | None = None
         self._told, self._answers = False, 0
         self._commands = self.create_publisher(JointState, f"{name}/actuation", 10)
-        self.create_subscription(String, f"{name}/scene", self._take_scene, _LATCHED)
-        self.create_subscription(PoseStamped, f"{name}/probe/{self._probe}", self._take_pose, _STATES)
-        self.create_subscription(JointState, f"{name}/joint_states", self._take_joints, _STATES)
+        states = qos_profile(Delivery.STATE)
+        self.create_subscription(String, f"{name}/scene", self._take_scene, qos_profile(Delivery.LATCHED))
+        self.create_subscription(PoseStamped, f"{name}/probe/{self._probe}", self._take_pose, states)
+        self.create_subscription(JointState, f"{name}/joint_states", self._take_joints, states)
         self.create_subscription(PoseStamped, "~/goal", self._take_goal, 10)
 
     def close(self) -> None:
@@ -104,11 +106,11 @@ class TipFollower(Node):
         """Publish the next command if the pose and the joint states of a new step have arrived."""
         if self._scene is None or self._pose is None or self._joints is None or self._goal is None:
             return
-        stamp = _nanoseconds(self._pose)
-        if stamp != _nanoseconds(self._joints) or stamp == self._last:
+        stamp = nanoseconds_of(self._pose)
+        if stamp != nanoseconds_of(self._joints) or stamp == self._last:
             return
         dt, self._last = _PERIOD if self._last is None else 1e-9 * (stamp - self._last), stamp
-        position, applied = self._pose.pose.position, self._read_applied()
+        position, applied = self._pose.pose.position, read_commands(self._joints, self._scene.actuators)
         try:
             if self._control is None:
                 self._control = self._make_control(applied)
@@ -133,16 +135,15 @@ class TipFollower(Node):
         given = {"tolerance": self._tolerance, "learning": self._learning, "slew": self._slew}
         return FeedbackControl(model, [Target(probe=self._probe)], **given)
 
-    def _read_applied(self) -> dict[str, float]:
-        """Return dict from actuator to the command in force."""
-        joints, places = self._joints, {name: place for place, name in enumerate(self._joints.name)}
-        return {
-            actuator.name: (joints.effort if actuator.mode.by_effort else joints.position)[places[actuator.name]]
-            for actuator in self._scene.actuators
-        }
+
+def read_commands(joints: JointState, actuators: Sequence[Actuator]) -> dict[str, float]:
+    """Return a dict from actuator to its command in force, from the simulation's joint states."""
+    values = {each.name: joints.effort if each.mode.by_effort else joints.position for each in actuators}
+    return {name: numbers[joints.name.index(name)] for name, numbers in values.items()}
 
 
-def _nanoseconds(message: PoseStamped | JointState) -> int:
+def nanoseconds_of(message: PoseStamped | JointState | WrenchStamped) -> int:
+    """Return the stamp of a message's header [ns]."""
     return message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
 
 

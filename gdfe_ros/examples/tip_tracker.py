@@ -16,14 +16,14 @@ different bounds.
 
 
 class TipTracker:
-    """Finds commands for actuators that bring a tip to its goals. Needs no ROS.
+    """Controller that finds actuator commands that bring a tip to its goals. Needs no ROS.
 
     The next command is the command in force at the measurement of the tip, plus a change. The change is the smallest
     one that, according to the Jacobian, moves the tip by ``gain`` times the distance to the goal. Because it is added
-    to the command in force, earlier commands may be late or lost.
+    to the command in force, late or lost commands do no harm.
 
-    The Jacobian is given once. Then Broyden's update corrects it with measured motions. Motions are added up until they
-    reach ``baseline``. In a smaller motion, the solver's tolerance or a sensor's noise would dominate the correction.
+    The initial Jacobian is given. Broyden's update corrects it with measured motions. Motions are summed until they
+    reach ``baseline``, because the solver's tolerance or a sensor's noise would dominate corrections by smaller ones.
 
     Args:
         jacobian: initial d position / d command (axes, actuators).

@@ -20,22 +20,23 @@ import numpy as np
 from geometry_msgs.msg import PoseStamped
 from numpy.typing import NDArray
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
 from std_srvs.srv import Trigger
 
+from gdfe_ros.examples.tip_follower import nanoseconds_of, read_commands
 from gdfe_ros.examples.tip_tracker import TipTracker, circle
+from gdfe_ros.node.interface import Delivery
 from gdfe_ros.node.middleware.process import answer_arguments, run
+from gdfe_ros.node.middleware.ros_types import qos_profile
 from gdfe_ros.scene.loader import scene_from_text
 
-_LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-_STATES = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _BASELINE, _REACH = 0.06, 0.2
 """Least motion that corrects the Jacobian, and largest motion of one command, both divided by the radius."""
 _FIRST = 0.02
-"""Largest delay that is assumed for the first command, divided by the period."""
+"""Largest delay that is assumed before the delay of a command has been measured, divided by the period."""
 _LOOK = 0.2
+"""Time [s] between two checks whether a request or command has no answer."""
 
 
 class TipTracking(Node):
@@ -67,10 +68,11 @@ class TipTracking(Node):
         self._last = self._ahead = 0.0
         self._commands = self.create_publisher(Float64MultiArray, f"{name}/commands", 10)
         self._jacobian = self.create_client(Trigger, f"{name}/compute_jacobian")
-        self.create_subscription(String, f"{name}/scene", self._take_scene, _LATCHED)
-        self.create_subscription(Float64MultiArray, f"{name}/jacobian", self._take_jacobian, _LATCHED)
-        self.create_subscription(PoseStamped, f"{name}/probe/{self._probe}", self._take_state, _STATES)
-        self.create_subscription(JointState, f"{name}/joint_states", self._take_state, _STATES)
+        latched, states = qos_profile(Delivery.LATCHED), qos_profile(Delivery.STATE)
+        self.create_subscription(String, f"{name}/scene", self._take_scene, latched)
+        self.create_subscription(Float64MultiArray, f"{name}/jacobian", self._take_jacobian, latched)
+        self.create_subscription(PoseStamped, f"{name}/probe/{self._probe}", self._take_state, states)
+        self.create_subscription(JointState, f"{name}/joint_states", self._take_state, states)
         self.create_timer(_LOOK, self._look)
 
     def close(self) -> None:
@@ -132,8 +134,7 @@ class TipTracking(Node):
 
     def _take_state(self, message: PoseStamped | JointState) -> None:
         """Store a message by its stamp, and process the steps whose pose and joint states have both arrived."""
-        stamp = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
-        self._parts.setdefault(stamp, {})[type(message)] = message
+        self._parts.setdefault(nanoseconds_of(message), {})[type(message)] = message
         self._take_whole()
 
     def _take_whole(self) -> None:
@@ -143,19 +144,11 @@ class TipTracking(Node):
         for stamp in sorted(stamp for stamp, parts in self._parts.items() if len(parts) == 2):
             parts = self._parts[stamp]
             self._parts = {later: kept for later, kept in self._parts.items() if later > stamp}
-            self._applied = self._commands_of(parts[JointState])
+            self._applied = np.array(list(read_commands(parts[JointState], self._scene.actuators).values()))
             last, self._last = self._last, 1e-9 * stamp
             if self._tracker is not None:
                 position = parts[PoseStamped].pose.position
                 self._follow(np.array([position.x, position.y, position.z]), self._last, last)
-
-    def _commands_of(self, joints: JointState) -> NDArray[np.float64]:
-        places = {name: place for place, name in enumerate(joints.name)}
-        values = [
-            (joints.effort if actuator.mode.by_effort else joints.position)[places[actuator.name]]
-            for actuator in self._scene.actuators
-        ]
-        return np.array(values)
 
     def _follow(self, tip: NDArray[np.float64], now: float, last: float) -> None:
         """Send the next command after the step at the time ``now`` [s]; the previous step was at ``last`` [s]."""

@@ -20,6 +20,7 @@ MOST_POINTS = 400
 """Largest number of points that are used from a cloud on the surface. A larger cloud is thinned evenly, because more
 points hardly improve the fit of a few parameters."""
 Bag = tuple[tuple[Series, ...], tuple[Track, ...], Schedule | None, tuple[str, ...]]
+"""Result of `read_bag`: series, tracks of commands, schedule, remarks."""
 
 
 def read_bag(source: Source, scene: Scene) -> Bag:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Values from the messages of a robot's own topics; a path such as ``rigid_bodies[0].pose`` leads to each."""
+"""Values in the messages of a robot's own topics, found by paths such as ``rigid_bodies[0].pose``."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def follow(message: Any, path: str) -> Any:
             the first item whose field ``name`` is ``text``.
 
     Raises:
-        GdfeError: the path is no such text, or a message has no such field.
+        GdfeError: the path has another form, or a message has no such field.
     """
     value, place = message, 0
     while place < len(path):
@@ -59,8 +59,8 @@ def vector_of(part: Any, *, pose: bool) -> list[float] | None:
     """Return the numbers of a number, point, vector, pose, transform or wrench; None for any other value.
 
     Args:
-        part: a message, or a value in it. Poses with a stamp or a covariance are poses.
-        pose: whether poses have their rotation vectors, too.
+        part: a message, or a value in it. Poses with a stamp or a covariance count as poses.
+        pose: whether the rotation vector of a pose is appended to its position.
     """
     if isinstance(part, int | float | np.number):
         return [float(part)]

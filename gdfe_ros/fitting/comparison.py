@@ -15,7 +15,7 @@ from gdfe_ros.fitting.recording import POSITIONS, QuantityKind, Recording
 from gdfe_ros.fitting.trajectory import Trajectory
 
 Own = NDArray[np.float64]
-"""Fitted unknowns (u,) of one recording: time shift [s], rotation vector [rad], translation [m]."""
+"""Unknowns (u,) of one recording, as far as they are fitted: time shift [s], rotation vector [rad], translation [m]."""
 
 
 def predict_series(
@@ -135,7 +135,7 @@ def surface_distances(
 
 
 def _at(times: NDArray[np.float64], outputs: NDArray[np.float64], moments: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return outputs (k, d) interpolated at moments (m,): a motion by a cubic spline, equilibria linearly.
+    """Interpolate outputs (k, d) at moments (m,): a motion by a cubic spline, equilibria linearly.
 
     Before the first and after the last of the ``times`` (k,), the outputs are constant.
     """

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -113,7 +113,7 @@ class TableFile:
 
 
 TIMES = ("time", "t", "t_s")
-"""Names by which the time column is found if the match file does not name it."""
+"""Names of the time column that are tried if the match file does not name it."""
 
 
 class CsvSource:
@@ -142,7 +142,7 @@ class CsvSource:
 
     def series(self) -> tuple[Series, ...]:
         """Return the measured series."""
-        compared = self._source.match.compare or dict(self._find_probes())
+        compared = self._source.match.compare or self._find_probes()
         return tuple(self._series(name, model) for name, model in compared.items())
 
     def tracks(self) -> tuple[Track, ...]:
@@ -164,25 +164,20 @@ class CsvSource:
             raise GdfeError(f"{self._source.path}: times must ascend; row {row} of column {name!r} does not")
         return times
 
-    def _find_probes(self) -> Iterator[tuple[str, CompareModel]]:
-        """Yield each probe whose position columns are in the file, with the names of these columns."""
-        found = False
+    def _find_probes(self) -> dict[str, CompareModel]:
+        """Return the probes whose position columns are in the file, with the names of these columns."""
+        found = {}
         for probe in self._scene.probes:
-            forms = (
-                {axis: f"{stem}{axis}" for axis in AXES} for stem in (f"{probe}.", f"probe/{probe}.pose.position.")
-            )
-            for form in forms:
-                columns = {axis: name for axis, name in form.items() if name in self._table}
-                if columns:
-                    found = True
-                    yield probe, CompareModel(probe=probe, columns=columns)
-                    break
+            for stem in (f"probe/{probe}.pose.position.", f"{probe}."):
+                if columns := {axis: f"{stem}{axis}" for axis in AXES if f"{stem}{axis}" in self._table}:
+                    found[probe] = CompareModel(probe=probe, columns=columns)
         if not found:
             probes = ", ".join(f"{name}.x" for name in self._scene.probes) or "e.g. of a probe; the scene has none"
             raise GdfeError(
                 f"{self._source.path} has no column with a name of the scene ({probes}); remedy: --match with a file "
                 f"that assigns its columns: {', '.join(self._table.names)}"
             )
+        return found
 
     def _series(self, name: str, model: CompareModel) -> Series:
         where = f"recording {self._source.name}, {name}"
@@ -198,15 +193,14 @@ class CsvSource:
         return Series(name, observable, self.times, values, labels, along, sigma)
 
     def _commands(self) -> dict[str, float | CommandModel]:
-        given = dict(self._source.match.commands)
-        movers = [handle.name for handle in self._scene.handles]
+        if self._source.match.commands:
+            return self._source.match.commands
+        given = {}
         for item in (*self._scene.actuators, *self._scene.loads):
-            names = [name for name in (f"command.{item.name}", item.name) if name in self._table]
-            if names and not self._source.match.commands:
+            if names := [name for name in (f"command.{item.name}", item.name) if name in self._table]:
                 given[item.name] = CommandModel(column=names[0])
-        for name in movers:
-            columns = {axis: f"target.{name}.{axis}" for axis in AXES if f"target.{name}.{axis}" in self._table}
-            if columns and not self._source.match.commands:
+        for name in (handle.name for handle in self._scene.handles):
+            if columns := {axis: f"target.{name}.{axis}" for axis in AXES if f"target.{name}.{axis}" in self._table}:
                 given[name] = CommandModel(columns=columns)
         return given
 

@@ -18,14 +18,7 @@ from gdfe_ros.fitting.csv_source import CsvSource
 from gdfe_ros.fitting.fitted_parameter import FittedParameter
 from gdfe_ros.fitting.match import Source, find_sources
 from gdfe_ros.fitting.problem import FitPoint, FitProblem, Solved, require_motion, solve
-from gdfe_ros.fitting.recording import (
-    ROW,
-    TIME,
-    Recording,
-    Schedule,
-    make_schedule,
-    require_commanded,
-)
+from gdfe_ros.fitting.recording import ROW, TIME, Recording, Schedule, make_schedule, require_commanded
 from gdfe_ros.fitting.statistics import Confidence, Match, confidence, matches, require_bounds, warnings
 from gdfe_ros.fitting.trajectory import Simulations, require_simulated
 from gdfe_ros.scene import Scene, scene_from_text
@@ -100,7 +93,6 @@ class Fit:
 
     Attributes:
         scene: scene with the fitted values.
-        parameters: fitted parameters.
         problem: least-squares problem of the fitted recordings.
         solved: solution of this problem.
         known: confidence intervals and correlations of the parameters.
@@ -112,7 +104,6 @@ class Fit:
     """
 
     scene: Scene
-    parameters: tuple[FittedParameter, ...]
     problem: FitProblem
     solved: Solved
     known: Confidence
@@ -121,11 +112,6 @@ class Fit:
     matches: tuple[Match, ...]
     warnings: tuple[str, ...]
     simulations: int
-
-    @property
-    def values(self) -> dict[str, float]:
-        """Dict from key to fitted value."""
-        return {estimate.key: estimate.value for estimate in self.known.estimates}
 
 
 def fit_scene(
@@ -164,21 +150,20 @@ def fit_scene(
     require_bounds(problem, solved, known)
     values = {estimate.key: estimate.value for estimate in known.estimates}
     fitted = matches(problem, solved.point)
-    other = point = None
+    other, point, predicted = None, None, []
     if held_out:
         other = FitProblem(simulations, parameters, held_out, quads=quads)
         point = predict(other, solved.point.values)
-    predicted = matches(other, point, held_out=True) if held_out else []
+        predicted = matches(other, point, held_out=True)
     return Fit(
         scene=scene_from_text(scene.source, origin="that was fitted", overrides=values),
-        parameters=tuple(parameters),
         problem=problem,
         solved=solved,
         known=known,
         held_out=other,
         prediction=point,
         matches=(*fitted, *predicted),
-        warnings=tuple([*warnings(fitted, predicted, known, parameters), *_list_unconverged(solved.point, problem)]),
+        warnings=(*warnings(fitted, predicted, known, parameters), *_list_unconverged(solved.point, problem)),
         simulations=simulations.count,
     )
 

@@ -73,11 +73,11 @@ def _chart(curve: ComparedColumn) -> dict[str, Any]:
 
 
 NOT_INCLUDED = "The intervals do not include the error of the mesh; repeat the fit with twice as many cells to see it."
-"""What a reader of the intervals has to know."""
+"""Remark below the confidence intervals."""
 
 
 def parameter_rows(fit: Fit) -> list[tuple[str, str, str, str]]:
-    """Return a row for each parameter: key, value with unit, 95 % interval, correlations with the ones above it."""
+    """Return a row for each parameter: key, value with unit, 95 % interval, correlations with the parameters above."""
     rows = []
     for place, item in enumerate(fit.known.estimates):
         interval = f"at its bound ({item.bound})" if item.bound else f"{item.low:.7g} to {item.high:.7g}"
@@ -149,7 +149,7 @@ def curves(fit: Fit) -> list[ComparedColumn]:
 
 
 def _parts(fit: Fit) -> list[tuple[FitProblem, FitPoint]]:
-    """Return the problem of the fitted recordings with its solution, then that of the held-out ones, if any."""
+    """Return pairs of problem and solution: that of the fitted recordings, and that of held-out recordings if any."""
     held_out = [(fit.held_out, fit.prediction)] if fit.held_out is not None else []
     return [(fit.problem, fit.solved.point), *held_out]
 
@@ -177,7 +177,7 @@ def _curves(problem: FitProblem, point: FitPoint, held_out: bool) -> Iterator[Co
 
 
 def _distance(residual: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the root mean square (m,) of the residuals at each time."""
+    """Return the root mean square (m,) of the residuals at each time; missing values (NaN) are ignored."""
     flat = residual.reshape(residual.shape[0], -1)
     return np.sqrt(np.nanmean(flat**2, axis=1))
 
@@ -220,10 +220,7 @@ def _numbers(fit: Fit) -> dict[str, object]:
                 "series": match.series,
                 "held_out": match.held_out,
                 "values": match.count,
-                "rms": _plain(match.rms),
-                "relative": _plain(match.relative),
-                "largest": _plain(match.largest),
-                "autocorrelation": _plain(match.autocorrelation),
+                **{key: _plain(getattr(match, key)) for key in ("rms", "relative", "largest", "autocorrelation")},
             }
             for match in fit.matches
         ],

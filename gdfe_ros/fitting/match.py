@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Match files: keys and units, the recordings that they state, and the simulated quantities that they name."""
+"""Match files, which assign the columns and topics of recordings to simulated quantities: keys, units, recordings."""
 
 from __future__ import annotations
 
@@ -162,7 +162,7 @@ def match_observable(model: CompareModel, scene: Scene, where: str) -> Observabl
 
 
 def _actuator_unit(kind: QuantityKind, name: str, scene: Scene) -> str:
-    """Return the SI unit of an actuator's effort or extent; empty for other quantities and for growth."""
+    """Return the SI unit of an actuator's effort or extent; empty for other quantities and for actuators of growth."""
     if kind not in (QuantityKind.EFFORT, QuantityKind.EXTENT):
         return ""
     mode = next(each.mode for each in scene.actuators if each.name == name)

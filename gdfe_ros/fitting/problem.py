@@ -25,7 +25,7 @@ from gdfe_ros.fitting.trajectory import (
 SHARE = 0.01
 """Assumed standard deviation of a series that states none, divided by the largest range of the series with its unit."""
 NUDGE = {"shift": 1e-5, "turn": 1e-5, "translation": 1e-6}
-"""Change of a recording's unknown in a finite difference [s], [rad], [m]; such a difference needs no simulation."""
+"""Change of a recording's unknown in a finite difference [s], [rad], [m]; no simulation is needed for it."""
 FARTHEST = 20.0
 """Largest plausible distance of a position from the origin [body lengths]; beyond it, unit or origin is wrong."""
 FAILED = 1e3
@@ -53,7 +53,7 @@ class FitProblem:
     The unknowns are the coordinates u of the parameters, then the unknowns of each recording: time shift and frame.
 
     Args:
-        simulations: runs the simulations.
+        simulations: object that runs the simulations.
         parameters: parameters to fit.
         recordings: recordings to fit.
         quads: faces (f, 4) of the body's surface, with which clouds are compared.
@@ -237,8 +237,8 @@ def _nudges(recording: Recording) -> list[float]:
 
 
 HORIZONS = (1 / 16, 1 / 4, 1.0)
-"""Fractions of a motion's duration that are fitted one after the other. Over the whole motion, an oscillation that is
-wrong by a whole period is a local minimum of the misfit. The first oscillation alone has no such minimum.
+"""Fractions of a motion's duration that are fitted one after the other. The misfit over the whole motion has local
+minima at which a simulated oscillation is off by whole periods; the misfit over the first oscillation has none.
 """
 STEP = 1e-5
 """Relative change of the unknowns, or of the sum of squares, at which a search ends."""
@@ -246,8 +246,8 @@ COARSE = 0.01
 """Relative change of the sum of squares at which a search ends, if a search with a longer horizon follows."""
 MOST_TRIALS = 60
 SILENT = 1e-3
-"""Root mean square of d(residual)/du below which a parameter has no influence. At this limit, a factor e on its value
-changes the simulated values by a thousandth of the measured values' standard deviation.
+"""A parameter has no influence if the root mean square of d(residual)/du is below this. At this limit, a factor e on
+its value changes the simulated values by a thousandth of the measured values' standard deviation.
 """
 
 
@@ -319,7 +319,7 @@ def _line(problem: FitProblem, unknowns: NDArray[np.float64], share: float, tria
 
 
 def _require_influence(problem: FitProblem, unknowns: NDArray[np.float64]) -> None:
-    """Raise GdfeError if a parameter has no influence on the present horizon, and none on the whole recordings."""
+    """Raise GdfeError if a parameter has no influence on the recordings, neither up to the horizon nor as a whole."""
     silent = _silent(problem, unknowns)
     if silent:
         problem.look_to(1.0)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Recordings for a fit: compared quantities, commands, schedules of simulations that follow them, measured series."""
+"""Recordings for a fit: measured series, the simulated quantities compared with them, and commands over time."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 class QuantityKind(Enum):
-    """Kinds of quantities. Positions are vectors [m], which a recording may state in a frame of its own."""
+    """Kinds of measured quantities. Positions are vectors [m]; a recording may give them in its own frame."""
 
     PROBE = "probe"
     MEAN = "mean"
@@ -102,7 +102,7 @@ def require_known(kind: QuantityKind, name: str, scene: Scene, where: str) -> No
 
 
 TIME, ROW = "time [s]", "row"
-"""Values of `Recording.over`."""
+"""Values of `Recording.over`: the abscissa of series with times, and of series without."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -253,7 +253,7 @@ def require_commanded(tracks: Sequence[Track], scene: Scene, where: str) -> None
 
 
 def _require_range(values: NDArray[np.float64], actuator: Actuator, where: str) -> None:
-    """Check commands (m, 1) of an actuator, e.g. for a wrong unit."""
+    """Check that commands (m, 1) are in the range of an actuator; others probably have a wrong unit."""
     slack = 1e-9 * max(abs(values.min()), abs(values.max()))
     if actuator.low - slack <= values.min() and values.max() <= actuator.high + slack:
         return

@@ -153,7 +153,7 @@ def autocorrelation(residual: NDArray[np.float64]) -> float:
 
 
 DECADES = (1, 2, 3)
-"""Powers of ten by which an upper bound is multiplied, or a lower bound is divided, to get the tried values."""
+"""Powers of ten by which `require_bounds` multiplies an upper bound, or divides a lower bound, to try values beyond."""
 BETTER = 0.25
 """A bound counts as wrong if a value beyond it reduces the sum of squares below this fraction of that at the bound."""
 
@@ -194,9 +194,9 @@ def _cost(problem: FitProblem, solved: Solved, place: int, value: float) -> floa
 
 
 POOR = 0.5
-"""Misfit, divided by the measured motion, above which the model explains little of it."""
+"""Misfit, divided by the measured motion, above which a warning says that the model explains little of the motion."""
 WORSE = 1.5
-"""Ratio of a held-out recording's misfit to that of the fitted recordings above which its prediction is bad."""
+"""A prediction is bad if the held-out recording's misfit exceeds this multiple of the fitted recordings' misfit."""
 SLIGHT = 0.02
 """Misfit, divided by the measured motion, below which there is no warning about structure or prediction."""
 

@@ -25,13 +25,13 @@ if TYPE_CHECKING:
 Task = tuple[Mapping[str, float], Recording, float]
 """Arguments of one simulation: dict from parameter key to value; the recording; the horizon [s]."""
 EQUILIBRIA, MOTION = 1e-6, 1e-5
-"""Largest solver tolerances in a fit, for equilibria and for motion. Larger tolerances disturb finite differences of
-simulations. With 1e-5, a finite difference of an oscillation has an error of 1.5 %.
+"""Largest solver tolerances in a fit, for equilibria and for motion. Larger tolerances spoil finite differences between
+simulations. With 1e-5, the finite difference of an oscillation has an error of 1.5 %.
 """
 
 
 class NotSimulatedError(GdfeError):
-    """A recording that cannot be simulated with the given values of the parameters."""
+    """Error: a recording cannot be simulated with the given values of the parameters."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,7 +205,7 @@ def _step(parameter: FittedParameter, value: float) -> float:
 def _change(
     parameters: Sequence[FittedParameter], values: Sequence[float], place: int, step: float
 ) -> dict[str, float]:
-    """Return dict from key to value, with the coordinate u of the parameter at ``place`` changed by ``step``."""
+    """Return a dict from key to value, with the coordinate u of the parameter at ``place`` changed by ``step``."""
     given = {parameter.key: value for parameter, value in zip(parameters, values, strict=True)}
     changed = parameters[place]
     given[changed.key] = changed.value(changed.coordinate(values[place]) + step)

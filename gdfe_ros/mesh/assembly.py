@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Meshes made of meshes: assemblies of several, parts of one, and mirror images."""
+"""Meshes derived from other meshes: assemblies, meshes with fewer cells, merged vertices, mirror images."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def assemble(parts: Mapping[str, MeshPart]) -> HexMesh:
 
 
 _BARE: Mapping[str, Any] = {"skin": None, "touching": None, "parts": {}}
-"""Dict from each field that is lost if cells or vertices are removed, merged or joined, to its empty value."""
+"""Values of the fields of a mesh that become empty when cells or vertices are removed, merged or joined."""
 
 
 def keep_cells(mesh: Mesh, keep: NDArray[np.bool_]) -> Mesh:
@@ -73,7 +73,9 @@ def keep_cells(mesh: Mesh, keep: NDArray[np.bool_]) -> Mesh:
 
 
 def merge_vertices(mesh: Mesh) -> Mesh:
-    """Return the mesh with vertices merged that are within 1e-7 of its size; the first of a group gives the position.
+    """Return the mesh with each group of coincident vertices merged into the first vertex of the group.
+
+    Vertices are coincident if their distance is at most 1e-7 of the mesh's size.
 
     Args:
         mesh: a mesh with finite vertices.
@@ -122,6 +124,7 @@ ACROSS = {8: np.array([1, 0, 3, 2, 5, 4, 7, 6]), 10: np.array([0, 2, 1, 3, 6, 5,
 tetrahedron the second and the third corner are exchanged. The reflected cell then has a positive volume."""
 _Surface = TypeVar("_Surface", Outside, Touching)
 _BACK = np.array([-1.0, 1.0, 1.0])
+"""Signs of (xi, eta, zeta) of a point in the reflected hexahedron, whose xi is reversed."""
 
 
 def mirror(mesh: Mesh, axis: int) -> Mesh:

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,7 +21,7 @@ NO_CAVITY = (
     "the body has no closed cavity, so that there is no chamber; if it has air with an inlet, close the inlet, e.g. by "
     "a second solid that touches the body (docs/cad.md)"
 )
-"""Remark on a body in which a user may expect a chamber."""
+"""Remark for a body without a cavity, for users who meant to model a chamber."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,17 +46,24 @@ def find_cavities(mesh: Mesh) -> list[Cavity]:
     The boundary consists of closed pieces with normals out of the material. A piece with a negative enclosed volume
     bounds a cavity.
     """
+    found = [
+        Cavity(inner, volume, mesh.vertices[np.unique(inner)].mean(axis=0))
+        for inner, volume in ((reverse(mesh.boundary.quads[own]), volume) for own, volume in boundary_pieces(mesh))
+        if volume > 0.0
+    ]
+    return sorted(found, key=lambda cavity: (-cavity.volume, tuple(cavity.center)))
+
+
+def boundary_pieces(mesh: Mesh) -> Iterator[tuple[NDArray[np.bool_], float]]:
+    """Yield a mask (q,) of the faces of each closed piece of the boundary, and the volume [m^3] of the space inside it.
+
+    The volume is positive for a cavity, and negative for the outside of a body.
+    """
     quads = mesh.boundary.quads
     piece = surface_pieces(mesh.vertices, corners_of(quads))
-    found = []
     for number in range(int(piece.max(initial=-1)) + 1):
         own = piece == number
-        inner = reverse(quads[own])
-        volume = inside_volume(mesh.vertices, inner)
-        if volume > 0:
-            center = mesh.vertices[np.unique(inner)].mean(axis=0)
-            found.append(Cavity(inner, volume, center))
-    return sorted(found, key=lambda cavity: (-cavity.volume, tuple(cavity.center)))
+        yield own, inside_volume(mesh.vertices, reverse(quads[own]))
 
 
 def inside_volume(points: NDArray[np.float64], faces: NDArray[np.int32]) -> float:
@@ -114,9 +121,8 @@ def _across_gaps(
 ) -> NDArray[np.int64]:
     """Return the pairs (g, 2) of half edges whose quads bound the same gap around an edge.
 
-    The half edge of a quad has the direction of the edge, or the opposite direction. The material is on opposite sides
-    of these two kinds of quads. In the order of angles around the edge, each gap thus follows a quad of one kind and
-    precedes a quad of the other kind.
+    Each quad runs along the edge or against it, and the material is on opposite sides of these two kinds of quads. In
+    the order of angles around the edge, each gap therefore lies between a quad of one kind and one of the other kind.
     """
     size = quads.shape[1]
     quad, corner = half_edges // size, half_edges % size
@@ -177,14 +183,18 @@ def find_misplaced_cavities(
 
 
 def close_on(faces: NDArray[np.int32], holder: NDArray[np.int32]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """Return the plates (k, c) that close a surface, as faces with repeated nodes, and the edges (l, 2) that leak.
+    """Close the openings of a surface whose rims lie on rigid sets.
 
-    All open edges on one holder are joined to one of their vertices. A side of a six-node plate between two vertices
-    without a common edge has one of these vertices as its middle node: it runs along the same straight line.
+    The open edges on one rigid set are joined to one of their vertices. A side of a six-node plate that is no edge of
+    the surface is straight, and repeats an end as its middle node.
 
     Args:
         faces: vertex ids (q, 4) or (q, 6), oriented.
-        holder: (n,) number of the rigid set of each vertex, -1 for vertices of none.
+        holder: (n,) number of the rigid set of each vertex, -1 for vertices in none.
+
+    Returns:
+        The closing plates (k, c), faces with repeated nodes; and the open edges (l, 2) that no plate closes, because
+        they do not lie on one rigid set or form no loop.
     """
     edges = _open_half_edges(faces)
     ends = holder[edges]
@@ -201,7 +211,10 @@ def close_on(faces: NDArray[np.int32], holder: NDArray[np.int32]) -> tuple[NDArr
 
 
 def _open_half_edges(faces: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Return begin, end and, of six-node faces, middle node (k, 2 or 3) of each half edge without a counterpart."""
+    """Return the directed edges (k, 2 or 3) that no other face runs through in the opposite direction.
+
+    The columns are start, end and, for six-node faces, middle node.
+    """
     corners = corners_of(faces)
     edges = [corners.ravel(), np.roll(corners, -1, axis=1).ravel()]
     if faces.shape[1] == 6:
@@ -216,7 +229,7 @@ def _open_half_edges(faces: NDArray[np.int32]) -> NDArray[np.int32]:
 
 
 def _fan(edges: NDArray[np.int32], size: int) -> NDArray[np.int32]:
-    """Return triangles that join half edges (k, 2 or 3) to the first vertex, as faces with ``size`` nodes."""
+    """Return the triangles from each of the edges (k, 2 or 3) to the first vertex, as faces with ``size`` nodes."""
     origin = edges[0, 0]
     apart = edges[(edges[:, :2] != origin).all(axis=1)]
     start, end = apart[:, 0], apart[:, 1]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Contact by a skin instead of by the faces of the cells under it."""
+"""Contact points and triangles on a skin, which replace the boundary faces of the cells in contact."""
 
 from __future__ import annotations
 
@@ -21,19 +21,17 @@ from gdfe_ros.mesh.surfaces.surface_edges import edge_counts, number_edges, open
 from gdfe_ros.mesh.touching import Touching
 
 FINE, SMALL = 0.25, 0.1
-"""FINE: longest edge of a refined skin's triangles, divided by a quantile of the sizes of the boundary cells. SMALL:
-level of this quantile.
-"""
+"""The edges of a skin are divided until they are at most FINE times the SMALL quantile of the boundary cells' sizes."""
 CREASE = np.cos(np.radians(30.0))
-"""The common edge of two triangles is a crease if the cosine between their normals is below this. A point without
-creases is a tip, as that of a cone, if the cosine between its normal and that of a triangle around it is below this.
+"""The common edge of two triangles is a crease if the cosine between their normals is below this. A point is a tip,
+like that of a cone, if the cosine between its normal and the normal of a triangle around it is below this.
 """
 FARTHEST = np.array([0.5, 0.75, 1.0])
-"""A further point is chosen if its distance to the nearest chosen point, divided by the size of its cell, exceeds this.
-The three values are for a corner, for a crease point, and for any other point.
+"""Another contact point is added where the distance to the nearest contact point, divided by the size of the point's
+cell, exceeds this. The three values are for a corner, for a crease point, and for any other point.
 """
 NEAR = 8
-"""Number of nearest chosen points among which a point on the same side of a wall is searched."""
+"""Number of nearest contact points among which one on the same side of a thin wall is searched."""
 ALIKE = -1e-9
 """Two points count as on the same side of a wall if the cosine between their normals exceeds this. The value is
 slightly negative, so that points with perpendicular normals are included.
@@ -97,9 +95,9 @@ class SkinPoints:
     def touching(self, mesh: HexMesh) -> NDArray[np.intp]:
         """Return the indices (p,) of the contact points among the skin points.
 
-        Each boundary vertex gets a contact point. A vertex without one would be supported by the material of its cells
-        only, and a vertex with little material would pull the skin into the obstacle. If the cells are too coarse for
-        the surface, points that are far from all contact points are added.
+        Each boundary vertex gets a contact point that can push it back. Without one, a vertex with little material
+        would move on and pull the skin into the obstacle. Where the cells are too coarse for the surface, contact
+        points are added (`FARTHEST`).
         """
         vertices, normals = _boundary(mesh)
         own = np.full(mesh.n_vertices, -1)
@@ -113,9 +111,9 @@ class SkinPoints:
         return self._complete(self._take_corners(np.unique(point[first])))
 
     def _take_corners(self, chosen: NDArray[np.intp]) -> NDArray[np.intp]:
-        """Return the chosen points; each corner of the skin replaces the nearest chosen point if this point is close.
+        """Return the chosen points after each corner of the skin has replaced the nearest of them, if it is close.
 
-        A chosen point that is a corner is not replaced.
+        A chosen point that is itself a corner is not replaced.
         """
         tree, found = cKDTree(self.places[chosen]), chosen.copy()
         for corner in np.setdiff1d(np.flatnonzero(self.kinds == 0), chosen):
@@ -129,7 +127,7 @@ class SkinPoints:
         return np.unique(found)
 
     def _complete(self, chosen: NDArray[np.intp]) -> NDArray[np.intp]:
-        """Return the chosen points and further points; each skin point is within `FARTHEST` of a returned point."""
+        """Add points to the chosen ones until each skin point is within `FARTHEST` of one; return all of them."""
         limits = FARTHEST[self.kinds] * self.sizes
         near = cKDTree(self.places[chosen]).query(self.places, k=min(NEAR, len(chosen)))[1]
         near = chosen[near.reshape(len(self.places), -1)]
@@ -156,7 +154,10 @@ def _creases(triangles: NDArray[np.int64], normals: NDArray[np.float64]) -> NDAr
 
 
 def _tips(triangles: NDArray[np.int64], normals: NDArray[np.float64], own: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Return which points, with the normals ``own`` (k, 3), are tips between triangles with ``normals`` (t, 3)."""
+    """Return whether each point is a tip (`CREASE`).
+
+    Points have the normals ``own`` (k, 3), triangles (t, 3) the ``normals`` (t, 3).
+    """
     least = np.ones(len(own))
     for i in range(3):
         np.minimum.at(least, triangles[:, i], np.einsum("ti,ti->t", own[triangles[:, i]], normals))
@@ -164,7 +165,7 @@ def _tips(triangles: NDArray[np.int64], normals: NDArray[np.float64], own: NDArr
 
 
 def _kinds(creases: NDArray[np.int64], tips: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """Return the kind of each point: 1, a crease point with two creases; 0, a corner or a tip; 2, any other point."""
+    """Return the kind of each point: 1 on two creases; 0 a tip, or on another number of creases; 2 any other point."""
     creases = np.bincount(creases.ravel(), minlength=len(tips))
     return np.where((creases == 0) & ~tips, 2, np.where(creases == 2, 1, 0))
 
@@ -189,8 +190,8 @@ def _unit(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 ALONG = 1.0
-"""A point on a crease belongs to the nearest contact point on the crease if this is not farther away, as a multiple of
-the size of the point's cell.
+"""A skin point belongs to the nearest contact point along the creases if their distance, divided by the size of the
+point's cell, is at most this; otherwise to the nearest contact point along all edges.
 """
 _NONE = -9999
 """Value of scipy's `dijkstra` for a point that no source reaches."""
@@ -199,7 +200,8 @@ _NONE = -9999
 def contact_faces(skin: SkinPoints, chosen: NDArray[np.intp]) -> NDArray[np.int32]:
     """Return the triangles (f, 3) int32 between contact points, in the orientation of the skin.
 
-    ``chosen`` (p,) are the points of the skin that are contact points. The triangles have their indices from 0 to p.
+    ``chosen`` (p,) are the indices of the contact points among the skin points. The corners of the triangles are
+    indices into ``chosen``.
     """
     owner = _owners(skin, chosen)
     faces = owner[skin.triangles]
@@ -215,7 +217,7 @@ def contact_faces(skin: SkinPoints, chosen: NDArray[np.intp]) -> NDArray[np.int3
 
 
 def _owners(skin: SkinPoints, chosen: NDArray[np.intp]) -> NDArray[np.int64]:
-    """Return the index (k,) of the contact point to which each point of a skin belongs; -1 if none can be reached."""
+    """Return the index (k,) in ``chosen`` of the contact point of each skin point; -1 if edges lead to none."""
     number = np.full(len(skin.places) + 1, -1)
     number[chosen] = np.arange(len(chosen))
     found, _ = _nearest(skin.places, edge_counts(skin.triangles)[0], chosen)
@@ -250,8 +252,8 @@ that is missing in the skin. SHORT applies to centroids outside the skin.
 def touch_by_skin(mesh: HexMesh, points: NDArray[np.float64], triangles: NDArray[np.int64]) -> HexMesh:
     """Return a copy of a mesh whose contact points are points of its skin, not vertices of its cells.
 
-    The cells resolve about one contact point for each boundary vertex. It is the skin point in which the vertex has the
-    largest weight: on a flat face the nearest skin point, and at an edge of the body a point of the edge.
+    There is about one contact point for each boundary vertex, as many as the cells can resolve: the skin point in whose
+    interpolation the vertex has the largest weight.
 
     Args:
         mesh: the mesh with its skin.

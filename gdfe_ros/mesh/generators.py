@@ -16,7 +16,7 @@ from gdfe_ros.mesh.selection import Where, select_cells
 
 
 def bar(size: Sequence[float], cells: Sequence[int]) -> HexMesh:
-    """Mesh a straight bar along x. It starts at x = 0; y and z are centred on 0.
+    """Mesh a straight bar along x that starts at x = 0 and is centred on y = z = 0.
 
     Args:
         size: length, width, height [m], each > 0.
@@ -36,7 +36,7 @@ def bar(size: Sequence[float], cells: Sequence[int]) -> HexMesh:
 
 
 def grid(x: ArrayLike, y: ArrayLike, z: ArrayLike) -> HexMesh:
-    """Mesh a block that planes perpendicular to x, y and z divide into cells; numbering as for `bar`.
+    """Mesh a block divided into cells by planes perpendicular to x, y and z; numbered as in `bar`.
 
     Args:
         x: coordinates of the planes perpendicular to x [m], strictly ascending, at least two.
@@ -55,7 +55,9 @@ def grid(x: ArrayLike, y: ArrayLike, z: ArrayLike) -> HexMesh:
         raise MeshError("cannot mesh this grid", defects)
     across_z, across_y, across_x = np.meshgrid(z, y, x, indexing="ij")
     vertices = np.stack([across_x.ravel(), across_y.ravel(), across_z.ravel()], axis=1)
-    return HexMesh(vertices=vertices, cells=grid_cells(len(x) - 1, len(y) - 1, len(z) - 1))
+    first = np.arange(len(vertices)).reshape(across_x.shape)[:-1, :-1, :-1].ravel()
+    bottom = np.array([0, 1, 1 + len(x), len(x)])
+    return HexMesh(vertices, first[:, None] + np.concatenate([bottom, bottom + len(x) * len(y)]))
 
 
 def cut(mesh: HexMesh, holes: Sequence[Where]) -> HexMesh:
@@ -82,26 +84,8 @@ def cut(mesh: HexMesh, holes: Sequence[Where]) -> HexMesh:
     return keep_cells(mesh, keep)
 
 
-def grid_cells(nx: int, ny: int, nz: int) -> NDArray[np.int32]:
-    """Return the cells of a structured grid.
-
-    Args:
-        nx: number of cells along the first axis.
-        ny: number of cells along the second axis.
-        nz: number of cells along the third axis.
-
-    Returns:
-        Vertex ids, shape (nx*ny*nz, 8), int32, in the numbering of `bar`.
-    """
-    k, j, i = np.meshgrid(np.arange(nz), np.arange(ny), np.arange(nx), indexing="ij")
-    row, layer = nx + 1, (nx + 1) * (ny + 1)
-    first = (i + row * j + layer * k).ravel()
-    bottom = np.array([0, 1, 1 + row, row])
-    return (first[:, None] + np.concatenate([bottom, bottom + layer])).astype(np.int32)
-
-
 def finger(size: Sequence[float], *, joints: int, gap: float, web: float, cell: float, taper: float = 1.0) -> HexMesh:
-    """Mesh a finger: a bar along x with notches cut from below. It starts at x = 0; y and z are centred on 0.
+    """Mesh a finger: a bar along x with notches in its lower side, from x = 0, centred on y = z = 0.
 
     Args:
         size: length, width, height at the base [m].
@@ -140,7 +124,7 @@ def finger(size: Sequence[float], *, joints: int, gap: float, web: float, cell: 
 
 
 def _planes(borders: NDArray[np.float64], cell: float) -> NDArray[np.float64]:
-    """Return ascending coordinates of planes: the borders, and planes between them at most ``cell`` apart [m]."""
+    """Return ascending coordinates of planes [m]: the borders, and planes between, at most ``cell`` apart."""
     pieces = [borders[:1]]
     for low, high in pairwise(borders):
         count = max(1, int(np.ceil((high - low) / cell - 1e-9)))
@@ -157,7 +141,7 @@ _CORE = 0.55
 def tube(
     inner: float, outer: float, length: float, cells: Sequence[int], *, cap: float = 0.0, cap_cells: int = 1
 ) -> HexMesh:
-    """Mesh a tube along x with its axis at y = z = 0, from x = 0; with caps it encloses a chamber.
+    """Mesh a tube along the x axis from x = 0; with caps it encloses a chamber.
 
     Args:
         inner: inner radius [m], > 0.
@@ -185,18 +169,15 @@ def tube(
     ends = [np.linspace(0, cap, cap_cells + 1)] * bool(cap)
     middle = np.linspace(cap, length - cap, along + 1)
     planes = np.unique(np.concatenate([*ends, middle, *(length - end[::-1] for end in ends)]))
-    pieces = [_map(grid(np.linspace(inner, outer, radial + 1), angles, planes), _along_x)]
+    wall = grid(np.linspace(inner, outer, radial + 1), angles, planes)
+    pieces = [_map(wall, lambda r, turn, x: (x, r * np.cos(turn), r * np.sin(turn)))]
     for end in ends:
         pieces += [_plug(inner, around, end), _plug(inner, around, length - end[::-1])]
     mesh = merge_vertices(join(*pieces))
     x, radius = mesh.vertices[:, 0], np.hypot(mesh.vertices[:, 1], mesh.vertices[:, 2])
     between = (x > cap - 1e-9 * length) & (x < length - cap + 1e-9 * length)
     return _with_sets(
-        mesh,
-        inner=between & _near(radius, inner),
-        outer=_near(radius, outer),
-        start=x == 0.0,
-        end=_near(x, length),
+        mesh, inner=between & _near(radius, inner), outer=_near(radius, outer), start=x == 0.0, end=_near(x, length)
     )
 
 
@@ -224,9 +205,7 @@ def ring(radius: float, section: Sequence[float], cells: Sequence[int], *, angle
     low, high = radius - section[0] / 2, radius + section[0] / 2
     angles = _full_turn(cells[1]) if full else np.linspace(0, np.radians(angle), cells[1] + 1)
     flat = grid(
-        np.linspace(low, high, cells[0] + 1),
-        angles,
-        np.linspace(-section[1] / 2, section[1] / 2, cells[2] + 1),
+        np.linspace(low, high, cells[0] + 1), angles, np.linspace(-section[1] / 2, section[1] / 2, cells[2] + 1)
     )
     r, turn, _ = flat.vertices.T
     sets = {"inner": r == r.min(), "outer": r == r.max()}
@@ -281,12 +260,8 @@ def _plug(radius: float, around: int, planes: NDArray[np.float64]) -> HexMesh:
 
 
 def _full_turn(around: int) -> NDArray[np.float64]:
-    """Return ``around`` + 1 equally spaced angles [rad] of a full circle, from -45 degrees (a square's corner)."""
+    """Return ``around`` + 1 equally spaced angles [rad] of a full circle, from a corner of `_plug`'s core, -45 deg."""
     return np.linspace(-np.pi / 4, 7 * np.pi / 4, around + 1)
-
-
-def _along_x(r: NDArray, turn: NDArray, x: NDArray) -> tuple[ArrayLike, ...]:
-    return x, r * np.cos(turn), r * np.sin(turn)
 
 
 def _blow_up(u: NDArray, v: NDArray, r: NDArray) -> tuple[ArrayLike, ...]:

@@ -28,10 +28,10 @@ from gdfe_ros.mesh.meshing.tetrahedralise import (
 from gdfe_ros.mesh.meshing.voxels import SUFFIXES, examine_surface
 from gdfe_ros.mesh.meshing.walls import default_size, flat_walls, wall_cells
 from gdfe_ros.mesh.quality import QualityReport, check_mesh
-from gdfe_ros.mesh.surfaces.shells import Shells, shells
+from gdfe_ros.mesh.surfaces.shells import shells
 from gdfe_ros.mesh.tetmesh import TetMesh
 
-#: Cells along the longest side of a suggested first voxel mesh.
+#: Number of cells along the longest side of the voxel mesh that is suggested for a first run.
 _FIRST_GRID = 40
 
 
@@ -59,13 +59,13 @@ class Inspection:
 
 
 def inspect_file(path: str | Path, *, scale: float | None = None, size: float | None = None) -> Inspection:
-    """Inspect a file with cells, a surface or CAD solids; its defects are returned and raise no error.
+    """Inspect a file with cells, a surface or CAD solids. Defects are returned, not raised.
 
     Args:
         path: the file.
         scale: metres for each unit of the file; None assumes metres and checks whether that is plausible.
-        size: size of the cells [m] with which the walls of a surface or of CAD solids are compared; None for the
-            default of ``gdfe new``.
+        size: intended size of the cells [m], which decides whether the walls of a surface or of CAD solids count as
+            thin; None for the default of ``gdfe new``.
     """
     path = Path(path)
     try:
@@ -85,7 +85,7 @@ def inspect_mesh(mesh: Mesh, *, path: Path | None = None, defects: list[str] | N
     Args:
         mesh: the mesh.
         path: its file.
-        defects: the mesh's defects; None if `check_mesh` has to find them.
+        defects: the mesh's defects if they are known; None to find them with `check_mesh`.
     """
     quality = check_mesh(mesh)
     found = quality.defects if defects is None else defects
@@ -127,8 +127,12 @@ def _surface(path: Path, scale: float | None, size: float | None) -> Inspection:
     ]
     found = surface_findings(vertices, triangles, size=size or default_size(vertices))
     if found.walls is not None:
-        facts += _shells(shells(vertices, triangles))
-        facts.append(("a first cell size", f"{np.ptp(vertices, axis=0).max() / _FIRST_GRID:.2g} m"))
+        nested = shells(vertices, triangles)
+        facts += [
+            ("volume", f"{nested.volume:.6g} m^3"),
+            ("bodies, cavities", f"{len(nested.depths) - nested.n_cavities}, {nested.n_cavities}"),
+            ("a first cell size", f"{np.ptp(vertices, axis=0).max() / _FIRST_GRID:.2g} m"),
+        ]
     return Inspection(path, facts + found.facts, defects + found.defects, found.remarks, surface=found)
 
 
@@ -146,7 +150,7 @@ def _solids(path: Path, size: float | None) -> Inspection:
 
 
 def _air(facts: list[tuple[str, str]]) -> list[str]:
-    """Return a list with a remark on chambers if no solid of a STEP file, with these facts, has a cavity of its own."""
+    """Return a list with a remark on chambers if no solid has a cavity; ``facts`` are those of a STEP file."""
     solids = [text for name, text in facts if name.startswith("solid ")]
     if any("no cavity" not in text for text in solids):
         return []
@@ -171,14 +175,6 @@ def _quality(quality: QualityReport) -> list[tuple[str, str]]:
         ("largest aspect ratio", f"{quality.max_aspect:.3g}"),
         ("inverted or flat cells", str(int((quality.scaled_jacobian <= 0).sum()))),
         ("disconnected parts", str(quality.parts)),
-    ]
-
-
-def _shells(surface: Shells) -> list[tuple[str, str]]:
-    outer = len(surface.depths) - surface.n_cavities
-    return [
-        ("volume", f"{surface.volume:.6g} m^3"),
-        ("bodies, cavities", f"{outer}, {surface.n_cavities}"),
     ]
 
 

@@ -20,7 +20,7 @@ from gdfe_ros.mesh.touching import Touching
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Mesh:
-    """Base class of a mesh with cells of one type; its subclasses are `HexMesh` and `TetMesh`.
+    """Base class of `HexMesh` and `TetMesh`: a mesh with cells of one type.
 
     Attributes:
         vertices: positions [m], shape (n, 3), float64, C-contiguous.
@@ -29,8 +29,8 @@ class Mesh:
         vertex_sets: named sorted vertex ids, int32 (node and face sets of an imported file).
         filling: filled fraction of the cells; None if every cell is entirely filled.
         skin: surface that is drawn instead of the cells' outer faces; None if these faces are drawn.
-        touching: contact points of skins, used instead of the faces of the cells under them; None if all contact is by
-            the faces of cells.
+        touching: contact points and triangles on skins, which replace the cells' faces in contact; None if only the
+            faces of cells are in contact.
         parts: dict from name to each mesh from which this mesh was assembled; empty for a single mesh.
         remarks: messages about content of the mesh's file that was left out.
 
@@ -125,7 +125,7 @@ class Mesh:
 
     @property
     def edge_lengths(self) -> NDArray[np.float64]:
-        """Distances (m, 12 or 6) [m] of the corners at the ends of the edges of each cell."""
+        """Lengths (m, 12 or 6) [m] of the straight lines between the corners at the ends of each cell's edges."""
         return np.linalg.norm(self.along_edges(self.vertices[self.cells]), axis=2)
 
     def along_edges(self, corners: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -139,7 +139,7 @@ class Mesh:
 
     @cached_property
     def outside(self) -> Outside:
-        """Surface that is drawn: the skin, or the boundary."""
+        """Surface that is drawn: the skin or, without a skin, the boundary."""
         return self.skin or Outside.of_faces(self.boundary)
 
     def surface(self) -> NDArray[np.int32]:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Surface that is drawn for a body: the outer faces of its cells, or a skin that they carry."""
+"""Surface that is drawn for a body: the outer faces of its cells, or a skin attached to the cells."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from gdfe_ros.mesh.surfaces.shells import cone_volumes
 from gdfe_ros.mesh.surfaces.surface_edges import refine
 
 NEAR = 12
-"""Number of candidate cells for a skin point: the cells with the nearest centroids."""
+"""Number of cells with the nearest centroids that are tried as carriers of a skin point."""
 WITHIN = 1.0 - 1e-9
 """A point is certainly inside a cell, and in no other cell, if all its reference coordinates are below this in
 magnitude.
 """
 REACH = 3.001
-"""Largest magnitude of a carried point's reference coordinates. At this limit the point is an edge outside of its cell,
-like the far end of a sliver whose material the cell took (`gather_slivers`).
+"""Largest magnitude of a carried point's reference coordinates: one edge length outside of its cell. The far end of a
+sliver whose material moved to the cell is there (`gather_slivers`).
 """
 
 
@@ -99,10 +99,7 @@ class Outside:
 
 
 def carry_skin(
-    vertices: NDArray[np.float64],
-    cells: NDArray[np.int32],
-    points: NDArray[np.float64],
-    triangles: NDArray[np.int64],
+    vertices: NDArray[np.float64], cells: NDArray[np.int32], points: NDArray[np.float64], triangles: NDArray[np.int64]
 ) -> Outside:
     """Return a triangle surface as a skin: each point is attached to the cell that contains it, or to the nearest cell.
 
@@ -133,10 +130,9 @@ def hang(
 ) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
     """Return the cell (k,) that carries each of ``points`` (k, 3) [m], and the weights (k, 8) of its corners.
 
-    The carrying cell contains the point, or else is the nearest of some candidates: in which the largest magnitude of
-    the point's reference coordinates is least. Of cells that are equally near, as at a common face, it is the one with
-    the lowest index. ``vertices`` and ``cells`` are as for
-    `carry_skin`; ``within`` is as for `reference_coordinates`.
+    The carrying cell contains the point, or is the nearest of the candidates (`NEAR`). The distance is measured by the
+    largest magnitude of the point's reference coordinates; of equally near cells, the lowest index counts.
+    ``vertices`` and ``cells`` are as for `carry_skin`; ``within`` is as for `reference_coordinates`.
 
     Raises:
         MeshError: points are too far outside of the cells.

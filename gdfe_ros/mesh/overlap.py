@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Intersections of two meshes, and of a surface with itself.
 
-Two meshes overlap by separating axes between pairs of cells, which count as convex, or by their skins.
+The overlap of two meshes is found with separating axes between pairs of cells, which are treated as convex, or with
+their skins.
 """
 
 from __future__ import annotations
@@ -44,7 +45,7 @@ class Overlap(NamedTuple):
 def find_overlap(first: Mesh, second: Mesh) -> Overlap | None:
     """Return the overlap of two meshes; None if they are apart or touch.
 
-    If a mesh touches by its skin, the skin counts instead of the faces of its cells.
+    For a mesh with contact on a skin, the skin is tested instead of the cells.
 
     Args:
         first: a sound mesh.
@@ -126,9 +127,9 @@ def _normals(corners: NDArray[np.float64], mesh: Mesh) -> NDArray[np.float64]:
 
 
 def _deepest_point(first: Mesh, second: Mesh) -> tuple[float, NDArray[np.float64]]:
-    """Return the largest depth [m] of a point of one mesh's surface inside the other's, and this point (3,) [m].
+    """Return the depth [m] and the position (3,) [m] of the surface point of one mesh that is deepest in the other.
 
-    The points are contact points of skins and vertices of faces. Two surfaces may cross between them.
+    Only contact points of skins and vertices of faces are tested; a crossing between these points is not found.
     """
     from gdfe_ros.mesh.surfaces.triangle_kernels import nearest_distances  # loads numba
 
@@ -149,14 +150,14 @@ def _deepest_point(first: Mesh, second: Mesh) -> tuple[float, NDArray[np.float64
 
 
 def _points_of(mesh: Mesh) -> NDArray[np.float64]:
-    """Return the points (k, 3) [m] with which a mesh touches."""
+    """Return the contact points (k, 3) [m] of a mesh: those of its skin, or the vertices of its boundary."""
     if mesh.touching is not None:
         return mesh.touching.at(mesh.vertices)
     return mesh.vertices[np.unique(mesh.boundary.quads)]
 
 
 def _surface_of(mesh: Mesh) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
-    """Return the surface with which a mesh touches: used points (k, 3) [m], and quads (q, 4) of their indices."""
+    """Return the contact surface of a mesh: its points (k, 3) [m], and quads (q, 4) of their indices."""
     points, quads = outline(flat_quads(mesh.boundary.quads), mesh.touching, mesh.vertices)
     used, local = np.unique(quads, return_inverse=True)
     return points[used], local.reshape(quads.shape).astype(np.int32)
@@ -175,10 +176,10 @@ def _inside(points: NDArray[np.float64], tree: BoxTree) -> NDArray[np.bool_]:
 
 
 TOUCH = 1e-6
-"""Length up to which triangles touch and do not cut each other, divided by the diagonal of the surface. The single
-precision of STL files moves vertices by 1e-7."""
+"""Triangles that overlap by up to this length, divided by the diagonal of the surface, touch and do not cut each other.
+The single precision of STL files moves vertices by 1e-7."""
 LISTED = 3
-"""Number of places that are named."""
+"""Largest number of places that a message names."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,7 +189,7 @@ class SelfCuts:
     Attributes:
         pairs: number of pairs of triangles that cut each other, or overlap in one plane.
         cut: (t,) bool, whether another triangle cuts the triangle.
-        places: (k, 3) [m], a place of an intersection for each of the k triangles that are cut, in ascending order.
+        places: (k, 3) [m], a point on an intersection of each of the k cut triangles, in the order of the triangles.
     """
 
     pairs: int
@@ -233,7 +234,7 @@ def find_self_cuts(vertices: NDArray[np.float64], triangles: NDArray[np.integer]
 
 
 def _far_apart(points: NDArray[np.float64], count: int) -> list[int]:
-    """Return the numbers of up to ``count`` points, each the farthest from those before it."""
+    """Return the indices of up to ``count`` points; each is the farthest one from the points before it."""
     chosen = [0]
     away = np.linalg.norm(points - points[0], axis=1)
     while len(chosen) < count and away.max() > 0.0:

@@ -22,7 +22,7 @@ COINCIDENT = 1e-7
 FLAT = 1e-6
 #: Largest relative difference between the volume of the cells and the volume inside of their boundary.
 SAME_VOLUME = 1e-6
-#: Ids listed in one message; the rest is counted.
+#: Largest number of ids that a message lists.
 LISTED = 10
 
 
@@ -66,7 +66,7 @@ class QualityReport:
 def check_mesh(mesh: Mesh) -> QualityReport:
     """Return a report on a mesh that names every defect; a defect raises no error.
 
-    Several pieces that share no vertex are no defect.
+    A mesh of several separate pieces is not a defect.
 
     Args:
         mesh: the mesh.
@@ -140,7 +140,7 @@ def _find_misshapen(mesh: Mesh, jacobian: NDArray[np.float64], volumes: NDArray[
 
 
 def _find_overlaps(mesh: Mesh, *, upright: bool) -> list[str]:
-    """Return texts on cells that overlap others; ``upright`` is whether no cell is inverted or flat."""
+    """Return the defects of cells that overlap others; ``upright`` is whether no cell is inverted or flat."""
     _, first = np.unique(np.sort(mesh.cells, axis=1), axis=0, return_index=True)
     if len(first) < mesh.n_cells:
         again = np.setdiff1d(np.arange(mesh.n_cells), first)
@@ -155,7 +155,7 @@ def _find_overlaps(mesh: Mesh, *, upright: bool) -> list[str]:
 
 
 def _other_volume(mesh: Mesh, volumes: NDArray[np.float64]) -> list[str]:
-    """Return a text if the boundary encloses another volume than the cells have."""
+    """Return a list with a defect if the boundary encloses another volume than that of the cells; empty if not."""
     inside, whole = inside_volume(mesh.vertices, mesh.boundary.quads), float(volumes.sum())
     if abs(inside - whole) <= SAME_VOLUME * whole:
         return []
@@ -201,9 +201,9 @@ def coincident_pairs(points: NDArray[np.float64], tolerance: float) -> NDArray[n
 
 
 def _tell(what: str, ids: NDArray[np.integer], remedy: str, mesh: Mesh | None = None) -> list[str]:
-    """Return a list with one text that names the items of a kind with these ids; empty without items.
+    """Return a list with one defect about the items with these ids; empty without ids.
 
-    If the items are cells of ``mesh``, the text also has the centroid of the first cell.
+    If the ids are those of cells of ``mesh``, the text also has the centroid of the first cell.
     """
     if len(ids) == 0:
         return []
@@ -211,7 +211,7 @@ def _tell(what: str, ids: NDArray[np.integer], remedy: str, mesh: Mesh | None = 
     return [f"{len(ids)} {what}: {list_ids(ids)}{place}; remedy: {remedy}"]
 
 
-#: The three neighbours of each local vertex, right-handed seen from that vertex.
+#: The three vertices that edges join to each local vertex, right-handed seen from that vertex.
 CORNERS = np.array(
     [[1, 3, 4], [2, 0, 5], [3, 1, 6], [0, 2, 7], [7, 5, 0], [4, 6, 1], [5, 7, 2], [6, 4, 3]], dtype=np.int32
 )
@@ -227,7 +227,8 @@ def scaled_jacobians(mesh: HexMesh) -> NDArray[np.float64]:
     corners = mesh.vertices[mesh.cells]
     edges = corners[:, CORNERS] - corners[:, :, None]
     scale = np.sqrt(np.einsum("mcei,mcei->mce", edges, edges)).prod(axis=2)
-    return _ratio(_triple(edges[:, :, 0], edges[:, :, 1], edges[:, :, 2]), scale).min(axis=1)
+    volume = _triple(edges[:, :, 0], edges[:, :, 1], edges[:, :, 2])
+    return np.divide(volume, scale, out=np.zeros_like(volume), where=scale > 0).min(axis=1)
 
 
 def cell_volumes(mesh: HexMesh) -> NDArray[np.float64]:
@@ -247,7 +248,3 @@ def cell_volumes(mesh: HexMesh) -> NDArray[np.float64]:
 def _triple(a: NDArray[np.float64], b: NDArray[np.float64], c: NDArray[np.float64]) -> NDArray[np.float64]:
     (ax, ay, az), (bx, by, bz), (cx, cy, cz) = (np.moveaxis(v, -1, 0) for v in (a, b, c))
     return ax * (by * cz - bz * cy) + ay * (bz * cx - bx * cz) + az * (bx * cy - by * cx)
-
-
-def _ratio(value: NDArray[np.float64], scale: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.divide(value, scale, out=np.zeros_like(value), where=scale > 0)

@@ -38,8 +38,7 @@ class Side(Enum):
 
 
 Interval = Annotated[
-    tuple[float, float],
-    Quantity("interval [low, high] of the coordinate", "m", count=2, ascending=True, infinite=True),
+    tuple[float, float], Quantity("interval [low, high] of the coordinate", "m", count=2, ascending=True, infinite=True)
 ]
 Ids = Annotated[tuple[int, ...], Quantity("ids, from 0", least=0, most=2**31 - 1, count=ANY, whole=True)]
 _UNION = Meaning(
@@ -51,7 +50,7 @@ _MESH = Meaning("name of one of the `meshes`; coordinates and ids are then its o
 
 @dataclass(frozen=True)
 class BoxSelection(Keys):
-    """A box of closed intervals; an axis that is left out is not limited."""
+    """A box of closed intervals [m]; without an interval the box is not limited along the axis."""
 
     x: Interval | None = None
     y: Interval | None = None
@@ -64,7 +63,7 @@ class BoxSelection(Keys):
 
 @dataclass(frozen=True)
 class SphereSelection(Keys):
-    """A ball."""
+    """A ball, with its centre and its radius."""
 
     center: Annotated[Vector, Quantity("center [x, y, z]", "m", count=3)]
     radius: Annotated[float, Quantity("radius", "m", above=0.0)]
@@ -74,9 +73,9 @@ class SphereSelection(Keys):
 class Where(Alternatives, Keys):
     """A selection by exactly one of these keys, in the whole body or in one of the `meshes`; `any` unites several.
 
-    In a selection of cells, a face selects the cells with at least one of its vertices, vertices select the cells all
-    of whose vertices are among them, and boxes and spheres select cells by their centroids. In a selection of vertices,
-    cells select their vertices. A set is converted like vertices or cells.
+    Where cells are needed, a face selects the cells with at least one of its vertices, ``vertices`` select the cells
+    with all vertices among them, and boxes and spheres select by the centroids of cells. Where vertices are needed,
+    cells select all of their vertices. A set is converted like ``vertices`` or ``cells``.
     """
 
     options: ClassVar[tuple[str, ...]] = ("mesh",)
@@ -104,12 +103,12 @@ class Where(Alternatives, Keys):
 
     @property
     def places(self) -> tuple[Where, ...]:
-        """The selections in the whole body that it unites; itself alone if it is no union."""
+        """The united selections of ``any``; this selection alone if it is no union, or is limited to one mesh."""
         return (self,) if self.any is None or self.mesh is not None else self.any
 
     @property
     def inner(self) -> Where:
-        """The selection in the mesh that it names; without another key, all of this mesh."""
+        """This selection without the key ``mesh``, for use in that mesh; all of the mesh if no other key is left."""
         own = {name: value for name, value in vars(self).items() if value is not None and name != "mesh"}
         return Where(**own or {"box": BoxSelection(x=(-math.inf, math.inf))})
 
@@ -173,7 +172,7 @@ def _list(mesh: Mesh, where: Where) -> tuple[NDArray[np.int32] | None, NDArray[n
 def select_faces(mesh: Mesh, where: Where) -> NDArray[np.int32]:
     """Return the boundary faces whose corners are all selected; there may be none.
 
-    In a union, a single one of its selections must contain all corners of a face.
+    In a union, one of the united selections must contain all corners of a face.
 
     Args:
         mesh: the mesh.
@@ -191,7 +190,10 @@ def select_faces(mesh: Mesh, where: Where) -> NDArray[np.int32]:
 def _whole_faces(
     faces: NDArray[np.int32], where: Where, choose: Callable[[Where], NDArray[np.integer]]
 ) -> NDArray[np.int32]:
-    """Return the faces (q, c) all of whose corners are among the points that ``choose`` returns for one place."""
+    """Return the faces (q, c) whose corners are all chosen by one of the united selections of ``where``.
+
+    ``choose`` returns the points of a selection.
+    """
     whole = [np.isin(corners_of(faces), choose(place)).all(axis=1) for place in where.places]
     return faces[np.any(whole, axis=0)]
 
@@ -241,8 +243,7 @@ def _check(ids: tuple[int, ...], count: int, noun: str) -> NDArray[np.int32]:
     wrong = [i for i in ids if not 0 <= i < count]
     if wrong:
         raise MeshError(
-            "the selection does not fit the mesh",
-            [f"{noun} ids {wrong[:10]} do not exist; allowed: 0 to {count - 1}"],
+            "the selection does not fit the mesh", [f"{noun} ids {wrong[:10]} do not exist; allowed: 0 to {count - 1}"]
         )
     return np.unique(np.asarray(ids, dtype=np.int32))
 
@@ -250,7 +251,7 @@ def _check(ids: tuple[int, ...], count: int, noun: str) -> NDArray[np.int32]:
 def select_skin(mesh: Mesh, where: Where) -> NDArray[np.int32]:
     """Return the triangles (t, 3) int32 of a mesh's skin whose three points are selected; there may be none.
 
-    A `Face` refers to the bounding box of the skin.
+    The key ``face`` refers to the bounding box of the skin.
 
     Raises:
         MeshError: the selection is by ids, sets or the name of a mesh; these refer to cells and not to a skin.
@@ -262,7 +263,7 @@ def select_skin(mesh: Mesh, where: Where) -> NDArray[np.int32]:
 def select_touching(mesh: Mesh, where: Where) -> NDArray[np.int32]:
     """Return the sorted indices of the selected contact points of a mesh's skin; there may be none.
 
-    A `Face` refers to the bounding box of the skin.
+    The key ``face`` refers to the bounding box of the skin.
 
     Raises:
         MeshError: the selection is by ids or sets, which refer to cells and not to a skin, or a mesh is unknown.
@@ -279,7 +280,7 @@ def select_touching(mesh: Mesh, where: Where) -> NDArray[np.int32]:
 def select_touching_faces(mesh: Mesh, where: Where) -> NDArray[np.int32]:
     """Return the triangles (t, 3) int32 of contact points whose three points are selected; there may be none.
 
-    In a union, a single one of its selections must contain all three.
+    In a union, one of the united selections must contain all three.
 
     Raises:
         MeshError: as for `select_touching`.
@@ -288,7 +289,7 @@ def select_touching_faces(mesh: Mesh, where: Where) -> NDArray[np.int32]:
 
 
 def _before(mesh: Mesh, name: str) -> list[Touching]:
-    """Return the contact points of the meshes before the one of this name."""
+    """Return the contact points of each mesh that precedes the mesh ``name`` in the assembly."""
     last = part_of(mesh, name).first_vertex
     before = [each.mesh.touching for each in mesh.parts.values() if each.first_vertex < last]
     return [each for each in before if each is not None]

@@ -69,9 +69,9 @@ def elevate(
 
 
 def divide(mesh: HexMesh) -> TetMesh:
-    """Divide each hexahedron of a mesh into six quadratic tetrahedra; the vertices keep their ids, and their sets.
+    """Divide each hexahedron of a mesh into six quadratic tetrahedra.
 
-    A skin and the filling of cut cells are lost.
+    Vertices keep their ids and sets. The skin and the filling of cut cells are dropped.
     """
     cells = {name: (6 * ids[:, None] + np.arange(6)).ravel() for name, ids in mesh.cell_sets.items()}
     return replace(elevate(mesh.vertices, corners_of_six(mesh.cells), cells, mesh.vertex_sets), hexahedra=mesh.n_cells)

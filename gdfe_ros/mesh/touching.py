@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Contact points of a skin, used instead of the vertices of the cells' faces."""
+"""Contact points of a skin, which replace the boundary vertices of the cells in contact."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from gdfe_ros.mesh.outside import Outside
 
 @dataclass(frozen=True, eq=False)
 class Touching:
-    """Contact points and contact surface of those meshes of a body that touch by their skins, not by their faces.
+    """Contact points and contact surface of the meshes of a body whose contact is on a skin, not on cell faces.
 
     Attributes:
         corners: (p, 8) int32 vertices of the cell that carries each contact point.
@@ -53,7 +53,7 @@ class Touching:
         return np.einsum("pa,pai->pi", self.weights, positions[self.corners])
 
     def without(self, quads: NDArray[np.int32]) -> NDArray[np.int32]:
-        """Return those of the boundary faces ``quads`` (q, c) of all meshes that belong to meshes without a skin."""
+        """Return the boundary faces of the meshes without a skin; ``quads`` (q, c) are those of all meshes."""
         return quads[~np.isin(quads[:, 0], self.vertices)]
 
 

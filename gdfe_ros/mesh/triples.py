@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compiled vector algebra of triples."""
+"""Compiled algebra of vectors that are tuples (x, y, z)."""
 
 from __future__ import annotations
 

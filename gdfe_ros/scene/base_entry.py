@@ -9,21 +9,21 @@ from pydantic import BaseModel, ConfigDict, model_validator
 
 from gdfe_ros.keys import Alternatives
 
-#: First letters of the tags that pydantic adds to the location of an error; the tags are not keys of the file, because
-#: YAML allows no NUL in a key.
+#: Prefix of the tags that pydantic adds to the location of an error. No key of a file begins with it, because YAML
+#: allows no NUL in a key.
 TAG = "\0kind="
-#: Begin of pydantic's message about a ValueError.
+#: Prefix of pydantic's message about a ValueError.
 VALUE_ERROR = "Value error, "
 
 
 class Entry(BaseModel):
-    """A mapping of the scene file: immutable, and without keys other than the declared ones."""
+    """Base class of the mappings in a scene file: immutable, and undeclared keys are errors."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
 def one_of(first: str, second: str, text: str) -> Any:
-    """Return a validator of an entry that needs exactly one of two keys; ``text`` says so."""
+    """Return a validator of an entry that needs exactly one of two keys; ``text`` is its error message."""
 
     @model_validator(mode="after")
     def check(self: Entry) -> Entry:
@@ -35,7 +35,7 @@ def one_of(first: str, second: str, text: str) -> Any:
 
 
 def belongs(option: str, owner: str, text: str) -> Any:
-    """Return a validator of an entry whose key ``option`` needs the key ``owner``; ``text`` says so."""
+    """Return a validator of an entry whose key ``option`` needs the key ``owner``; ``text`` is its error message."""
 
     @model_validator(mode="after")
     def check(self: Entry) -> Entry:

@@ -13,7 +13,7 @@ from gdfe_ros.untrusted.bounded_text import MOST_NODES, Loader, check_yaml, load
 
 KeyPath = tuple[str | int, ...]
 Carried = dict[KeyPath, dict[str, Any]]
-"""Dict from key path to scene entry with the contents of its files; a mesh comes before its skin."""
+"""Dict from key path to scene entry in which file names are replaced by the files' contents; meshes precede skins."""
 _LONGEST_SHOWN = 80
 """Largest number of characters of a line that an error shows."""
 

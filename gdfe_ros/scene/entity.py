@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Bodies that join a scene later: read from URDF or YAML, added to the scene's text, and removed from it."""
+"""Bodies that join a running scene: read from URDF or YAML, added to the scene's text, and removed from it."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from gdfe_ros.scene.schemas.obstacle_schema import BodyModel
 from gdfe_ros.scene.schemas.scene_schema import NAME
 
 SOFT = ("material", "materials", "regions")
-"""Keys of a description that make its body a soft one."""
+"""Keys of a description, one of which it needs to describe a soft body."""
 PLACED = ("at", "rotation_deg")
 """Keys of a body's entry that state its place."""
 _TITLE = ("name", "description")
@@ -35,15 +35,15 @@ MOST_CELLS = 20_000
 SMALLEST, BIGGEST = 1e-3, 10.0
 """Smallest and largest size of a soft body that joins, divided by the size of the scene's body.
 
-The tolerance of a step belongs to the largest body. Bodies of a ten-thousandth of it leave steps wrong by several
-tolerances.
+The tolerance of a step is relative to the largest body. With a body of a ten-thousandth of this size, errors of several
+tolerances were measured.
 """
 LARGEST = 100_000
 """Largest number of characters of a body's description."""
 _MOST_VALUES = 1000
-"""Largest number of values in it."""
+"""Largest number of values in a body's description."""
 ODD = 0.05
-"""Largest relative difference between given moments of inertia and those of a homogeneous body that is not reported."""
+"""Moments of inertia in a URDF that differ from those of a homogeneous body by more than this fraction are reported."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -52,10 +52,11 @@ class Entity:
 
     Attributes:
         name: its name in the resource; empty if the resource states none.
-        entry: keys and values of its entry in `bodies` or `soft_bodies`, without its place.
-        materials: dict from name to material of a soft body; the name of an only one is empty. None for a rigid body.
-        origin: origin (3,) [m] of the frame of this entry, in the frame in which the entity is placed.
-        axes: rotation (3, 3) of the frame of this entry relative to that frame.
+        entry: keys and values of its entry in `bodies` or `soft_bodies`, without its pose.
+        materials: dict from name to material of a soft body; a single material has an empty name. None for a rigid
+            body.
+        origin: origin (3,) [m] of the frame of ``entry``, in the frame of the entity.
+        axes: rotation (3, 3) of the frame of ``entry``, in the frame of the entity.
         remark: difference between the resource and the body that is simulated; empty if there is none.
     """
 
@@ -68,12 +69,12 @@ class Entity:
 
     @property
     def section(self) -> str:
-        """Section of a scene file to which its entry belongs."""
+        """Section of a scene file to which `entry` belongs."""
         return "bodies" if self.materials is None else "soft_bodies"
 
 
 def read_entity(text: str, *, where: str = "the resource") -> Entity:
-    """Return the body that a URDF, a YAML entry like those in `bodies`, or a mesh with its material describes.
+    """Read a body from a URDF, from a YAML entry as in `bodies`, or from a mesh with its material.
 
     A soft body is a mesh, as in a scene, with `material` (its law and parameters), or with `materials` and `regions`;
     the mesh may also be under the key `mesh`, as in a scene. A URDF must have one link with one <collision> that is a
@@ -106,7 +107,7 @@ def _require_unplaced(entry: Mapping[str, Any], where: str) -> None:
 
 
 def _soft(data: Mapping[str, Any], where: str) -> Entity:
-    """Return the soft body of a description: a mesh, or a scene's `mesh` and `skin`, with its materials."""
+    """Return the soft body of a description with materials, and a mesh with its keys or under the key `mesh`."""
     rest = {key: value for key, value in data.items() if key not in (*SOFT, *_TITLE, "mesh", "skin")}
     mesh = data.get("mesh", rest)
     if not isinstance(mesh, dict):
@@ -138,7 +139,7 @@ def _soft(data: Mapping[str, Any], where: str) -> Entity:
 
 
 def _keep_used(materials: Mapping[str, Any], regions: Any, where: str) -> dict[str, Any]:
-    """Return the materials that regions name; the others would stay in the scene when the body leaves it.
+    """Return the materials that regions use; unused materials would remain in the scene after the body has left.
 
     Raises:
         SceneError: the regions are no list, or one names a material that is not the body's own.
@@ -155,7 +156,7 @@ def _keep_used(materials: Mapping[str, Any], regions: Any, where: str) -> dict[s
 
 
 def _require_few_cells(mesh: Mapping[str, Any], where: str) -> None:
-    """Raise SceneError if a generated mesh has too many cells for a request of a stranger."""
+    """Raise SceneError if a mesh would have too many cells, before it is generated."""
     try:
         count = MeshModel.model_validate(dict(mesh)).count
     except (ValidationError, MeshError):
@@ -200,7 +201,7 @@ def with_body(scene: Scene, name: str, entity: Entity, *, origin: NDArray[np.flo
 def _require_fitting(scene: Scene, name: str, *, reads: bool) -> None:
     """Raise SceneError if a soft body has too many cells, or is much smaller or larger than the scene's body.
 
-    ``reads``: its mesh is that of a file, which may have more cells than one that is made.
+    ``reads`` is whether its mesh comes from a file; the number of cells is then not limited.
     """
     parts, defects = scene.mesh.parts, []
     mesh = parts[name].mesh
@@ -215,14 +216,14 @@ def _require_fitting(scene: Scene, name: str, *, reads: bool) -> None:
 
 
 def _rename(region: Any, names: Mapping[str, str]) -> Any:
-    """Return a region with the name of its material in the scene; what is no region is reported by the loader."""
+    """Return a region with the name of its material in the scene; invalid regions are left to the loader's checks."""
     if not isinstance(region, dict) or not isinstance(region.get("material"), str):
         return region
     return {**region, "material": names.get(region["material"], region["material"])}
 
 
 def without_bodies(scene: Scene, names: Collection[str]) -> Scene:
-    """Return ``scene`` without the bodies in ``names``, and without the materials that came with soft ones."""
+    """Return ``scene`` without the bodies in ``names``, and without the materials that joined with soft bodies."""
     document = parse_document(scene.source, heading=f"scene {scene.name}").data
     gone: dict[str, None] = {}
     for name in names:

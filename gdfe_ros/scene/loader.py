@@ -167,7 +167,7 @@ def _scene(text: str, heading: str, path: Path | None, overrides: Mapping[str, A
 
 
 def _report_conflicts(scene: Scene, report: Defects) -> None:
-    """Report conflicts between the entries, except for those that follow from a defect in another entry."""
+    """Report conflicts between valid entries, except for conflicts that follow from a defect in another entry."""
     for key, text in unsolvable(scene, scene.solver.policy):
         of_skin = key[-1] == "cells" and report.concerns("skin")
         if not of_skin and not (key == ("bodies",) and report.concerns("dynamics")):
@@ -175,7 +175,7 @@ def _report_conflicts(scene: Scene, report: Defects) -> None:
 
 
 def _on_arms(handles: Sequence[Handle], arms: Sequence[Arm]) -> tuple[Handle, ...]:
-    """Return the handles, each with the name of the arm that carries it, and the links of the arms as obstacles."""
+    """Add the name of the carrying arm to handles on arms; return all handles, and the links of arms as obstacles."""
     carriers = {arm.handle: arm.name for arm in arms}
     carried = (replace(each, carrier=carriers[each.name]) if each.name in carriers else each for each in handles)
     return (*carried, *(piece for arm in arms for piece in arm.links))
@@ -209,7 +209,10 @@ def _prune(data: dict[str, Any], broken: list[KeyPath]) -> dict[str, Any]:
 
 
 def _depth(path: KeyPath) -> int:
-    """Return the number of keys that lead to the smallest entry of a section, or of the program, around a key path."""
+    """Return how many keys of a path to keep so that they lead to the smallest entry that can be dropped as a whole.
+
+    It is an item of a section, such as one handle, or a section without items.
+    """
     kind, above = (Program, 1) if path[0] == "program" and len(path) > 1 else (SceneModel, 0)
     field = kind.model_fields.get(path[above])
     section = field is not None and get_origin(bare(field.annotation)) in (dict, tuple)

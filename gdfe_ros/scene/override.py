@@ -49,10 +49,10 @@ def apply_override(document: Document, key: str, value: Any, report: Defects) ->
 
 
 def read_overrides(entries: Sequence[str], where: str = "--set") -> dict[str, str]:
-    """Return dict from key to value of entries ``key=value``; values remain text, which the scene parses as YAML.
+    """Return a dict from key to value of entries ``key=value``; values stay text, which the scene parses as YAML.
 
     Raises:
-        CommandError: an entry has no ``=``; the error says ``where`` the entries are given.
+        CommandError: an entry has no ``=``; ``where`` names the source of the entries in the error.
     """
     if wrong := [entry for entry in entries if "=" not in entry]:
         raise CommandError(f"{where} holds {wrong}; each entry must be key=value, e.g. solver.tolerance=1e-6")

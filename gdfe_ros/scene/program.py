@@ -58,9 +58,8 @@ class Program(Entry):
     """Commands over time, which `gdfe solve` plays.
 
     At time 0 a handle is in its rest pose, unless it has a keyframe at time 0. Between two keyframes its pose changes
-    linearly. After its last keyframe it keeps the pose of that keyframe. The same holds for the commands of actuators
-    and loads, which have the commands of `starting_from` at time 0. Between two points of a joint its position is a
-    cubic polynomial.
+    linearly. After the last keyframe it keeps its last pose. The same holds for the commands of actuators and loads,
+    which start at the values of `starting_from`. Between two points of a joint its position is a cubic polynomial.
     """
 
     duration: Annotated[float, Quantity("duration", "s", above=0.0, most=1e6)]
@@ -74,7 +73,7 @@ class Program(Entry):
     _start: dict[str, float] = PrivateAttr(default_factory=dict)
 
     def starting_from(self, commands: Mapping[str, float]) -> Program:
-        """Return the program with the commands of actuators, loads and joints at time 0, before their first points."""
+        """Return the program with these values of actuators, loads and joints at time 0, before their first points."""
         program = self.model_copy()
         program._start = {name: commands.get(name, 0.0) for name in (*self.actuators, *self.loads, *self.joints)}
         return program
@@ -99,20 +98,20 @@ class Program(Entry):
         return list(np.linspace(0.0, self.duration, steps + 1)[1:])
 
     def handle_poses(self, time: float) -> dict[str, Pose]:
-        """Return a dict from each handle and obstacle of the program to its pose at a time [s], within the duration."""
+        """Return a dict from each handle and obstacle to its pose at a time [s], limited to 0 .. duration."""
         moment = self._within(time)
         return {name: _pose_at(frames, moment) for name, frames in self.keyframes.items()}
 
     def actuator_values(self, time: float) -> dict[str, float]:
-        """Return a dict from each actuator of the program to its command at a time [s], within the duration."""
+        """Return a dict from each actuator to its command at a time [s], limited to 0 .. duration."""
         return self._values(self.actuators, time)
 
     def load_factors(self, time: float) -> dict[str, float]:
-        """Return a dict from each load of the program to its factor at a time [s], within the duration."""
+        """Return a dict from each load to its factor at a time [s], limited to 0 .. duration."""
         return self._values(self.loads, time)
 
     def joint_positions(self, time: float) -> dict[str, float]:
-        """Return a dict from each joint of the program to its position [rad] or [m] at a time [s], as above."""
+        """Return a dict from each joint to its position [rad] or [m] at a time [s], limited to 0 .. duration."""
         moment = self._within(time)
         return {name: _joint_at(points, moment, self._start[name]) for name, points in self.joints.items()}
 

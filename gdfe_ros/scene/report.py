@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Report of a scene file's defects: key path, value, line, remedy, and what the schema allows there."""
+"""Report of a scene file's defects: key path, value, line, remedy, and the values that the schema allows."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ def _walk(location: KeyPath) -> Any:
 
 
 def _child(annotation: Any, part: str | int) -> Any:
-    """Return the annotation of what is at a key, an index or a tag; None if there is nothing."""
+    """Return the annotation of the item at a key, an index or a tag of an annotation; None if there is no such item."""
     annotation = bare(annotation)
     if known := fields_of(annotation):
         if (field := known.get(part)) is None:
@@ -115,9 +115,9 @@ def bare(annotation: Any) -> Any:
     return annotation
 
 
-#: Argument ``value`` of `Defects.add` for a defect whose text shows no value.
+#: Argument ``value`` of `Defects.add` for a message without the value in the file.
 NO_VALUE = object()
-#: The same for a defect whose text shows the value in the file even if it is a mapping.
+#: Argument ``value`` of `Defects.add` for a message with the value in the file, even if it is a mapping.
 WHOLE = object()
 _LONGEST_VALUE = 60
 _UNKNOWN = ("extra_forbidden", "unexpected_keyword_argument")
@@ -190,7 +190,7 @@ class Defects:
 
     @contextmanager
     def entry(self, *path: str | int) -> Iterator[None]:
-        """Add the defects of an entry that turns out to be `Unfit` in the ``with`` block, and go on after the block."""
+        """Catch `Unfit` in the ``with`` block, and add its defects; execution continues after the block."""
         try:
             yield
         except Unfit as error:
@@ -198,7 +198,7 @@ class Defects:
                 self.add((*path, *filter(None, error.key.split("."))), text, value=error.value)
 
     def names(self, section: str) -> list[str]:
-        """Return the names of all entries of a section of the file, also of those with defects."""
+        """Return the names of all entries of a section of the file, with and without defects."""
         entries = self._document.data.get(section)
         return [str(name) for name in entries] if isinstance(entries, dict) else []
 
@@ -274,7 +274,7 @@ def suggest(given: Any, allowed: Iterable[str]) -> str:
 
 
 def _keys_of(location: KeyPath) -> KeyPath:
-    """Return the key path of an error location: without the items that pydantic adds to the file's keys and indices."""
+    """Return the key path of a pydantic error location, without pydantic's additions to the file's keys and indices."""
     return tuple(part for part in location if part != "[key]" and not str(part).startswith(TAG))
 
 

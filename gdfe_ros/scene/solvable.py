@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Checks for scenes that cannot be solved although each value is valid, and remarks on what may go wrong."""
+"""Checks for scenes that cannot be solved although each value is valid, and remarks on probable mistakes."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def remarks(scene: Scene, policy: Policy) -> list[str]:
 
 
 def _of_scheme(scene: Scene, scheme: Scheme) -> list[str]:
-    """Return remarks on what a time scheme does not damp."""
+    """Return remarks on forces of actuators whose oscillations a time scheme does not damp."""
     grips = [item.name for item in scene.actuators if isinstance(item, Grip)]
     kept = [item.name for item in scene.actuators if item.constrains and item.name not in grips]
     notes = []
@@ -80,9 +80,9 @@ def _of_scheme(scene: Scene, scheme: Scheme) -> list[str]:
 
 
 def _slipping(scene: Scene) -> list[str]:
-    """Return remarks on a scene with friction if its time scheme does not damp contact oscillations; else empty."""
+    """Return a list with a remark if a scene has friction and its time scheme does not damp contact oscillations."""
     dynamics = scene.dynamics
-    if dynamics is None or dynamics.radius <= Dynamics.rho_inf:  # it damps the fastest oscillations
+    if dynamics is None or dynamics.radius <= Dynamics.rho_inf:  # the scheme damps the fastest oscillations
         return []
     names = [handle.name for handle in scene.handles if isinstance(handle, Obstacle) and handle.friction > 0.0]
     names += ["self_contact"] * (scene.self_contact is not None and scene.self_contact.friction > 0.0)
@@ -100,7 +100,7 @@ def _slipping(scene: Scene) -> list[str]:
 
 
 def _note_conversions(mesh: Mesh) -> list[str]:
-    """Return remarks on meshes whose files were not read wholly, or whose cells became quadratic tetrahedra."""
+    """Return remarks on contents of mesh files that were left out, and on cells converted to quadratic tetrahedra."""
     notes = []
     for key, each in ({f"meshes: {name}": part.mesh for name, part in mesh.parts.items()} or {"mesh": mesh}).items():
         notes += [f"{key}: {text}" for text in each.remarks]
@@ -116,7 +116,7 @@ def _note_conversions(mesh: Mesh) -> list[str]:
 
 
 def _to_touch(mesh: Mesh) -> str:
-    """Return a text with the changes of a scene file after which the parts of a body touch each other."""
+    """Return a text with the entries that a scene needs for contact between the parts of its body."""
     steps = ["self_contact: {friction: 0.5}"]
     if _touch_by_cut_faces(mesh):
         steps.append("`skin: {file: ...}` for each mesh with cut cells, whose faces are not on the surface")
@@ -146,8 +146,8 @@ def unsolvable(scene: Scene, policy: Policy) -> list[tuple[tuple[str, ...], str]
 def cut_key(mesh: Mesh) -> tuple[str, ...]:
     """Return the key path of the key ``cells`` that selects cut cells in the scene file; empty if no cells are cut.
 
-    Of several meshes with cut cells, the path is that of the first mesh whose skin does not touch, or else of the first
-    mesh.
+    Of several meshes with cut cells, the path is that of the first mesh without contact on its skin, or else of the
+    first mesh.
     """
     if mesh.filling is None:
         return ()
@@ -173,7 +173,7 @@ def _contrast(materials: Mapping[str, Material], cell_material: NDArray[np.int32
 
 
 def _forces(scene: Scene, policy: Policy) -> str:
-    """Return a message about items that the policy ``relative`` lacks; empty with the policy ``energy``."""
+    """Return a message about items that the policy ``relative`` does not support; empty with the policy ``energy``."""
     if policy is Policy.ENERGY:
         return ""
     names = [item.name for item in scene.actuators if not isinstance(item, Growth)]
@@ -243,15 +243,15 @@ def _beside(scene: Scene) -> str:
 
 
 def _touch_by_cut_faces(mesh: Mesh) -> bool:
-    """Return whether a mesh, or a mesh of an assembly, has cut cells and no skin that touches instead of its faces."""
+    """Return whether a mesh, or one of the meshes of an assembly, has cut cells but no contact on a skin."""
     meshes = [part.mesh for part in mesh.parts.values()] or [mesh]
     return any(each.filling is not None and each.touching is None for each in meshes)
 
 
 def _note_held(actuator: Actuator, handles: Sequence[Handle]) -> str:
-    """Return a message if all vertices of a cable or chamber with a commanded length or volume are in fixed handles.
+    """Return a message if a commanded length or volume cannot change: all vertices of the actuator are in handles.
 
-    Handles without free axes count as fixed. The message is empty if a vertex can move.
+    Handles with free axes do not count. The message is empty if a vertex can move.
     """
     if isinstance(actuator, Cable) and actuator.mode is not Mode.TENSION:
         vertices = actuator.points.corners[actuator.points.weights != 0.0]
@@ -271,13 +271,14 @@ def _note_held(actuator: Actuator, handles: Sequence[Handle]) -> str:
 
 
 LEAST_CELLS = 3.0
-"""Smallest ratio of a ball's radius to the size of the cells. With this ratio, and at an indentation of a tenth of the
-radius, the error of the contact force is at most 8 %.
+"""Smallest ratio of a ball's radius to the size of the cells without a remark. At this ratio, and at an indentation of
+a tenth of the radius, the error of the contact force is at most 8 %.
 """
 ROUNDING = 1e-9
-"""Relative tolerance of the comparison of radius and cell size, for rounding errors."""
+"""Relative tolerance for rounding errors when a ball's radius is compared with the size of the cells."""
 THICKEST_CELL = 0.35
-"""Largest ratio of the thickness of a wall cell to the radius of a round cavity; above it the volume error exceeds 5 %.
+"""Largest ratio of the thickness of a wall cell to the radius of a round cavity without a remark; above it the error of
+the volume exceeds 5 %.
 """
 ROUND = 1.1
 """A cavity counts as round if its area is at most this multiple of the area of a ball with the same volume; a cube has

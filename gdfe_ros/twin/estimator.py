@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Comparison of probes with measured positions of the same times; what it says of moduli, and of the whole body."""
+"""Comparison of simulated with measured positions of probes; estimates of moduli and of the body's shape from it."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.scene.scene import Scene
 
 _KEPT = 600
-"""Number of states that are kept, and of measurements that wait for the state of their time."""
+"""Largest number of stored states, and of measurements that wait for a state of the same time."""
 LATEST = 5.0
-"""A measurement is dropped if the simulation has no state of its time within this time [s]."""
+"""A measurement is dropped after this time [s] if the simulation has no state of the same time."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Sample:
-    """The simulation at a time on the robot's clock.
+    """State of the simulation at a time on the robot's clock.
 
     Attributes:
         stamp: the time [s].
         places: dict from probe to its position (3,) [m].
         derivatives: dict from probe to the derivatives (3, n) [m] with respect to the logarithms of the moduli; None
-            if there are none here.
+            if this state has no derivatives.
     """
 
     stamp: float
@@ -40,14 +40,15 @@ class Sample:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Deviation:
-    """A measured position beside the simulated one.
+    """A measured position, and the simulated position at the same time.
 
     Attributes:
         stamp: time of the measurement on the robot's clock [s].
         probe: name of the probe.
         measured, simulated: positions (3,) [m].
-        spread: largest distance [m] of the simulated probe from there within the uncertainty of the times.
-        derivatives: of the simulated position, as in `Sample`; None if there are none.
+        spread: largest distance [m] by which the simulated probe moves away from ``simulated`` within the uncertainty
+            of the times.
+        derivatives: derivatives of the simulated position, as in `Sample`; None if there are none.
     """
 
     stamp: float
@@ -64,9 +65,9 @@ class Deviation:
 
 
 class ProbeComparison:
-    """Keeps states and measurements, and pairs those of the same time; states are interpolated in time.
+    """Pairs measurements with simulated states of the same time; states are interpolated in time.
 
-    A simulation that is at rest makes no steps: its last state then holds for later times, too.
+    A simulation at rest makes no steps. Its last state then holds for later times.
 
     Args:
         step: time between two states while the simulation moves [s].
@@ -83,30 +84,23 @@ class ProbeComparison:
         self._waiting.append((stamp, probe, place))
 
     def add(self, sample: Sample) -> None:
-        """Add the state of the simulation at a time that is later than those before."""
+        """Add a state of the simulation, later than all earlier ones."""
         self._samples.append(sample)
 
     def forget(self) -> None:
-        """Forget the states: the simulation was replaced by another one, which has moved since."""
+        """Discard the states, because the simulation was replaced by one with other moduli."""
         self._samples.clear()
 
     def pairs(self, now: float, *, idle: bool) -> list[Deviation]:
-        """Return the measurements whose state is known at the time ``now`` [s].
+        """Return and remove the measurements for which a state of the same time is known at the time ``now`` [s].
 
-        ``idle``: the simulation is at rest until ``now``.
+        ``idle`` is whether the simulation has been at rest since its last state.
         """
-        found, later = [], []
-        for stamp, probe, place in self._waiting:
-            if now - stamp > LATEST or not self._samples or stamp < self._samples[0].stamp:
-                if now - stamp <= LATEST:
-                    later.append((stamp, probe, place))
-                continue
-            if stamp > self._samples[-1].stamp and not (idle and stamp <= now):
-                later.append((stamp, probe, place))
-                continue
-            found.append(self._pair(stamp, probe, place))
-        self._waiting = deque(later, maxlen=_KEPT)
-        return found
+        first, last = (self._samples[0].stamp, self._samples[-1].stamp) if self._samples else (np.inf, np.inf)
+        last = max(now, last) if idle else last
+        waiting = [item for item in self._waiting if now - item[0] <= LATEST]
+        self._waiting = deque((item for item in waiting if not first <= item[0] <= last), maxlen=_KEPT)
+        return [self._pair(*item) for item in waiting if first <= item[0] <= last]
 
     def _pair(self, stamp: float, probe: str, place: NDArray[np.float64]) -> Deviation:
         after = next((i for i, each in enumerate(self._samples) if each.stamp >= stamp), len(self._samples) - 1)
@@ -125,7 +119,7 @@ class ProbeComparison:
         )
 
     def _spread(self, stamp: float, probe: str, there: NDArray[np.float64]) -> float:
-        """Return the largest distance [m] from ``there`` of the probe's places within the window around a time."""
+        """Return the largest distance [m] of the probe from ``there`` within the window around a time."""
         before = [each for each in self._samples if each.stamp < stamp - self._window][-1:]
         near = [each for each in self._samples if abs(each.stamp - stamp) <= self._window]
         return max((float(np.linalg.norm(each.places[probe] - there)) for each in (*before, *near)), default=0.0)
@@ -134,7 +128,7 @@ class ProbeComparison:
 SPREAD = 1.0
 """Standard deviation of the logarithm of a modulus before the first measurement: a factor of e."""
 FORGETTING = 30.0
-"""Time [s] after which a measurement counts 1/e: moduli change slowly, by temperature, wear and fatigue."""
+"""Time [s] in which the weight of a measurement falls to 1/e, so that moduli may change with temperature and wear."""
 
 
 class ModulusEstimator:
@@ -145,8 +139,9 @@ class ModulusEstimator:
 
         sum_k w_k |e_k - H_k d|^2 / sigma_k^2 + |d|^2 / SPREAD^2
 
-    over the correction d. The sums A = sum w H^T H / sigma^2 and b = sum w H^T e / sigma^2 are all that is stored.
-    After the simulation has taken the correction, `settle` makes it the new point of linearisation.
+    over the correction d, with weights w_k that fade in time (`FORGETTING`). Only the sums A = sum w H^T H / sigma^2
+    and b = sum w H^T e / sigma^2 are stored. After the simulation has applied a correction, `settle` linearises about
+    the new moduli.
 
     Args:
         count: number of moduli.
@@ -161,9 +156,9 @@ class ModulusEstimator:
         """Add a measurement.
 
         Args:
-            time: of the measurement [s]; earlier measurements are forgotten with the time since then.
+            time: time of the measurement [s].
             deviation: measured minus simulated position (3,) [m].
-            derivatives: of the simulated position with respect to the logarithms of the moduli (3, n) [m].
+            derivatives: derivatives of the simulated position with respect to the logarithms of the moduli (3, n) [m].
             sigma: standard deviation of the deviation along an axis [m].
         """
         rows, e = np.asarray(derivatives, dtype=np.float64), np.asarray(deviation, dtype=np.float64)
@@ -176,32 +171,32 @@ class ModulusEstimator:
 
     @property
     def correction(self) -> NDArray[np.float64]:
-        """The correction d (n,) of the logarithms of the moduli that the simulation has now."""
+        """Correction d (n,) to add to the logarithms of the simulation's present moduli."""
         return np.linalg.solve(self._information + self._prior, self._right - self._prior @ self._moved)
 
     @property
     def deviations(self) -> NDArray[np.float64]:
-        """Standard deviations (n,) of the logarithms: relative ones of the moduli, if the noise is as assumed."""
+        """Standard deviations (n,) of the logarithms: relative ones of the moduli, if the assumed noise is right."""
         return np.sqrt(np.diag(np.linalg.inv(self._information + self._prior)))
 
     def settle(self, taken: ArrayLike) -> None:
-        """Note that the simulation has taken a correction (n,): deviations are smaller by it from now on."""
+        """Linearise about the moduli after a correction ``taken`` (n,), which the simulation has applied."""
         step = np.asarray(taken, dtype=np.float64)
         self._moved = self._moved + step
         self._right = self._right - self._information @ step
 
 
 _LEAST = 1e-9
-"""Weight of the displacement itself, so that parts of the mesh without probes stay at the simulated place."""
+"""Weight of the displacement itself, which holds parts of the mesh without probes at their simulated positions."""
 
 
 class MeasuredBody:
-    r"""Displaces the simulated body so that its probes meet the measured points.
+    """Displaces the simulated body so that its probes are at the measured positions, for pictures.
 
-    A robot is measured at its probes only. Between them, the displacement u from the simulated body is the smoothest
-    one: it minimises :math:`|L u|^2` with the Laplacian L of the mesh's edges, weighted by the inverse of their length,
-    u = 0 on fixed handles, and u = d at the probes, where d is measured minus simulated position. This is an
-    interpolation for the eye, and not a measurement: away from the probes, the real robot may have another shape.
+    A robot is measured at its probes only. The displacement u from the simulated body is the smoothest one: it
+    minimises |L u|^2 with u = 0 on fixed handles and u = d at the probes, where d is measured minus simulated position.
+    L is the Laplacian of the mesh's edges, weighted by the inverse of their lengths. Away from the probes, the real
+    robot may have another shape.
 
     Args:
         scene: the scene of the simulation.
@@ -225,7 +220,7 @@ class MeasuredBody:
 
 
 def _weights(scene: Scene, names: tuple[str, ...]) -> NDArray[np.float64]:
-    """Return the displacement of each vertex per displacement of each probe (n, p)."""
+    """Return the derivatives (n, p) of the vertices' displacements with respect to those of the probes."""
     count = scene.mesh.n_vertices
     laplacian = _laplacian(scene)
     bending = (laplacian.T @ laplacian + _LEAST * eye_array(count)).tocsc()
@@ -235,7 +230,7 @@ def _weights(scene: Scene, names: tuple[str, ...]) -> NDArray[np.float64]:
     solve = splu(bending[free][:, free].tocsc()).solve
     found = np.zeros((count, len(names)))
     found[free] = solve(np.ascontiguousarray(probes[:, free].T))
-    # A probe that is held, or that coincides with another one, determines nothing more: least squares leave it out.
+    # The pseudo-inverse ignores probes on fixed handles, and probes that coincide with another probe.
     return found @ np.linalg.pinv(probes @ found, rcond=1e-10, hermitian=True)
 
 

@@ -8,7 +8,6 @@ import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,19 +18,15 @@ from gdfe_ros.live.session import LiveSession
 from gdfe_ros.node.driving.orders import ActuatorOrder, require_near
 from gdfe_ros.node.driving.remodelling import moduli_of
 from gdfe_ros.node.refusals import Reason, Refusal, require_finite
-from gdfe_ros.scene.scene import Scene
 from gdfe_ros.simulation import Simulation
 from gdfe_ros.twin.estimator import LATEST, Deviation, ModulusEstimator, ProbeComparison, Sample
 from gdfe_ros.untrusted.bounded_text import Throttle
 from gdfe_ros.untrusted.spelling import did_you_mean
 
-if TYPE_CHECKING:
-    from gdfe_ros.twin.twin_bag import TwinBag
-
 SMALLEST = 0.005
-"""Least correction of a modulus, as a fraction, for which the simulation is built anew."""
+"""Least relative correction of a modulus that is applied; each applied correction rebuilds the simulation."""
 LARGEST = 0.5
-"""Largest change of the logarithm of a modulus at once; a larger one is taken in parts, each linearised anew."""
+"""Largest change of the logarithm of a modulus at once; a larger change is applied in parts, each linearised anew."""
 _PERIOD = 1.0
 """Shortest time between two changes of moduli [s]."""
 _HEAD = (
@@ -45,23 +40,23 @@ _HEAD = (
 
 
 class Twin:
-    """A simulation beside a robot.
+    """A simulation that runs beside a robot, with the robot's commands.
 
     Args:
         simulation: simulation that is ready to step.
-        moduli: names of the materials whose Young's moduli are fitted; none: the simulation is only compared.
+        moduli: names of the materials whose Young's moduli are fitted; if empty, the simulation is only compared.
         dt: time of a step [s], in simulation time and in real time.
         noise: standard deviation of the measured positions along an axis [m].
         delay: time by which the stamps of measurements are late [s].
-        window: uncertainty of the times of commands and measurements [s]: while the simulation moves within this time,
-            a measurement counts as that much less exact.
-        table: path of a CSV file for all measurements beside the simulated positions; None: none is written.
+        window: uncertainty of the times of commands and measurements [s]; the simulation's motion within this time
+            increases the standard deviation of a measurement.
+        table: path of a CSV file of all measured and simulated positions; None: none is written.
         bag: path of an MCAP file (`TwinBag`); None: none is written.
         told: function that is called with the view of each step, in the stepping thread.
         warn: function that receives texts for the user.
 
     Attributes:
-        session: steps the simulation, for a page.
+        session: session that steps the simulation, and that a live page can show.
         latest: dict from probe to its last comparison.
         compared: number of measurements that were compared.
 
@@ -91,7 +86,11 @@ class Twin:
         self._estimator, self._comparison = ModulusEstimator(len(self._names)), ProbeComparison(dt, window)
         self._lock, self._changed, self._change = threading.Lock(), 0.0, None
         self._file = None if table is None else table.open("x", newline="", encoding="utf-8")
-        self._bag = None if bag is None else _begin(bag, simulation.scene)
+        self._bag = None
+        if bag is not None:
+            from gdfe_ros.twin.twin_bag import TwinBag  # needs an extra
+
+            self._bag = TwinBag(bag, simulation.scene)
         self._table = None if self._file is None else csv.writer(self._file)
         if self._table is not None:
             self._table.writerow((*_HEAD, *(f"{name} [Pa]" for name in self._names)))
@@ -118,7 +117,7 @@ class Twin:
 
     @property
     def deviations(self) -> dict[str, float]:
-        """Relative standard deviations of the moduli, as far as the assumed noise is right."""
+        """Dict from material to the relative standard deviation of its modulus, if the assumed noise is right."""
         with self._lock:
             return dict(zip(self._names, self._estimator.deviations.tolist(), strict=True)) if self._names else {}
 
@@ -147,7 +146,7 @@ class Twin:
             self._comparison.measure(stamp - self._delay, probe, place)
 
     def update(self) -> list[Deviation]:
-        """Compare the measurements that have come since the last call, and change the moduli if it is time to."""
+        """Compare the measurements since the last call with the simulation, and change the moduli when this is due."""
         now = time.time()
         with self._lock:
             found = self._comparison.pairs(now, idle=self._idle)
@@ -162,7 +161,7 @@ class Twin:
         return found
 
     def _take(self, view: View) -> None:
-        """Keep the state of a step with its derivatives; called in the stepping thread."""
+        """Store the state of a step with its derivatives; called in the stepping thread."""
         simulation = self.session.simulation
         places = {name: point.at(view.positions)[0] for name, point in simulation.scene.probes.items()}
         sample = Sample(stamp=time.time(), places=places, derivatives=self._derivatives(simulation))
@@ -188,7 +187,7 @@ class Twin:
         return {name: found.matrix[3 * i : 3 * i + 3] * scale for i, name in enumerate(probes)}
 
     def _adapt(self, now: float) -> None:
-        """Give the simulation the estimated moduli, if they differ enough and the last change is done."""
+        """Apply the estimated moduli to the simulation, if they differ enough and the last change is complete."""
         if self._change is not None and self._change[0].done():
             (change, step), self._change = self._change, None
             if (error := change.exception()) is None:
@@ -221,12 +220,6 @@ class Twin:
         for each in found:
             numbers = (*each.measured.tolist(), *each.simulated.tolist(), each.distance, each.spread)
             self._table.writerow((f"{each.stamp:.6f}", each.probe, *(f"{number:.9g}" for number in numbers), *moduli))
-
-
-def _begin(path: Path, scene: Scene) -> TwinBag:
-    from gdfe_ros.twin.twin_bag import TwinBag  # imported here, because it needs an extra, and only for recordings
-
-    return TwinBag(path, scene)
 
 
 def _require(simulation: Simulation, moduli: Sequence[str]) -> None:

@@ -26,16 +26,16 @@ _MODULI = "moduli"
 
 
 class TwinBag(StepBag):
-    """Records a twin into one MCAP file.
+    """Recorder of a twin, with one MCAP file.
 
-    The topics are those of a node with the name ``gdfe_twin``, without the step record: a replay could not repeat
-    steps between which moduli change. ``measured/<probe>`` and ``compared/<probe>`` are the measured and the simulated
-    position at the time of a measurement, and ``moduli`` has the present moduli [Pa] as JSON. All stamps are on the
-    robot's clock.
+    The topics are those of a node with the name ``gdfe_twin``, without the step record, because a replay could not
+    repeat steps between which moduli change. ``measured/<probe>`` and ``compared/<probe>`` are the measured and the
+    simulated position at the time of a measurement. ``moduli`` has the present moduli [Pa] as JSON. All stamps are on
+    the robot's clock.
 
     Args:
         path: the file; it must not exist yet. Until `close`, its contents are in the directory ``<path>.part``.
-        scene: scene of the simulation; later ones may differ in their moduli.
+        scene: scene of the simulation; the scenes of later steps may differ in their moduli.
 
     Raises:
         RecordingError: the file exists, or cannot be created.
@@ -57,7 +57,7 @@ class TwinBag(StepBag):
         )
 
     def write_at(self, stamp: float, step: Step) -> None:
-        """Record a step that was made at a time on the robot's clock [s]."""
+        """Record a step that ended at a time on the robot's clock [s]."""
         moment = to_nanoseconds(stamp)
         self.write(replace(step, record=replace(step.record, stamp=moment), log_time=moment))
 

@@ -19,7 +19,7 @@ INVARIANT_LAWS = (Law.YEOH, Law.MOONEY_RIVLIN, Law.ARRUDA_BOYCE, Law.GENT)
 LOCKING = (1.05, 60.0)
 """Range of the locking stretch of Arruda and Boyce."""
 LIMITS = (1.01, 1e4)
-"""Range of Gent's limit, divided by the largest I1 - 3 of the test."""
+"""Range of Gent's parameter J_m, divided by the largest I1 - 3 of the test."""
 
 
 def invariant_candidates(
@@ -58,7 +58,7 @@ def invariant_candidates(
         kind, name, bounds = ArrudaBoyce, "lambda_m", np.log(LOCKING)
 
     def modulus(value: float) -> tuple[float, float]:
-        """Return the modulus [Pa] for a value of the other parameter, and the sum of squares."""
+        """Return the best modulus [Pa] for a value of the other parameter, and its sum of squared errors."""
         unit = kind(mu=1.0, **{name: value}, **common).stress_at(strain) * weights
         mu = float(unit @ (stress * weights) / (unit @ unit))
         return mu, float(np.sum((mu * unit - stress * weights) ** 2))

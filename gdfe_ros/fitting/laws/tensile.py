@@ -20,19 +20,18 @@ from gdfe_ros.fitting.laws.tensile_data import TestData, Vector, prepare
 from gdfe_ros.materials import Curve, CurveData, Law, Linear, Material, NeoHookean, Ogden, StableNeoHookean
 
 FLOOR = 0.01
-"""A misfit is divided by at least this fraction of the largest stress, because small stresses are mostly noise."""
+"""Errors are divided by at least this fraction of the largest stress, because small stresses are mostly noise."""
 SURE = 4.0
-"""A misfit is divided by at least this many times the scatter of the stresses, over `GOOD`, so that a point whose
-scatter is larger than its stress decides nothing. Where this exceeds all stresses, the fit is one of absolute least
-squares.
+"""Errors are divided by at least SURE / GOOD times the scatter of the stresses, so that noisy points have little
+weight. If this limit exceeds all stresses, the fit minimises absolute errors.
 """
 GOOD = 0.01
-"""Relative misfit at every point below which no further term is tried."""
+"""A fit is good enough, and no further terms are tried, if the relative misfit at every point is below this."""
 MOST_TERMS = 3
 MOST_ALPHA = 20.0
 """Largest magnitude of Ogden's exponents; for larger ones, powers of the stretch overflow."""
 FAINT = 1e-6
-"""Least magnitude of an exponent; a term with the exponent 0 has no stress."""
+"""Least magnitude of an exponent; a term with the exponent 0 would have no stress."""
 STARTS = (-6.0, -3.0, -1.5, 1.0, 2.0, 3.0, 5.0)
 """Initial exponents of the search, used in all combinations."""
 CANCELLED = 100.0
@@ -154,7 +153,7 @@ def _check(strain: ArrayLike, stress: ArrayLike) -> tuple[Vector, Vector]:
 
 
 def _weights(data: TestData) -> Vector:
-    """Return the factor [1/Pa] from the error of each stress to its misfit."""
+    """Return the factors (k,) [1/Pa] that convert errors of stresses to misfits."""
     least = max(FLOOR * np.abs(data.stress).max(initial=0.0), SURE / GOOD * data.scatter)
     return 1.0 / np.maximum(np.abs(data.stress), least)
 
@@ -185,7 +184,7 @@ def _linear_in_parameters(
 
 
 def _invariant(e: Vector, s: Vector, weights: Vector, law: Law, common: Mapping[str, Any]) -> TensileFit:
-    """Fit a law of the invariants; if the best one is unstable, the best one without negative coefficients."""
+    """Fit a law of the invariants; if the best fit is unstable, use the best fit without negative coefficients."""
     refused = []
     for found in invariant_candidates(e, s, weights, law, common):
         fit = _assess(e, s, weights, found)
@@ -227,7 +226,7 @@ def _ogden(e: Vector, s: Vector, weights: Vector, terms: int | None, common: Map
 
 
 def _ogden_terms(e: Vector, s: Vector, weights: Vector, count: int, common: Mapping[str, Any]) -> Found:
-    """Fit the exponents by a trust-region method, and the moduli for each trial by linear least squares."""
+    """Fit exponents by a trust-region method; linear least squares give the moduli for each trial of the exponents."""
 
     def moduli(alpha: Vector) -> tuple[Vector, Vector]:
         alpha = np.where(np.abs(alpha) < FAINT, FAINT, alpha)
@@ -273,7 +272,7 @@ def _refusal(fit: TensileFit) -> str:
 
 
 _PLAIN = ("linear", "neo_hookean", "stable_neo_hookean", "curve")
-"""Laws whose stability needs no check of several deformations."""
+"""Laws that count as stable without a check in several modes of deformation."""
 ACCEPTABLE = 0.05
 """Relative misfit above which another law is recommended; repeated tests of one batch differ by about this much."""
 

@@ -12,27 +12,27 @@ from numpy.typing import NDArray
 Vector = NDArray[np.float64]
 
 FEWEST = 12
-"""Least number of points for which scatter, slack and outliers are looked for."""
+"""With fewer points, scatter, slack and outliers are not estimated."""
 BACK = 0.02
-"""A strain that falls below the largest one before by this fraction of the range belongs to unloading."""
+"""A point is unloading if its strain is below the largest earlier strain by more than this fraction of the range."""
 OUTLIER = 8.0
-"""A point is an outlier if it is this many times the scatter away from the curve through its neighbours."""
+"""A point is an outlier if its distance from the curve through its neighbours exceeds this multiple of the scatter."""
 MOST_SLACK = 0.1
 """Largest strain that counts as slack."""
 FLAT = 0.2
 """Largest stress of slack grips, as a fraction of the stress that the taut specimen would have."""
 SPIKE = 0.01
-"""Least distance of an outlier, as a fraction of the largest stress."""
+"""Least distance of an outlier from the curve through its neighbours, as a fraction of the largest stress."""
 TAUT = (0.01, 0.12)
-"""Range of stress, as fractions of the largest, that is extrapolated to the strain without stress."""
+"""Range of stresses, as fractions of the largest, in which the curve is fitted that is extrapolated to zero stress."""
 
 
 @dataclass(frozen=True, eq=False)
 class TestData:
-    """Points of a test that a law is fitted to.
+    """Points of a test to which a law is fitted.
 
     Attributes:
-        strain: engineering strains (k,) from the end of the slack on.
+        strain: engineering strains (k,), counted from the end of the slack.
         stress: nominal stresses (k,) [Pa].
         scatter: standard deviation [Pa] of the stresses about a smooth curve; 0 if there are too few points to tell.
         remarks: messages about points that are left out and about slack.
@@ -82,7 +82,7 @@ def prepare(strain: Vector, stress: Vector, *, slack: float | None = None) -> Te
 
 
 def _loading(strain: Vector) -> NDArray[np.bool_]:
-    """Return which points belong to the first loading: none before it has had a larger strain."""
+    """Return whether each point belongs to the first loading: it precedes the largest strain, and is no unloading."""
     side = 1.0 if abs(strain.max(initial=0.0)) >= abs(strain.min(initial=0.0)) else -1.0
     along = side * strain
     reached = np.maximum.accumulate(along) if len(along) else along
@@ -90,7 +90,7 @@ def _loading(strain: Vector) -> NDArray[np.bool_]:
 
 
 def _scatter(strain: Vector, stress: Vector) -> tuple[float, NDArray[np.bool_]]:
-    """Return the scatter [Pa] of the stresses, and which points are outliers.
+    """Return the scatter [Pa] of the stresses, and whether each point is an outlier.
 
     Each point is compared with the parabola through its four neighbours, in the order of the strains.
     """
@@ -111,12 +111,12 @@ def _scatter(strain: Vector, stress: Vector) -> tuple[float, NDArray[np.bool_]]:
 
 
 class _Foot(NamedTuple):
-    """Strain as a parabola in the stress where the specimen is taut.
+    """Start of the taut specimen's curve: the strain as a parabola in the stress.
 
     Attributes:
-        coefficients: of the stress over ``high`` to the powers 0, 1, 2.
-        high: largest stress [Pa] of the points that give it.
-        error: standard deviation of the strain without stress.
+        coefficients: strains c_k in strain = sum_k c_k (stress / high)^k for k = 0, 1, 2.
+        high: upper end [Pa] of the range of stresses to which the parabola is fitted.
+        error: standard deviation of the strain at zero stress.
     """
 
     coefficients: Vector
@@ -125,17 +125,17 @@ class _Foot(NamedTuple):
 
     @property
     def end(self) -> float:
-        """Strain without stress."""
+        """Strain at zero stress."""
         return float(self.coefficients[0])
 
     @property
     def slope(self) -> float:
-        """Slope [Pa] of the stress at the strain without stress."""
+        """Slope d(stress)/d(strain) [Pa] at zero stress."""
         return self.high / max(float(self.coefficients[1]), 1e-12)
 
 
 def _foot(strain: Vector, stress: Vector, scatter: float) -> _Foot | None:
-    """Return the curve through the points with stresses in the range `TAUT`; None if there are too few."""
+    """Fit the start of the curve to the points with stresses in the range `TAUT`; return None if there are too few."""
     if len(strain) < FEWEST or stress.max() <= abs(stress.min()):
         return None
     low, high = (fraction * stress.max() for fraction in TAUT)
@@ -151,7 +151,7 @@ def _foot(strain: Vector, stress: Vector, scatter: float) -> _Foot | None:
 
 
 def _slack(strain: Vector, stress: Vector, scatter: float, foot: _Foot) -> float:
-    """Return the strain at which slack grips become taut, that of the foot's curve without stress; 0 without slack."""
+    """Return the strain at which slack grips become taut, `_Foot.end`; 0 if the data show no slack."""
     end = foot.end
     before = strain <= end
     flat = before.any() and np.abs(stress[before]).max() <= max(FLAT * foot.slope * end, 4.0 * scatter)
@@ -159,7 +159,7 @@ def _slack(strain: Vector, stress: Vector, scatter: float, foot: _Foot) -> float
 
 
 def _below_foot(strain: Vector, stress: Vector, scatter: float, foot: _Foot) -> NDArray[np.bool_]:
-    """Return which points have hardly any of the stress that the continuation of the foot's curve has there."""
+    """Return whether each point at the start of the curve has far less stress (`FLAT`) than the extrapolated curve."""
     expected = foot.slope * (strain - foot.end)
     early = (strain > foot.end) & (expected < TAUT[1] * stress.max())
     return early & (np.abs(stress) < FLAT * expected) & (expected - stress > 8.0 * scatter)

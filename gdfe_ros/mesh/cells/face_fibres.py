@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from gdfe_ros.mesh.cells.tetrahedra import face_slopes, triangle_rule
 
 STEEPEST = 0.05
-"""Smallest sine of the angle between a face's normal and the direction that is projected onto the face."""
+"""Smallest allowed sine of the angle between a face's normal and the direction that is projected onto the face."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +34,7 @@ class FibrePoints:
 def perpendicular_faces(
     vertices: NDArray[np.float64], faces: NDArray[np.int32], along: NDArray[np.float64]
 ) -> NDArray[np.int64]:
-    """Return the indices of the ``faces`` (f, c) on which the direction ``along`` (3,) has no projection."""
+    """Return the indices of the ``faces`` (f, c) to which the direction ``along`` (3,) is almost perpendicular."""
     normals = _frames(vertices, faces)[1]
     across = np.linalg.norm(np.cross(normals, along / np.linalg.norm(along)), axis=2).min(axis=1)
     return np.flatnonzero(across < STEEPEST)
@@ -84,10 +84,10 @@ def _rule(corners: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class FibreLayer:
-    """A layer without thickness and without resistance to bending.
+    """A layer of fibres on faces, without thickness and without resistance to bending.
 
-    Its energy is the sum over its families of fibres of the integral of k/2 e^2 over the undeformed area, with the
-    Green strain e = (lambda^2 - 1) / 2 and the stretch lambda of the fibre.
+    The energy of each family of fibres is the integral of k/2 e^2 over the undeformed area, with the Green strain
+    e = (lambda^2 - 1) / 2 and the stretch lambda of the fibre.
 
     Attributes:
         name: name, unique among the actuators, loads and layers of the scene.

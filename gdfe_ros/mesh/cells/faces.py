@@ -30,8 +30,8 @@ class Faces:
             01, 12, 20.
         cells: owning cell of each face, shape (q,), int32.
         crowded: cells with a face that belongs to three or more cells, sorted, int32; empty for a sound mesh.
-        folded: cells that lie on the same side of the face that they share with their neighbour, or that order its
-            corners differently, sorted, int32; empty for a sound mesh without inverted cells.
+        folded: cells that overlap a neighbour (both lie on the same side of their common face), or list the corners of
+            this face in another order, sorted, int32; empty for a sound mesh without inverted cells.
     """
 
     quads: NDArray[np.int32]
@@ -71,10 +71,10 @@ def corners_of(faces: NDArray[np.int32]) -> NDArray[np.int32]:
 def find_folded_cells(
     corners: NDArray[np.int32], group: NDArray[np.integer], owners: NDArray[np.int32]
 ) -> NDArray[np.int32]:
-    """Return the sorted cells, int32, whose common face has not the opposite order of corners in the two cells.
+    """Return the sorted cells, int32, that overlap a neighbour or list the corners of the common face in another order.
 
-    Two cells on both sides of a face list its corners in opposite directions, because each lists them counter-clockwise
-    seen from outside. If both list them in the same direction, both lie on the same side, and overlap.
+    Each cell lists the corners of a face counter-clockwise seen from outside. Two cells on opposite sides of the face
+    thus list them in opposite directions. If the directions are equal, both cells are on the same side and overlap.
 
     Args:
         corners: corners of the faces, shape (q, 3) or (q, 4).
@@ -135,7 +135,7 @@ def reverse(faces: NDArray[np.int32]) -> NDArray[np.int32]:
 
 
 def vertex_pieces(cells: NDArray[np.integer], count: int) -> NDArray[np.int32]:
-    """Return the number, from 0, of the connected piece to which each of ``count`` vertices belongs, (count,) int32.
+    """Return the number (from 0) of each vertex's connected piece, shape (count,), int32.
 
     Each row of ``cells`` (m, c) connects its vertices. Pieces are numbered in the order of their first vertices.
     """
@@ -147,7 +147,7 @@ def vertex_pieces(cells: NDArray[np.integer], count: int) -> NDArray[np.int32]:
 def cells_across(
     cells: NDArray[np.int32], material: NDArray[np.int32], straight: NDArray[np.bool_]
 ) -> NDArray[np.int32]:
-    """Return the number of cells in the rows of each cell, one row along each of its three axes.
+    """Count the cells in the three rows through each cell, one row along each of its axes.
 
     A row continues from a cell to its neighbour through opposite faces.
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Trilinear shape functions of a hexahedron; filled fractions, and the box that stands for a cut cell's material.
+"""Trilinear shape functions of a hexahedron, and the material in cells that are filled only in part.
 
 The material of a cut cell may have any shape. To second order, its stiffness and weight depend only on its volume,
 centroid and second moments. A box with the same moments therefore represents the material. The element is this box. The
@@ -23,22 +23,17 @@ CORNERS = np.array(
 
 
 MODES = np.stack(
-    [
-        CORNERS[:, 1] * CORNERS[:, 2],
-        CORNERS[:, 0] * CORNERS[:, 2],
-        CORNERS[:, 0] * CORNERS[:, 1],
-        CORNERS.prod(axis=1),
-    ]
+    [CORNERS[:, 1] * CORNERS[:, 2], CORNERS[:, 0] * CORNERS[:, 2], CORNERS[:, 0] * CORNERS[:, 1], CORNERS.prod(axis=1)]
 )
 """Corner values (4, 8) of the fields eta zeta, xi zeta, xi eta and xi eta zeta: mode i < 3 is constant along axis i."""
 
 
 NEWTON_STEPS = 25
-"""Limit of Newton steps for a point's reference coordinates; on a parallelepiped the first step is exact."""
+"""Largest number of Newton steps for a point's reference coordinates; in a parallelepiped the first step is exact."""
 
 
 FARTHEST = 4.0
-"""Limit of the magnitude of reference coordinates in Newton's method."""
+"""Largest magnitude of a reference coordinate in Newton's method."""
 
 
 SETTLED = 1e-8
@@ -63,7 +58,7 @@ def reference_coordinates(
 ) -> NDArray[np.float64]:
     """Return the reference coordinates (k, 3) of points (k, 3), or of one point (3,), in cells with corners (k, 8, 3).
 
-    They invert the trilinear map by Newton's method and are limited to -`FARTHEST` .. `FARTHEST`. The iteration ends
+    Newton's method inverts the trilinear map. Coordinates are limited to -`FARTHEST` .. `FARTHEST`. The iteration ends
     for a point when none of its coordinates changes by more than ``within``.
     """
     reference, sought = np.zeros((len(corners), 3)), np.arange(len(corners))

@@ -26,8 +26,7 @@ class ShapeOperators(NamedTuple):
         edge_axes: (m, 3, 3) float64, row i is the unit direction of dX/dxi_i at the undeformed element's centre.
         edge_lengths: (m, 3) float64 [m], 2 |dX/dxi_i| at the centre: length of the mean edge vector along xi_i.
         reference: (m, 3, 3) float64 [1/m], inverse of dX/dxi at the element's centre.
-        parallel: (m,) bool, whether the element is a whole parallelepiped; its operators are then sums and differences
-            of corners.
+        parallel: (m,) bool, whether the element is a whole parallelepiped, for which cheaper formulas hold.
         corner_ratio: (m, 8) float64 [1/m^3], inverse of the triple product of the three edges at each corner.
         cut: (m,) bool, whether the element is a box inside its cell; `corner_ratio` then refers to the box's corners.
         box: (m, 3, 2) float64, start and end of this box along each edge of its cell, as fractions of the edge; 0 and 1
@@ -89,6 +88,7 @@ def _operators(corners: NDArray[np.float64], cells: NDArray[np.int32]) -> ShapeO
     edges = np.einsum("eai,aj->eji", corners, trilinear_slopes(np.zeros(3)))
     lengths = np.linalg.norm(edges, axis=2)
     bends = np.abs(np.einsum("ka,eai->eki", MODES, corners)).max(axis=(1, 2))
+    products = 8.0 * np.linalg.det(np.einsum("eai,caj->ecij", corners, trilinear_slopes(CORNERS)))
     return ShapeOperators(
         np.ascontiguousarray(cells, dtype=np.int32),
         volume,
@@ -98,22 +98,17 @@ def _operators(corners: NDArray[np.float64], cells: NDArray[np.int32]) -> ShapeO
         2.0 * lengths,
         np.ascontiguousarray(np.linalg.inv(edges.transpose(0, 2, 1))),
         bends <= PARALLEL * lengths.min(axis=1),
-        np.ascontiguousarray(1.0 / _corner_products(corners)),
+        np.ascontiguousarray(1.0 / products),
         np.zeros(len(cells), dtype=np.bool_),
         np.tile([0.0, 1.0], (len(cells), 3, 1)),
         np.ones(len(cells), dtype=np.int32),
     )
 
 
-def _corner_products(corners: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the triple product (m, 8) [m^3] of the edges at each of the corners (m, 8, 3) [m]: 8 det(dX/dxi)."""
-    return 8.0 * np.linalg.det(np.einsum("eai,caj->ecij", corners, trilinear_slopes(CORNERS)))
-
-
 def _hourglass_vectors(corners: NDArray[np.float64], gradient: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the hourglass vectors (m, 4, 8): `MODES` minus their linear parts, scaled to unit length.
+    """Return the hourglass vectors (m, 4, 8) of Flanagan and Belytschko (1981).
 
-    They are those of Flanagan and Belytschko (1981).
+    They are `MODES` minus their linear parts, scaled to unit length.
     """
     slopes = np.einsum("ka,eai->eki", MODES, corners)
     vectors = MODES - np.einsum("eki,eai->eka", slopes, gradient)
@@ -121,10 +116,10 @@ def _hourglass_vectors(corners: NDArray[np.float64], gradient: NDArray[np.float6
 
 
 def grow_operators(shape: ShapeOperators, cells: NDArray[np.intp], stretch: NDArray[np.float64]) -> ShapeOperators:
-    """Return the operators of cells whose rest shape is mapped by G.
+    """Return the operators after the rest shape of some cells is mapped by G.
 
-    The gradients of a cell become G^-T g_a, its volume becomes det G V, and its edges become G d. Its hourglass vectors
-    stay, because linear maps do not affect them.
+    The gradients of such a cell become G^-T g_a, its volume becomes det G V, and its edges become G d. The hourglass
+    vectors do not change under linear maps.
 
     Args:
         shape: operators without growth; they are not modified.

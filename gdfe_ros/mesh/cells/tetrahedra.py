@@ -22,7 +22,7 @@ PARTS = np.array(
     [[0, 4, 6, 7], [4, 1, 5, 8], [6, 5, 2, 9], [7, 8, 9, 3], [4, 9, 5, 6], [4, 9, 6, 7], [4, 9, 7, 8], [4, 9, 8, 5]],
     dtype=np.int32,
 )
-"""Nodes of the eight tetrahedra with straight edges between the ten nodes of a cell, in any orientation."""
+"""Nodes of the eight tetrahedra with straight edges into which the ten nodes divide a cell, in any orientation."""
 SIX = np.array([[0, 1, 2], [1, 2, 0]], dtype=np.int32)
 """The two end corners (2 rows) of each edge of a face; column i is the edge with the node 3 + i."""
 
@@ -34,7 +34,7 @@ volume. The rule is exact for quadratic polynomials.
 CORNER_SLOPES = np.array([[-1.0, -1.0, -1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
 """dL_i/dxi_k (4, 3) with xi = (L_1, L_2, L_3)."""
 NEWTON_STEPS = 25
-"""Limit of Newton steps for a point's barycentric coordinates; three to five steps are usual."""
+"""Largest number of Newton steps for a point's barycentric coordinates; three to five steps are usual."""
 SETTLED = 1e-10
 """Newton's method ends when a point's barycentric coordinates change by less than this."""
 
@@ -78,8 +78,9 @@ def barycentric(points: NDArray[np.float64], corners: NDArray[np.float64]) -> ND
 def simplex_rule(order: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return an integration rule of a tetrahedron: barycentric points (q, 4), and weights (q,) whose sum is one.
 
-    The rule is exact for polynomials of degree 2 order - 1. The points are Gauss-Jacobi points on a collapsed cube
-    (Stroud 1971). Their number is not minimal, but all points are inside the tetrahedron and all weights are positive.
+    With ``order`` points along each direction the rule is exact for polynomials of degree 2 order - 1. The points are
+    Gauss-Jacobi points on a collapsed cube (Stroud 1971). Their number is not minimal, but all points are inside the
+    tetrahedron and all weights are positive.
     """
     from scipy.special import roots_jacobi
 

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Abaqus input files as blocks: a keyword with its parameters, and the data lines below it.
 
-meshio reads such a file as one part: it forgets the nodes of all parts but the last one, and does not know instances.
-These modules therefore read the file themselves, as the Abaqus keywords reference describes it.
+meshio cannot be used: it keeps only the nodes of the last part, and ignores instances. This reader follows the Abaqus
+keywords reference.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from gdfe_ros.mesh.files.mesh_input import LARGEST
 from gdfe_ros.untrusted.regular_file import is_file, read_bytes
 
 MOST_INCLUDES = 100
-"""Largest number of files that may be included; more is a file that includes itself."""
+"""Largest number of included files; beyond it, the file is taken to include itself."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,7 +27,7 @@ class Block:
         keyword: in capitals, without the asterisk and without repeated spaces, e.g. ``END PART``.
         parameters: dict from parameter, in capitals, to its value; an empty text for a parameter without a value.
         line: number of the keyword's line, from 1.
-        rows: data lines, each divided at its commas; the parts have no spaces around them.
+        rows: data lines, each split at its commas, without spaces around the values.
     """
 
     keyword: str
@@ -44,7 +44,7 @@ def read_blocks(path: Path, heading: str) -> list[Block]:
     """Return the blocks of an input file and of the files that it includes.
 
     Raises:
-        MeshError: the file is no text, has data before the first keyword, or includes a file that is not there.
+        MeshError: the file is not text, has data before the first keyword, or includes a file that does not exist.
     """
     return list(_blocks(path, heading, []))
 

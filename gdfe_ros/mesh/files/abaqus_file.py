@@ -19,10 +19,10 @@ from gdfe_ros.mesh.files.raw_mesh import CellBlock, RawMesh
 _SOLIDS = {4: "tetra", 5: "pyramid", 6: "wedge", 8: "hexahedron", 10: "tetra10", 13: "pyramid13", 15: "wedge15",
            20: "hexahedron20", 27: "hexahedron27"}  # fmt: skip
 """Dict from the number of nodes of a solid element to the kind of its cell."""
-_SOLID = re.compile(r"(?:D?C3D|AC3D|DC3D)(\d+)[A-Z]*")
+_SOLID = re.compile(r"(?:D?C3D|AC3D)(\d+)[A-Z]*")
 """Types of solid elements: C3D8RH, C3D10M, C3D4H, ..."""
 _MAKERS = {"NGEN", "NFILL", "NCOPY", "NMAP", "ELGEN", "ELCOPY", "SYSTEM", "MODEL CHANGE"}
-"""Keywords that make or move nodes and elements; files with them are refused."""
+"""Keywords that generate, copy or move nodes and elements; files with these keywords are refused."""
 
 
 @dataclass(eq=False)
@@ -48,7 +48,7 @@ class _Part:
     centre: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
 
     def copy(self) -> _Part:
-        """Return a part with the same content, to which an instance adds its own."""
+        """Return a copy of a part, for an instance that adds its own nodes, elements and sets."""
         sets = {key: {name: list(ids) for name, ids in each.items()} for key, each in self.sets.items()}
         return _Part(dict(self.nodes), dict(self.elements), sets)
 
@@ -74,7 +74,7 @@ def read_abaqus(path: Path, heading: str) -> RawMesh:
 
 
 class _Reader:
-    """Reader of the blocks of one file; it follows the current part, instance or assembly."""
+    """Reader of the blocks of one file. It adds each block to the part, instance or assembly that is open."""
 
     def __init__(self, heading: str) -> None:
         self._heading = heading
@@ -187,9 +187,10 @@ class _Reader:
             self._add_member(item, block, key, sets, everywhere=part is self._assembly)
 
     def _add_member(self, name: str, block: Block, key: str, sets: dict[str, list[int]], *, everywhere: bool) -> None:
-        """Add a node, an element or a set, perhaps of an instance, to the set that a block defines among ``sets``.
+        """Add a member to the set that a block defines: the number of a node or an element, or the name of a set.
 
-        A set without the name of an instance is looked for in all of them if ``everywhere``.
+        ``INSTANCE.MEMBER`` belongs to an instance. If ``everywhere``, a name without an instance is looked up in the
+        assembly and in all instances.
         """
         owner, _, item = name.rpartition(".")
         places = [self._instance(owner, block).sets[key]] if owner else [sets]
@@ -233,7 +234,7 @@ class _Reader:
         return self._join(placed)
 
     def _join(self, placed: list[tuple[str, _Part]]) -> RawMesh:
-        """Return the mesh of several named parts, of which each is also a set of cells, or of one."""
+        """Return one mesh of the named parts; if there are several, each is also a set of cells."""
         points, cells, cell_sets, point_sets = [np.zeros((0, 3))], {}, {}, {}
         left_out: dict[str, int] = {}
         for name, part in placed:
@@ -261,9 +262,10 @@ class _Reader:
     def _add_cells(
         self, part: _Part, row: dict[int, int], cells: dict[str, list[list[int]]], left_out: dict[str, int]
     ) -> dict[int, tuple[str, int]]:
-        """Add a part's solids to the blocks of ``cells`` and count the others; return block and place of each solid.
+        """Add a part's solid elements to the blocks of ``cells``, and count its other elements in ``left_out``.
 
-        ``row`` is the dict from node to row of the mesh.
+        ``row`` is a dict from node number to index in the mesh. Returns a dict from the number of each solid to the
+        kind of its block and its index in the block.
         """
         places: dict[int, tuple[str, int]] = {}
         for number, (kind, nodes) in part.elements.items():
@@ -280,17 +282,20 @@ class _Reader:
 
 
 def _find_set(sets: dict[str, list[int]], name: str) -> list[int] | None:
-    """Return the set with a name, whose case does not count; None if there is no such set."""
+    """Return the set with this name in upper or lower case; None if there is no such set."""
     return next((ids for key, ids in sets.items() if key.upper() == name.strip('"').upper()), None)
 
 
 def _real(text: str) -> float:
-    """Return a number as Fortran writes it: 1.5, 1.5e-3, 1.5D-3."""
+    """Convert a number in Fortran's notation: 1.5, 1.5e-3, 1.5D-3."""
     return float(text.upper().replace("D", "E"))
 
 
 def _rows_of(numbers: list[list[int]], size: int) -> Iterable[list[int]]:
-    """Yield elements with ``size`` numbers each; an element may go on in the next lines."""
+    """Yield the numbers of each element, ``size`` of them, joined from one or more data lines.
+
+    The last element may have fewer, if the file is cut off.
+    """
     kept: list[int] = []
     for row in numbers:
         kept += row

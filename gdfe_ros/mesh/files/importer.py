@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Import of hexahedra or tetrahedra from files: Gmsh, VTK, Abaqus and other formats.
 
-The first bytes tell the kind of a file, and each kind has its readers. meshio reads most files at once. Where it gives
-up, or skips cells, gmsh or VTK convert the file in a separate process.
+The first bytes of a file tell its kind. meshio reads most files. If it fails or skips cells, gmsh or VTK convert the
+file in a separate process.
 """
 
 from __future__ import annotations
@@ -33,12 +33,12 @@ SUFFIXES = (".msh", ".vtk", ".vtu", ".inp")
 HEAD = 2048
 """Number of bytes at the start of a file that tell its kind."""
 LEAST_RUN, SLOWEST = 9.0, 2e6
-"""A reader's time [s] for a small file, and the bytes of a large file for which it gets another second."""
+"""LEAST_RUN: time limit of a reader for a small file [s]. SLOWEST: bytes that add another second to the limit."""
 _XML_COUNT = re.compile(rb'NumberOfCells="\s*(\d+)')
 _LEGACY_COUNT = re.compile(rb"\nCELL_TYPES\s+(\d+)")
 _GMSH, _LEGACY, _XML = ".msh of gmsh", ".vtk (legacy VTK)", ".vtu (VTK XML)"
 _ENDS = {_GMSH: [b"$EndElements", b"$ENDELM"], _XML: [b"</VTKFile>"]}
-"""Dict from kind to texts of which a whole file has one."""
+"""Dict from the kind of a file to its end marks; a file without any of them is cut off."""
 _FORMATS = {_GMSH: "gmsh", _LEGACY: "vtk", _XML: "vtu"}
 
 
@@ -79,10 +79,10 @@ def _kind(head: bytes) -> str | None:
 
 
 def _by_meshio(path: Path, kind: str | None, heading: str) -> RawMesh | None:
-    """Return the content of a file as meshio reads it; None if it gives up on a file that gmsh or VTK can read.
+    """Return the content of a file as meshio reads it; None if meshio fails but gmsh or VTK can read the file.
 
     Raises:
-        MeshError: meshio is not installed, does not know the suffix of the file, or gives up on another kind of file.
+        MeshError: meshio is not installed, does not know the suffix of the file, or fails on another kind of file.
     """
     try:
         library = import_module("meshio")
@@ -101,22 +101,16 @@ def _by_meshio(path: Path, kind: str | None, heading: str) -> RawMesh | None:
         own = str(error) if isinstance(error, library.ReadError) and str(error) else "its content does not fit its kind"
         remedy = f"remedy: export it again, as one of {', '.join(SUFFIXES)}"
         raise MeshError(heading, [f"cannot be read as {path.suffix}: {own}; {remedy}"]) from error
-    return RawMesh(
-        points=raw.points,
-        cells=[CellBlock(block.type, block.data, block.dim) for block in raw.cells],
-        cell_sets=raw.cell_sets,
-        point_sets=raw.point_sets,
-        cell_data=raw.cell_data,
-        point_data=raw.point_data,
-        field_data=raw.field_data,
-    )
+    same = ("points", "cell_sets", "point_sets", "cell_data", "point_data", "field_data")
+    cells = [CellBlock(block.type, block.data, block.dim) for block in raw.cells]
+    return RawMesh(cells=cells, **{name: getattr(raw, name) for name in same})
 
 
 def _is_whole(raw: RawMesh, path: Path, kind: str) -> bool:
-    """Return whether meshio's content is certainly all of a file of gmsh or VTK.
+    """Return whether meshio is sure to have read all of a file of gmsh or VTK.
 
-    meshio leaves out cells of kinds that it does not know, and all but the first physical group of an element, unless
-    the file has version 4.1 and the groups have names.
+    meshio omits cells of unknown kinds. Of the physical groups of an element it reads only the first, unless the file
+    has version 4.1 and the groups have names.
     """
     content = path.read_bytes()
     if kind == _GMSH:
@@ -229,7 +223,7 @@ def _counts(raw: RawMesh) -> dict[str, int]:
 
 
 def _wrong_kinds(raw: RawMesh, first_order: bool) -> Iterator[str]:
-    """Yield a line for each kind of cell that cannot be used, and a line for kinds that cannot be used together."""
+    """Yield a defect for each kind of cell that cannot be used, and one for kinds that cannot be mixed."""
     solid = {kind: n for kind, n in _counts(raw).items() if _remedy(kind)}
     tets = [kind for kind in solid if kind in _TETRAHEDRA]
     hexes = [kind for kind in solid if kind.startswith("hexahedron")]
@@ -243,7 +237,7 @@ def _wrong_kinds(raw: RawMesh, first_order: bool) -> Iterator[str]:
 
 
 def _nothing_solid(raw: RawMesh) -> Iterator[str]:
-    """Yield a line if a file has no solid cells."""
+    """Yield a defect if a file has no solid cells."""
     counts = _counts(raw)
     if not any(map(_remedy, counts)):
         found = ", ".join(f"{n} {kind}" for kind, n in counts.items()) or "no cells at all"
@@ -252,7 +246,7 @@ def _nothing_solid(raw: RawMesh) -> Iterator[str]:
 
 
 def _find_damage(raw: RawMesh) -> Iterator[str]:
-    """Yield a line if cells have too few vertices, and a line if the points do not have three coordinates."""
+    """Yield a defect if cells have too few vertices, and one if the points do not have three coordinates."""
     least = [(8, block.data) for block in _blocks(raw, "hexahedron").values()]
     least += [(int(block.type[5:] or 4), block.data) for block in _blocks(raw, "tetra").values()]
     if any(np.ndim(data) != 2 or np.shape(data)[1] < count for count, data in least):
@@ -266,12 +260,12 @@ def _remedy(kind: str) -> str | None:
 
 
 def _blocks(raw: RawMesh, kind: str) -> dict[int, CellBlock]:
-    """Return a dict from the number of each block of cells whose kind begins with ``kind`` to the block."""
+    """Return the nonempty blocks whose kind begins with ``kind``, in a dict from their index in the file."""
     return {i: block for i, block in enumerate(raw.cells) if block.type.startswith(kind) and len(block.data)}
 
 
 def _solid_mesh(raw: RawMesh, heading: str) -> Mesh:
-    """Return the mesh of hexahedra or second-order tetrahedra; first-order tetrahedra are raised to second order."""
+    """Return the mesh of a file's hexahedra or tetrahedra; first-order tetrahedra are raised to second order."""
     tets = _blocks(raw, "tetra")
     blocks = tets or _blocks(raw, "hexahedron")
     cells = np.concatenate([np.asarray(block.data)[:, : None if tets else 8] for block in blocks.values()])

@@ -1,8 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Files of meshes before they are read: that they exist, how long reading may take, their unit of length.
-
-Meshers and other programs that read files run in a separate process.
-"""
+"""Checks of mesh files before reading, time limits, units of length, and meshers in a separate process."""
 
 from __future__ import annotations
 
@@ -27,11 +24,11 @@ LARGEST = 500_000_000
 
 
 def require_file(path: Path, heading: str, *, suffixes: Collection[str] = ()) -> None:
-    """Raise an error under ``heading`` if a path is no regular file, a too large one, or one of another kind.
+    """Check that a path is a readable file of an allowed size and kind.
 
     Raises:
-        MeshError: the path is a folder, a pipe or a device, or there is nothing, or the file is too large, or has none
-            of the ``suffixes``, if any are given.
+        MeshError: the file does not exist, is a folder, pipe or device, is too large, or has none of the ``suffixes``
+            (if any are given); ``heading`` names the file in the error.
     """
     if defect := defect_of(path):
         raise MeshError(heading, [f"no file can have this path: {defect}"])
@@ -48,15 +45,15 @@ def require_file(path: Path, heading: str, *, suffixes: Collection[str] = ()) ->
 
 
 LEAST, EACH_MEGABYTE = 5.0, 5.0
-"""Time that a file may take [s], and further time for each of its megabytes [s]."""
+"""Time limit for reading a file [s], and further time for each megabyte of the file [s]."""
 
 
 @contextmanager
 def limit_time(path: Path) -> Iterator[None]:
-    """Raise an error inside of the ``with`` block, at its next call of a function, after the time for a file is over.
+    """Interrupt a ``with`` block that reads a file if it takes too long, at the next call of a function.
 
     Raises:
-        TimeoutError: the time is over.
+        TimeoutError: the block takes longer than `LEAST` plus `EACH_MEGABYTE` for each megabyte of the file.
     """
     most = LEAST + EACH_MEGABYTE * 1e-6 * path.stat().st_size
     end, before = time.monotonic() + most, sys.getprofile()
@@ -81,7 +78,7 @@ UNITS: Mapping[str, float] = {"m": 1.0, "cm": 0.01, "inch": 0.0254, "mm": 0.001,
 
 
 def guess_unit(size: float) -> str:
-    """Return the unit (m, mm or um) in which a body with this diagonal is closest in size to a hand, 0.1 m.
+    """Guess the unit of a file (m, mm or um): the one in which the body's size is closest to a hand, 0.1 m.
 
     Args:
         size: bounding-box diagonal in the file's own unit, > 0.
@@ -119,10 +116,10 @@ def run_mesher(
     """Run a task of `mesher_process` in a separate process; return the arrays of its result.
 
     Args:
-        kind: the task.
-        request: arrays for it.
+        kind: name of the task, a key of ``_TASKS`` in `mesher_process`.
+        request: dict of the task's arguments.
         heading: name of the file in an error.
-        longest: time [s] after which it is stopped.
+        longest: time limit [s].
         noun: name of the process in an error.
 
     Raises:

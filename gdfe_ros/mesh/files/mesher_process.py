@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Script for meshers and readers in a separate process: ``python mesher_process.py KIND REQUEST.npz RESULT.npz``.
 
-gmsh's licence (GPL) requires a separate process, and a library that crashes or hangs on a broken file does not stop the
-simulator. This file imports no module of the package. The result of a mesher has the arrays ``vertices`` (n, 3) [m],
-``cells`` (m, 4) or (m, 10) in VTK's order, and ``cell:NAME`` and ``vertex:NAME`` for sets. A reader converts the file
-``path`` for meshio, into the file ``target``. If a task fails, the result has a text instead: ``defect``, or
-``missing`` with the name of a package that is not installed.
+gmsh's licence (GPL) requires a separate process. It also protects the simulator from libraries that crash or hang on a
+broken file. This script imports no other module of the package. The result of a mesher has the arrays ``vertices``
+(n, 3) [m], ``cells`` (m, 4) or (m, 10) in VTK's order, and ``cell:NAME`` and ``vertex:NAME`` for sets. A reader
+converts the file ``path`` into the file ``target``, which meshio can read. If a task fails, the result has only a text:
+``defect``, or ``missing`` with the name of a package that is not installed.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ MOST_CELLS = 2_000_000
 FINEST = 0.2
 """Shortest edge at curved surfaces, divided by the requested size."""
 BACKGROUND = "sizes.txt"
-"""File of a size field, in the working directory."""
+"""Name of the file from which gmsh reads the allowed size of cells at the points of a grid."""
 FACETS_AROUND, FACETS_FINEST = 48, 0.15
 """Facets of a STEP file's surface: number of edges around a full circle, and shortest edge divided by the longest."""
 AROUND = 12
@@ -33,7 +33,7 @@ _SIX = [(0, 4, 6, 7), (0, 6, 2, 7), (0, 2, 3, 7), (0, 3, 1, 7), (0, 1, 5, 7), (0
 
 _ARBITRARY = "VTK_LAGRANGE_"
 _FIRST = {"TETRAHEDRON4": "tetra", "HEXAHEDRON8": "hexahedron", "WEDGE6": "wedge", "PYRAMID5": "pyramid"}
-"""Dict from cells of any order, with their number of points, to the cells of first order that are the same."""
+"""Dict from VTK's Lagrange cells, with their number of points, to the equivalent first-order cells of meshio."""
 
 
 def estimate_cells(volume: float | np.ndarray, size: float | np.ndarray) -> float | np.ndarray:
@@ -92,7 +92,7 @@ def facets(request: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
 
 
 def _nodes(gmsh) -> tuple[np.ndarray, np.ndarray]:
-    """Return the places (n, 3) [m] of the nodes, and the index of each of gmsh's numbers of nodes among them."""
+    """Return the positions (n, 3) [m] of the nodes, and an array from gmsh's node number to the index of the node."""
     tags, coordinates, _ = gmsh.model.mesh.getNodes()
     number = np.zeros(int(tags.max()) + 1, dtype=np.int64)
     number[tags.astype(np.int64)] = np.arange(len(tags))
@@ -100,7 +100,7 @@ def _nodes(gmsh) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _unite(gmsh, solids: list[tuple[int, int]]) -> list[tuple[int, int]]:
-    """Give solids that touch a common face between them; return the (dimension, tag) of each solid."""
+    """Replace the touching faces of solids by common faces; return the (dimension, tag) of each solid."""
     if len(solids) > 1:
         gmsh.model.occ.fragment(solids[:1], solids[1:])
         gmsh.model.occ.synchronize()
@@ -149,15 +149,11 @@ def from_step(request: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
 
 
 def _set_background(gmsh, request: dict[str, np.ndarray]) -> None:
-    """Let gmsh interpolate the largest edge [m] between the ``sizes`` (a, b, c) at the points of a grid."""
+    """Set the largest edge [m] of cells: gmsh interpolates it from the ``sizes`` (a, b, c) at the points of a grid."""
+    sizes = request["sizes"]
+    rows = request["start"], np.full(3, request["spacing"]), np.array(sizes.shape), sizes.ravel()
     with open(BACKGROUND, "w", encoding="ascii") as file:
-        for line in (
-            request["start"],
-            np.full(3, request["spacing"]),
-            request["sizes"].shape,
-            request["sizes"].ravel(),
-        ):
-            file.write(" ".join(map(repr, line.tolist() if isinstance(line, np.ndarray) else line)) + "\n")
+        file.writelines(" ".join(map(repr, row.tolist())) + "\n" for row in rows)
     field = gmsh.model.mesh.field.add("Structured")
     gmsh.model.mesh.field.setString(field, "FileName", BACKGROUND)
     gmsh.model.mesh.field.setNumber(field, "TextFormat", 1)
@@ -182,13 +178,13 @@ def _gmsh_cells(gmsh) -> dict[str, np.ndarray]:
 
 
 def _name(gmsh, dimension: int, entity: int, noun: str) -> str:
-    """Return the name of a set: the surface's own name, without leading folders, or ``noun`` and the entity's tag."""
+    """Return the name of a set: the surface's name in the file without its path, or ``noun`` and the entity's tag."""
     given = gmsh.model.getEntityName(dimension, entity).rpartition("/")[2].strip()
     return given if given and dimension == 2 else f"{noun}_{entity}"
 
 
 def from_surface(request: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Return linear tetrahedra inside a surface of triangles (fTetWild); it may be open or intersect itself."""
+    """Fill a surface of triangles, which may be open or intersect itself, with linear tetrahedra (fTetWild)."""
     import pytetwild
 
     if "sizes" in request and "bg_values" not in signature(pytetwild.tetrahedralize).parameters:
@@ -224,7 +220,7 @@ def _background(request: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
 
 
 def convert_gmsh(request: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Write the mesh of a file of gmsh in version 4.1 of its format, with a name for each physical group."""
+    """Convert a file of gmsh to version 4.1 of its format, with a name for each physical group."""
     import gmsh
 
     gmsh.initialize(interruptible=False)
@@ -249,7 +245,7 @@ def convert_gmsh(request: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
 
 
 def convert_vtk(request: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Write the mesh of a VTK file, legacy or XML, by meshio; structured grids become cells, too."""
+    """Convert a legacy or XML file of VTK into a file that meshio can read; the cells of structured grids included."""
     import meshio
     import pyvista
     from vtkmodules.vtkCommonCore import vtkOutputWindow, vtkStringOutputWindow
@@ -283,7 +279,7 @@ def convert_vtk(request: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
 
 
 def _complaint(text: str) -> str:
-    """Return the first error or warning of VTK, in one line without place and address; empty if there is none."""
+    """Return the first error or warning in VTK's output, without source line and address; empty if there is none."""
     lines = [line.strip() for line in text.splitlines() if line.strip() and not line.startswith(("ERROR", "Warning"))]
     kept = [line.partition("): ")[2] or line for line in lines]
     return kept[0][:200] if kept else ""
@@ -300,7 +296,7 @@ _TASKS = {
 
 
 def main(kind: str, request: str, result: str) -> None:
-    """Read the request, do the task, write the result."""
+    """Run the task ``kind`` with the arguments in the file ``request``; write its result to the file ``result``."""
     with np.load(request, allow_pickle=False) as archive:
         given = dict(archive)
     try:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Content of a mesh file before its cells are chosen, and its named sets of cells and points."""
+"""Content of a mesh file with cells of all kinds, and its named sets of cells and points."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class RawMesh:
 
 
 Sets = dict[str, NDArray[np.int32]]
-#: Limit of distinct values in cell or point data that define groups. Data with more values are item numbers.
+#: Whole-number data with more distinct values than this do not define groups; they are taken as item numbers.
 MOST_GROUPS = 256
 
 _PHYSICAL = "gmsh:physical"
@@ -63,11 +63,11 @@ def read_sets(raw: RawMesh, starts: dict[int, int]) -> tuple[Sets, Sets]:
 
     Args:
         raw: content of the file.
-        starts: dict from the index of a block of solid cells to the index of its first cell in the mesh.
+        starts: dict from the index of each block of solid cells to the index of its first cell in the mesh.
 
     Returns:
-        Two dicts from set name to sorted ids, int32: one of solid cells, one of vertices. A group of faces, edges or
-        points becomes a set of its vertices. Whole-number data ``name`` become a set for each value except zero:
+        Two dicts from set name to sorted ids, int32: sets of solid cells, and sets of vertices. A group of faces, edges
+        or points becomes a set of its vertices. Whole-number data ``name`` become one set for each value except zero:
         ``name_1``, ``name_2``, ...
     """
     cells: dict[str, list[NDArray[np.int64]]] = defaultdict(list)
@@ -86,26 +86,19 @@ def read_sets(raw: RawMesh, starts: dict[int, int]) -> tuple[Sets, Sets]:
 
 
 def _block_groups(raw: RawMesh) -> Iterator[tuple[str, int, NDArray[np.int64]]]:
-    """Yield the name, the block index and the cell indices in the block, for each block of each set or group."""
-    yield from _set_blocks(raw)
+    """Yield each set or group of cells block by block: its name, the block's index, and the cells' indices in it."""
+    for name, per_block in raw.cell_sets.items():
+        for block, ids in enumerate(per_block if name and not name.startswith("gmsh:") else ()):
+            if ids is not None and len(ids):
+                yield name, block, np.asarray(ids, dtype=np.int64)
     for key, per_block in raw.cell_data.items():
         whole = np.concatenate([np.asarray(data).ravel() for data in per_block]) if per_block else np.zeros(0)
         for value in [] if key == "gmsh:geometrical" else _groups(whole):
             yield from _value_blocks(raw, key, value)
 
 
-def _set_blocks(raw: RawMesh) -> Iterator[tuple[str, int, NDArray[np.int64]]]:
-    """Yield the name, the block index and the cell indices in the block, for each block of each set of cells."""
-    for name, per_block in raw.cell_sets.items():
-        if not name or name.startswith("gmsh:"):
-            continue
-        for block, ids in enumerate(per_block):
-            if ids is not None and len(ids):
-                yield name, block, np.asarray(ids, dtype=np.int64)
-
-
 def _value_blocks(raw: RawMesh, key: str, value: int) -> Iterator[tuple[str, int, NDArray[np.int64]]]:
-    """Yield the name, the block index and the cell indices in the block of cells whose data ``key`` are ``value``."""
+    """Yield the group of the cells whose data ``key`` are ``value``, as `_block_groups` does."""
     names = {(int(tag), int(dim)): name for name, (tag, dim) in raw.field_data.items()}
     for block, data in enumerate(raw.cell_data[key]):
         name = f"{key}_{value}"
@@ -117,7 +110,7 @@ def _value_blocks(raw: RawMesh, key: str, value: int) -> Iterator[tuple[str, int
 
 
 def _groups(data: NDArray[np.generic]) -> list[int]:
-    """Return the nonzero values of whole-number data, one for each group; none if more than `MOST_GROUPS`."""
+    """Return the distinct nonzero values of whole-number data, or none if there are more than `MOST_GROUPS`."""
     if data.ndim != 1 or not np.issubdtype(data.dtype, np.integer):
         return []
     values = [int(value) for value in np.unique(data) if value]

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Meshes and surfaces as text in a scene, and a cache of computed meshes on disk.
 
-The key of the cache is a digest of the content from which a mesh is computed. It also depends on the sources of
-`gdfe_ros.mesh`, numpy's version and the machine's architecture, so that other versions never read the file. Files are
-replaced as a whole, so that concurrent processes never read an incomplete file. A file starts with the digest of its
-content. If a power cut or a full disk has truncated the file, the mesh is computed again.
+The cache key is a digest of the input of a mesh. It also depends on the sources of `gdfe_ros.mesh`, numpy's version and
+the machine's architecture, so that no other version reads the file. Files are replaced as a whole, so that concurrent
+processes never read an incomplete file. A file starts with the digest of its content; if a power cut or a full disk has
+truncated it, the mesh is computed again.
 """
 
 from __future__ import annotations
@@ -102,7 +102,7 @@ def mesh_of(arrays: dict[str, NDArray]) -> Mesh:
 
 
 def under(named: Mapping[str, NDArray], head: str) -> dict[str, NDArray]:
-    """Return the arrays whose names begin with ``head``, under the rest of their names."""
+    """Return the arrays whose names begin with ``head``, with this prefix removed from their names."""
     return {name.removeprefix(head): array for name, array in named.items() if name.startswith(head)}
 
 
@@ -133,7 +133,7 @@ def _unpack(text: str) -> dict[str, NDArray]:
 
 @contextmanager
 def _refuse_damage(what: str) -> Iterator[None]:
-    """Convert any error that a damaged text causes in this context to MeshError."""
+    """Convert any error in the ``with`` block, which decodes a text, to MeshError."""
     try:
         yield
     except Exception as error:  # base64, zipfile, zlib and numpy raise many kinds of exceptions for damaged data
@@ -147,7 +147,7 @@ _DIGEST = 32
 
 
 def key_of(*parts: bytes) -> str:
-    """Return the cache key of a result that is computed from these contents, a SHA-256 digest in hexadecimal."""
+    """Return the cache key of a result that is computed from ``parts``: a SHA-256 digest in hexadecimal."""
     digest = hashlib.sha256(_code())
     for part in parts:
         digest.update(len(part).to_bytes(8, "little") + part)
@@ -189,7 +189,7 @@ def _tidy(folder: Path) -> None:
 
 
 def _folder() -> Path:
-    """Return the folder of the cached files, beside numba's cache of compiled kernels."""
+    """Return the folder of the cached files: in numba's cache, in the package, or in the user's cache."""
     chosen = os.environ.get("NUMBA_CACHE_DIR")
     if chosen:
         return Path(chosen) / "gdfe_ros_bodies"

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Meshes from closed surfaces and CAD files, and checks of what is to be filled."""
+"""Meshes from closed surfaces and CAD files, and checks of these files before they are filled with cells."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Findings on the surface of a body that is to be filled: its winding, its self-intersections, its thin walls."""
+"""Checks of a surface before it is filled with cells: winding, self-intersections, thin walls."""
 
 from __future__ import annotations
 
@@ -25,13 +25,15 @@ from gdfe_ros.mesh.surfaces.shells import cone_volumes, doubled_areas, shell_num
 from gdfe_ros.mesh.surfaces.surface_edges import disagreeing_edges, is_closed, odd_edges, winding_defects
 
 ACROSS = 4
-"""Hexahedra across the thinnest part. A clamped bar with these is 1.4 % too stiff (test/solver/tetrahedra)."""
+"""Number of hexahedra across the thinnest part. A clamped bar with so many is 1.4 % too stiff."""
 COST = 2.0
-"""Time for a tetrahedron of second order divided by that for a hexahedron (docs/theory/tetrahedra.md)."""
+"""Computing time of a second-order tetrahedron divided by that of a hexahedron (docs/theory/tetrahedra.md)."""
 CHEAPER = 4.0
-"""Least ratio of the costs for a remark."""
+"""Hexahedra are recommended if tetrahedra cost at least this many times as much."""
 FLAT = 1e-6
-"""Largest component of a normal that counts as zero, and distance of equal planes divided by the body's size."""
+"""Rounding tolerance: components of unit normals below this count as zero, and planes coincide if their distance
+divided by the body's size is below this.
+"""
 
 
 def cheaper_hexahedra(
@@ -70,7 +72,7 @@ def cheaper_hexahedra(
 def _shape(
     corners: NDArray[np.float64], normals: NDArray[np.float64], extent: NDArray[np.float64], volume: float, edge: float
 ) -> tuple[str, str]:
-    """Return words for a regular shape, and how to mesh it; two empty texts if the shape is another one."""
+    """Return the description of a box-like or extruded shape and how to mesh it; two empty texts for other shapes."""
     size = ", ".join(f"{length:.4g}" for length in extent)
     cells = ", ".join(str(max(1, round(length / edge))) for length in extent)
     bar = f"`mesh: {{bar: {{size: [{size}], cells: [{cells}]}}}}`"
@@ -91,13 +93,13 @@ def _shape(
 
 
 FACETED = 1e-4
-"""Length up to which facets of a STEP file touch, divided by the diagonal of the surface; facets are not exact."""
+"""Facets of a STEP file, which are approximate, may overlap by this length divided by the diagonal of the surface."""
 OUTWARD, INWARD = "out of the material", "into the material"
 
 
 @dataclass(frozen=True, eq=False)
 class SurfaceFindings:
-    """The findings on a surface.
+    """The findings on a surface that is to be filled with cells.
 
     Attributes:
         vertices: (n, 3) [m].
@@ -176,7 +178,7 @@ class SurfaceFindings:
 
     @property
     def _thin_fraction(self) -> float:
-        """Fraction of the surface at walls that are thin for the size."""
+        """Fraction of the surface at walls that are too thin for cells of `size`."""
         return self.walls.fraction(self.size / self.walls.thickness > FLATTEST)
 
     @property
@@ -190,12 +192,12 @@ class SurfaceFindings:
 
     @property
     def _cells(self) -> float:
-        """Expected number of tetrahedra with a ``least_size`` of the thinnest wall."""
+        """Expected number of tetrahedra if ``least_size`` is the thickness of the thinnest wall."""
         return cells_at_walls(self.walls, size=self.size, least_size=self._thinnest)
 
 
 def surface_findings(vertices: NDArray[np.float64], triangles: NDArray[np.int64], *, size: float) -> SurfaceFindings:
-    """Examine a surface (n, 3) [m], (t, 3), and compare its walls with cells of a size [m]."""
+    """Examine a surface (n, 3) [m] of triangles (t, 3); its walls are compared with cells of ``size`` [m]."""
     cuts = find_self_cuts(vertices, triangles)
     if cuts.pairs or not is_closed(triangles):
         return SurfaceFindings(vertices, triangles, size, cuts, None)

@@ -79,7 +79,7 @@ def show_spans(low: NDArray[np.float64], high: NDArray[np.float64]) -> str:
 
 
 def _facts(path: str | Path) -> dict[str, NDArray]:
-    """Return solids, surfaces, bounds and volume of a STEP file."""
+    """Return the arrays of `mesher_process.facts` for a STEP file."""
     path, heading = Path(path), f"step {path}"
     require_file(path, heading)
     return _read(path.resolve(), heading, path.stat().st_mtime_ns)
@@ -87,7 +87,7 @@ def _facts(path: str | Path) -> dict[str, NDArray]:
 
 @lru_cache(maxsize=4)
 def _read(path: Path, heading: str, changed: int) -> dict[str, NDArray]:
-    """Read the facts of a STEP file that was last ``changed`` [ns]; each read starts a process with gmsh."""
+    """Read the facts of a STEP file in a process with gmsh; ``changed`` [ns] is its time of modification."""
     return run_mesher("facts", {"path": str(path)}, heading)
 
 
@@ -107,11 +107,11 @@ def step_surface(path: str | Path) -> tuple[NDArray[np.float64], NDArray[np.int6
 ENVELOPE = 1e-3
 """Largest distance between fTetWild's surface and the file's surface, divided by the diagonal of the body."""
 NARROW = 0.1
-"""Largest distance between fTetWild's surface and the file's surface, divided by the size of the cells. Of this limit
-and `ENVELOPE`, the smaller distance applies.
+"""Largest distance between fTetWild's surface and the file's surface, divided by the size of the cells. The smaller of
+this limit and that of `ENVELOPE` applies.
 """
 STRAIGHTENED = 0.1
-"""The curved edges of a cell are straightened if its scaled Jacobian is below this."""
+"""The curved edges of a cell with a scaled Jacobian below this are straightened."""
 
 
 def from_step(path: str | Path, *, size: float, least_size: float | None = None) -> TetMesh:
@@ -194,7 +194,9 @@ def from_surface(
 
 
 def _nothing_inside(vertices: NDArray[np.float64], triangles: NDArray[np.int64], envelope: float, closed: bool) -> str:
-    """Return the reason why there is no tetrahedron inside a surface that the mesher moved by up to ``envelope`` [m].
+    """Return the text of the defect that no tetrahedron is inside a surface.
+
+    The mesher may move the surface by up to ``envelope`` [m].
 
     The thickness of a sheet is 2 V / A, with the volume V inside its surface and the area A of the surface.
     """
@@ -212,8 +214,8 @@ def _nothing_inside(vertices: NDArray[np.float64], triangles: NDArray[np.int64],
 def _outward(vertices: NDArray[np.float64], triangles: NDArray[np.int64], *, apart: bool) -> NDArray[np.int64]:
     """Return the triangles of a closed surface with normals out of the material.
 
-    Shells that are ``apart`` are nested, and each is turned by itself. Which of several shells that cut each other is a
-    cavity is not known, so that only the surface as a whole is turned.
+    Shells that do not cut each other (``apart``) are nested, and each is oriented by itself. If shells cut each other,
+    it is not known which is a cavity, and the surface is oriented as a whole.
     """
     if apart:
         return out_of_material(vertices, triangles)
@@ -221,7 +223,7 @@ def _outward(vertices: NDArray[np.float64], triangles: NDArray[np.int64], *, apa
 
 
 def _sizes_key(size: float, least_size: float | None) -> list[bytes]:
-    """Return the part of a mesh's key that stands for the sizes of its cells."""
+    """Return the sizes of cells in the form in which they enter the cache key of a mesh."""
     return [repr(size).encode(), *([] if least_size is None else [repr(least_size).encode()])]
 
 
@@ -244,7 +246,7 @@ def _refine(
 
 
 def _curve(raw: dict[str, NDArray]) -> TetMesh:
-    """Return the mesh from a mesher's arrays; the curved edges of cells below `STRAIGHTENED` are straightened."""
+    """Return the mesh from a mesher's arrays, with straightened edges in badly shaped cells (`STRAIGHTENED`)."""
     sets = under(raw, "cell:"), under(raw, "vertex:")
     mesh = TetMesh(raw["vertices"], raw["cells"], *sets)
     vertices = mesh.vertices.copy()

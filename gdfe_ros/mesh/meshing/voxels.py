@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Meshes from closed surfaces: whole cubes with their centres inside, or cut cubes; cavities are kept.
+"""Meshes of cubes inside closed surfaces, with their cavities.
 
-A cut cube has the volume, the centroid and the second moments of the material in it.
+The mesh has whole cubes whose centres are inside, or cut cubes with the volume, centroid and second moments of the
+material in them.
 """
 
 from __future__ import annotations
@@ -27,9 +28,9 @@ from gdfe_ros.mesh.mesh import HexMesh
 from gdfe_ros.mesh.surfaces.shells import Shells, points_inside, shells
 from gdfe_ros.mesh.surfaces.surface_edges import odd_edges
 
-#: Number of columns through a cube along an axis, and the generator of their Fibonacci lattice. No two columns have a
-#: coordinate in common. If a wall perpendicular to one of the other two axes moves through the cube, it thus passes the
-#: columns one by one. Along a column the integrals are exact.
+#: Number of columns through a cube along an axis, and the generator of their Fibonacci lattice. Along a column the
+#: integrals are exact. No two columns share a coordinate, so that a wall parallel to the columns that moves through the
+#: cube passes them one by one.
 COLUMNS, LATTICE = 144, 89
 #: Filled fraction below which a cube does not become a cell: its material moves to the fullest neighbouring cell.
 LEAST_SHARE = 0.1
@@ -121,7 +122,7 @@ def gather_slivers(moments: NDArray[np.float64], count: tuple[int, int, int]) ->
 SUFFIXES = (".stl", ".obj", ".ply", ".off")
 #: Limit of cubes in the bounding box; more would not fit into memory.
 MOST_CUBES = 50_000_000
-#: Relative difference of the cubes' and the surface's volumes above which the grid counts as too coarse.
+#: The grid is too coarse if the volumes of the cubes and of the surface differ by more than this fraction.
 VOLUME_ERROR = 0.3
 #: Vertices of a surface are merged if they agree in this number of digits of the body's longest side. Single precision
 #: has seven digits.
@@ -130,7 +131,7 @@ MERGED_DIGITS = 8
 SMALLEST, LARGEST = 1e-12, 1e12
 
 _STL_HEAD, _STL_FACE = 84, 50
-"""Bytes of the header of a binary STL file, whose last four are the number of triangles, and of a triangle."""
+"""Bytes of a binary STL file's header, which ends in the number of triangles (four bytes), and of each triangle."""
 
 
 class CutCubes(str, Enum):
@@ -207,7 +208,7 @@ def fill_surface(
     cells: CutCubes = CutCubes.WHOLE,
     where: str = "surface",
 ) -> HexMesh:
-    """Fill a closed surface with cubes; its inside follows from the even-odd rule.
+    """Fill a closed surface with cubes; inside and outside follow from the even-odd rule.
 
     Args:
         vertices: positions [m], shape (n, 3).
@@ -275,7 +276,7 @@ def _read(path: Path, heading: str, suffixes: tuple[str, ...]) -> tuple[NDArray[
 
 
 def _broken_stl(path: Path) -> str:
-    """Return what is wrong with the size of a binary STL file; an empty text for other files."""
+    """Return a text if the size of a binary STL file differs from that in its header; empty otherwise."""
     content = path.read_bytes()
     if path.suffix.lower() != ".stl" or len(content) < _STL_HEAD:
         return ""

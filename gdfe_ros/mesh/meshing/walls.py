@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Walls of a body: their thickness, cells that are too long for it, and cells of a size that fits it."""
+"""Thickness of a body's walls, cells that are too long for thin walls, and sizes of cells that fit them."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from gdfe_ros.mesh.tetmesh import TetMesh
 MOST_RAYS = 400_000
 """Limit of the number of places at which the thickness is measured; it bounds time and memory."""
 OPPOSITE = 45.0
-"""Largest angle [degrees] between the two faces of a wall. At a sharp edge the faces enclose more, and are no wall."""
+"""Largest angle [degrees] between the two faces of a wall; faces at a larger angle, as at a sharp edge, are no wall."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,7 +30,7 @@ class Walls:
 
     Attributes:
         places: (k, 3) [m].
-        areas: (k,) [m^2], area of the surface for which each place stands.
+        areas: (k,) [m^2], area of the part of the surface around each place.
         thickness: (k,) [m], distance along the inward normal to the next face; inf where this face is not opposite.
         corners: (k, 3, 3) [m], the triangle around each place.
     """
@@ -51,7 +51,7 @@ class Walls:
         return int(np.argmin(self.thickness))
 
     def fraction(self, some: NDArray[np.bool_]) -> float:
-        """Return the fraction of the surface for which some of the places (k,) stand."""
+        """Return the fraction of the surface that belongs to the places marked in ``some`` (k,)."""
         return float(self.areas[some].sum() / self.areas.sum())
 
 
@@ -75,7 +75,7 @@ def find_walls(vertices: NDArray[np.float64], triangles: NDArray[np.integer], *,
 def find_solid_walls(
     vertices: NDArray[np.float64], triangles: NDArray[np.int64], solid: NDArray[np.int64], *, spacing: float
 ) -> Walls:
-    """Measure the walls of several solids, each by itself; ``solid`` (t,) is the number of each triangle's solid."""
+    """Measure the walls of each of several solids; ``solid`` (t,) is the number of each triangle's solid."""
     numbers = range(int(solid.max()) + 1)
     return Walls.join([find_walls(vertices, triangles[solid == k], spacing=spacing) for k in numbers])
 
@@ -83,11 +83,11 @@ def find_solid_walls(
 def thickness_at(
     starts: NDArray[np.float64], vertices: NDArray[np.float64], triangles: NDArray[np.integer]
 ) -> tuple[Walls, NDArray[np.bool_]]:
-    """Measure the thickness at the centroids of triangles ``starts`` (k, 3, 3) [m] on the surface of `find_walls`.
+    """Measure the thickness at the centroids of triangles ``starts`` (k, 3, 3) [m] on a surface, as in `find_walls`.
 
     Returns:
-        The walls, and whether they contain each triangle, shape (k,). Triangles without an area have no normal, and are
-        left out.
+        The walls, and whether each of ``starts`` is among them, shape (k,). Triangles without an area have no normal,
+        and are left out.
     """
     from gdfe_ros.mesh.surfaces.triangle_kernels import first_hits  # loads numba
 
@@ -105,12 +105,13 @@ def thickness_at(
 
 
 FLATTEST = 4.0
-"""Edge of a cell along a wall, divided by the wall's thickness, above which the wall is too stiff in bending. A clamped
-strip, 20 times as wide as thick, with one cell through its thickness was 1 % too stiff at a ratio of 2.8, 6 % at 4.0,
-15 % at 5.7, and 25 % at 7.1.
+"""A wall is too stiff in bending if the edges of its cells along the wall exceed this multiple of its thickness. A
+clamped strip, 20 times as wide as thick, with one cell through its thickness was 1 % too stiff at a ratio of 2.8, 6 %
+at 4.0, 15 % at 5.7, and 25 % at 7.1.
 """
 LEAST_FRACTION = 0.01
-"""Least fraction of the surface for a remark on flat cells. At a sharp edge, the last cells are always flat."""
+"""A remark on flat cells is given if they cover at least this fraction of the surface; at sharp edges some always are.
+"""
 
 
 def show_error(ratio: float) -> str:
@@ -156,12 +157,11 @@ PARTS = 15.0
 EDGES_ALONG = 2.0
 """Largest edge of a cell along a wall, divided by the thickness of the wall."""
 GROWTH = 0.3
-"""Increase of the size for each metre of distance from a thin wall [m/m]; neighbouring cells differ by about a
-third."""
+"""Increase of the size of cells per metre of distance from a thin wall; neighbouring cells differ by about a third."""
 MOST_POINTS = 200_000
 """Limit of the number of grid points."""
 LEVELS = 2
-"""Number of levels into which sizes are rounded down, for each doubling of the size."""
+"""Number of levels for each doubling of the size; sizes are rounded down to a level, so that one search serves many."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -41,10 +41,10 @@ def height_at(corners, x, y):
 
 @kernel
 def crossings(corners, size):
-    """Return the column y nx + x and the height of each crossing of a column of a grid with a surface, (k,) each.
+    """Return the column y nx + x and the height of each crossing of a grid's columns with a surface, (k,) each.
 
-    ``corners`` (t, 3, 3) are those of the triangles, in units of the columns' distance. ``size`` is the number of
-    columns along x and along y, and the largest height.
+    Columns are parallel to z. ``corners`` (t, 3, 3) are the corners of the triangles in units of the columns' distance.
+    ``size`` is the number of columns along x and along y, and the largest height.
     """
     column, height = np.empty(4 * size[0] * size[1], np.int64), np.empty(4 * size[0] * size[1])
     found = find_crossings(corners, size, column, height)
@@ -103,7 +103,7 @@ def add_column(moments, heights, place, column, size, width):
 
 @kernel
 def integrate_columns(vertices, triangles, places, size, moments):
-    """Add the integrals over the material of each cube to ``moments``, summed over the columns.
+    """Integrate over the material of each cube along all columns, and add the results to ``moments``.
 
     Args:
         vertices: (n, 3) in units of the cubes' edge; columns are parallel to the last axis.
@@ -118,12 +118,8 @@ def integrate_columns(vertices, triangles, places, size, moments):
     for place in places:
         for t in range(len(triangles)):
             for a in range(3):
-                vertex = vertices[triangles[t, a]]
-                corners[t, a, 0], corners[t, a, 1], corners[t, a, 2] = (
-                    vertex[0] - place[0],
-                    vertex[1] - place[1],
-                    vertex[2],
-                )
+                x, y, z = vertices[triangles[t, a]]
+                corners[t, a, 0], corners[t, a, 1], corners[t, a, 2] = x - place[0], y - place[1], z
         column, height = crossings(corners, size)
         order = np.argsort(column, kind="mergesort")
         start = 0

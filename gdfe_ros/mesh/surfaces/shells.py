@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Closed triangle surfaces of nested shells: inside (by the even-odd rule), volume, centre and second moments.
 
-A tree of boxes of triangles serves the searches of compiled kernels; it is here because it needs no compiler.
+`BoxTree`, a tree of bounding boxes of triangles, serves the searches in `triangle_kernels`.
 """
 
 from __future__ import annotations
@@ -115,7 +115,7 @@ def inside(
 def _shells_around(
     points: NDArray[np.float64], vertices: NDArray[np.float64], triangles: NDArray[np.int64]
 ) -> NDArray[np.bool_]:
-    """Return whether each shell (s,) winds around each point (k, 3), (k, s): its solid angle there is not zero."""
+    """Return whether each of the s shells winds around each point (k, 3), shape (k, s), from its solid angle."""
     shell = shell_numbers(len(vertices), triangles)
     angles = [np.bincount(shell, solid_angles(vertices[triangles] - point)) for point in points]
     return np.abs(angles).reshape(len(points), int(shell.max(initial=-1)) + 1) > 2.0 * np.pi
@@ -191,23 +191,24 @@ def _principal_axes(spread: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 LEAF = 4
-"""Number of triangles in a leaf."""
+"""Number of triangles in a leaf of a `BoxTree`."""
 FLAT = 1e-12
-"""Height of a flat triangle, divided by the diagonal of the surface."""
+"""A triangle is flat if its height above its longest edge, divided by the surface's diagonal, is at most this."""
 
 
 @dataclass(frozen=True, eq=False)
 class BoxTree:
     """A complete binary tree of boxes of triangles that are not flat; node i has the children 2 i + 1 and 2 i + 2.
 
-    The triangles are sorted as the leaves of scipy's tree of their centroids. Leaf k is the last level's k-th node, and
-    has the triangles ``LEAF * k`` to ``LEAF * (k + 1) - 1`` of the sorted ones.
+    The triangles are sorted in the order of the leaves of scipy's tree of their centroids. Leaf k is the k-th node of
+    the last level, and holds the sorted triangles ``LEAF * k`` to ``LEAF * (k + 1) - 1``.
 
     Attributes:
         corners: (t, 3, 3) float64 [m], corners of the sorted triangles.
         normals: (t, 3) float64, unit normals of the sorted triangles.
-        order: (t,) int64, the number of each sorted triangle in the given order.
-        boxes: (n, 2, 3) float64 [m], lowest and highest corner of each node's box, infinite without triangles.
+        order: (t,) int64, index of each sorted triangle in the given surface.
+        boxes: (n, 2, 3) float64 [m], lowest and highest corner of each node's box; infinite for a node without
+            triangles.
     """
 
     corners: NDArray[np.float64]
@@ -245,6 +246,6 @@ def _boxes(corners: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _unite(boxes: NDArray[np.float64], count: int) -> NDArray[np.float64]:
-    """Return the boxes around each ``count`` consecutive boxes."""
+    """Return the bounding box of each group of ``count`` consecutive boxes."""
     groups = boxes.reshape(-1, count, 2, 3)
     return np.stack([groups[:, :, 0].min(axis=1), groups[:, :, 1].max(axis=1)], axis=1)

@@ -80,7 +80,7 @@ def make_solid(
 
 
 def require_outward(vertices: NDArray[np.float64], triangles: NDArray[np.int64], *, where: str) -> None:
-    """Raise an error if a surface is inside out; the arguments are those of `make_solid`.
+    """Check that the normals of a surface point outward; the arguments are those of `make_solid`.
 
     Raises:
         MeshError: the volume is not positive; the error names the volume and the remedy.

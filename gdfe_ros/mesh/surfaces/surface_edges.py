@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Edges of triangle surfaces: numbers, open ones, differing winding, and division of long ones."""
+"""Edges of triangle surfaces: unique edges, open edges, inconsistent winding, and division of long edges."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from gdfe_ros.errors import show_point
 
 
 def number_edges(ends: NDArray[np.integer]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return the different rows (e, 2) of ``ends`` (k, 2), in ascending order, and the index (k,) of each row in them.
+    """Return the distinct rows (e, 2) of ``ends`` (k, 2), in ascending order, and the index (k,) of each row in them.
 
-    The rows are vertex ids, not negative. This is ``np.unique(ends, axis=0, return_inverse=True)``, several times as
-    fast, because each row is sorted as one number.
+    ``ends`` are vertex ids >= 0. The result is that of ``np.unique(ends, axis=0, return_inverse=True)``, but it is
+    several times faster, because each row is sorted as one number.
     """
     if not len(ends):
         return np.zeros((0, 2), np.int64), np.zeros(0, np.int64)
@@ -25,10 +25,10 @@ def number_edges(ends: NDArray[np.integer]) -> tuple[NDArray[np.int64], NDArray[
 
 
 def edge_counts(faces: NDArray[np.integer]) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
-    """Return the edges (e, 2) of faces (q, 3 or 4), how many faces each has, and by how much directions differ.
+    """Return the edges (e, 2) of faces (q, 3 or 4), the number of faces at each edge, and the balance of directions.
 
-    The third array (e,) is the number of faces that have the edge in ascending order of its vertices, minus the number
-    of the other ones.
+    The balance (e,) is the number of faces that run through the edge from its lower to its higher vertex id, minus the
+    number of faces that run in the opposite direction.
     """
     ends = np.stack([faces.ravel(), np.roll(faces, -1, axis=1).ravel()], axis=1)
     edges, which = number_edges(np.sort(ends, axis=1))
@@ -136,14 +136,14 @@ def _template(cut: Levels) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     It consists of points (p, 3) in exact barycentric coordinates, and of triangles (t, 3) between these points.
     """
     count = 2 ** min(cut)
-    small = _four_by_four(count)
+    small = _similar_triangles(count)
     strip = _strip(tuple(level - min(cut) for level in cut))
     corners = np.einsum("qaj,tji->qtai", strip, small).reshape(-1, 3)
     places, ids = np.unique(corners, axis=0, return_inverse=True)
     return places, ids.reshape(-1, 3)
 
 
-def _four_by_four(count: int) -> NDArray[np.float64]:
+def _similar_triangles(count: int) -> NDArray[np.float64]:
     """Divide a triangle into ``count``^2 similar triangles; return their barycentric corners (t, 3, 3)."""
     found = []
     for i in range(count):

@@ -50,8 +50,8 @@ def squared_box_distance(point, box):
 def nearest_distances(points, corners, boxes, out):
     """Write the distance [m] of each point from the nearest triangle of a `BoxTree`.
 
-    A search begins with the triangle that was the nearest to the previous point. It is therefore quick for points of
-    which each is near the previous one, such as those of a grid.
+    Each search begins with the triangle nearest to the previous point. It is fast if successive points are close
+    together, such as those of a grid.
 
     Args:
         points: (k, 3) [m].
@@ -82,7 +82,7 @@ def nearest_distances(points, corners, boxes, out):
 
 
 EDGE = 1e-9
-"""Barycentric width by which a triangle is larger for rays, so that no ray slips through an edge."""
+"""Barycentric margin by which triangles are enlarged for rays, so that no ray slips between two triangles."""
 
 
 @internal
@@ -116,16 +116,16 @@ def box_length(start, direction, box):
 
 @kernel
 def first_hits(starts, directions, corners, boxes, least, lengths, hits):
-    """Write the distance to the first triangle of a `BoxTree` on each ray, and the number of this triangle.
+    """Write the distance along each ray to the first triangle of a `BoxTree`, and the index of this triangle.
 
     Args:
         starts: (r, 3) [m] starts of the rays.
         directions: (r, 3) unit vectors of the rays.
         corners: (t, 3, 3) [m] corners of the tree's triangles.
         boxes: (n, 2, 3) [m] boxes of the tree's nodes.
-        least: distance [m] up to which triangles are left out, such as the one on which a ray starts.
-        lengths: (r,) [m], inf if there is none, output.
-        hits: (r,) int64 sorted number of the triangle, -1 if there is none, output.
+        least: triangles up to this distance [m] are ignored, such as the one on which a ray starts.
+        lengths: (r,) [m], inf if the ray hits no triangle, output.
+        hits: (r,) int64 index of the triangle in the tree, -1 if the ray hits none, output.
     """
     first_leaf, stack = len(boxes) // 2, np.empty(128, np.int64)
     for r in range(len(starts)):
@@ -153,7 +153,9 @@ def first_hits(starts, directions, corners, boxes, least, lengths, hits):
 
 
 APART = 10.0
-"""Largest distance between the two sections with the common line of two triangles' planes, divided by the tolerance."""
+"""Two triangles cut each other only if their sections, which lie on the common line of their planes up to rounding, are
+at most this many tolerances apart.
+"""
 
 
 @inlined
@@ -175,7 +177,7 @@ def heights(normal, origin, corners, tolerance):
 
 @internal
 def section(corners, d):
-    """Return the two ends [m] of the section of a triangle with a plane from which its corners are ``d`` away."""
+    """Return the two ends [m] of the section of a triangle with a plane; ``d`` are its corners' distances from it."""
     first = second = corner(corners, 0)
     n = 0
     for k in range(3):
@@ -210,7 +212,7 @@ def separates(normal, own, other, tolerance):
 
 @internal
 def cut_along_a_line(a, b, da, db, line, tolerance):
-    """Return whether the sections of two triangles with their planes' common line overlap, and a place of it.
+    """Return whether the sections of two triangles with their planes' common line overlap, and a point of the overlap.
 
     ``da`` and ``db`` are the distances [m] of the corners of each triangle from the plane of the other one.
     """
@@ -227,7 +229,7 @@ def cut_along_a_line(a, b, da, db, line, tolerance):
 
 @internal
 def cut(a, b, na, nb, tolerance):
-    """Return whether two triangles overlap in a plane or cut each other along a line, and a place of it."""
+    """Return whether two triangles overlap in a plane or cut each other along a line, and a point where they do."""
     origin = corner(a, 0)
     db = heights(na, origin, b, tolerance)
     if min(db) > 0.0 or max(db) < 0.0:
@@ -253,13 +255,13 @@ def cut(a, b, na, nb, tolerance):
 
 @kernel
 def count_cuts(corners, normals, boxes, tolerance, counts, places):
-    """Write how many others cut each triangle of a `BoxTree`, and a place where the first one does.
+    """Count the triangles that cut each triangle of a `BoxTree`, and write a point where the first one does.
 
     Args:
         corners: (t, 3, 3) [m] corners of the tree's triangles.
         normals: (t, 3) their unit normals.
         boxes: (n, 2, 3) [m] boxes of the tree's nodes.
-        tolerance: length [m] up to which triangles touch and do not cut each other.
+        tolerance: overlaps up to this length [m] count as touching, not as cutting.
         counts: (t,) int64, number of other triangles that cut each triangle, output.
         places: (t, 3) [m], output.
     """

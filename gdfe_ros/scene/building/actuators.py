@@ -6,7 +6,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import singledispatch
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,7 +33,6 @@ from gdfe_ros.materials import Material, cell_densities, lacks_density
 from gdfe_ros.mesh import HexMesh, select_cells, select_faces, select_vertices
 from gdfe_ros.mesh.cells.faces import reverse
 from gdfe_ros.mesh.selection import select_skin
-from gdfe_ros.scene.base_entry import Entry
 from gdfe_ros.scene.building.builder import select
 from gdfe_ros.scene.building.chambers import build_chamber, on_skin
 from gdfe_ros.scene.building.simulated_mesh import require_part
@@ -57,7 +55,12 @@ from gdfe_ros.scene.schemas.scene_schema import Draft
 def build_actuators(
     draft: Draft, mesh: HexMesh | None, handles: Sequence[Handle], report: Defects
 ) -> tuple[Actuator, ...]:
-    """Return the actuators whose points, faces or cells in the body are valid; report the defects of the others."""
+    """Return the actuators with valid points, faces or cells in the body; report the defects of other entries.
+
+    Each kind of actuator has a function that builds it from its entry, the mesh, the handles, and a dict of the
+    arguments that all actuators have: name and mode; if there is a range, also low, high and rate.
+    """
+    make = {"cable": _build_cable, "chamber": build_chamber, "growth": _build_growth, "grip": _build_grip}
     built = []
     for name, model in draft.actuators.items() if mesh is not None else ():
         kind, value = model.chosen
@@ -66,31 +69,15 @@ def build_actuators(
             if isinstance(value, DriveModel):
                 low, high = value.range or value.mode.limits
                 common |= {"low": low, "high": high, "rate": value.rate or math.inf}
-            built.append(build_actuator(value, mesh, handles, common))
+            built.append(make[kind](value, mesh, handles, common))
             _require_within(built[-1])
     return tuple(built)
-
-
-@singledispatch
-def build_actuator(value: Entry, mesh: HexMesh, handles: Sequence[Handle], common: dict) -> Actuator:
-    """Return the actuator of an entry; each kind of entry registers its builder, which may raise `Unfit`.
-
-    Args:
-        value: the entry.
-        mesh: the body.
-        handles: handles of the scene.
-        common: name and mode of the actuator; if it has a range, also low, high and rate.
-    """
-    raise TypeError(f"no builder is registered for {type(value).__name__}")
-
-
-build_actuator.register(build_chamber)
 
 
 def build_masses(
     draft: Draft, mesh: HexMesh | None, probes: Mapping[str, Embedding], report: Defects
 ) -> tuple[AttachedMass, ...]:
-    """Return the attached masses whose vertices or probes are valid; ``probes`` are the valid ones, by name."""
+    """Return the attached masses with valid vertices or probes; ``probes`` is a dict of the valid probes by name."""
     found = []
     for name, model in draft.masses.items() if mesh is not None else ():
         with report.entry("masses", name):
@@ -113,9 +100,10 @@ def build_loads(
     masses: tuple[AttachedMass, ...],
     report: Defects,
 ) -> tuple[Load, ...]:
-    """Return the loads whose points or faces in the body are valid; gravity needs the density of every material.
+    """Return the loads with valid points or faces in the body; gravity needs the density of every material.
 
-    Gravity acts on ``whole``, the body and all soft bodies beside it, whose cells have the materials ``cell_material``.
+    Gravity acts on ``whole``, the mesh of the body and all soft bodies; ``cell_material`` is the index of the material
+    of each of its cells.
     """
     built, sound = [], len(materials) > cell_material.max(initial=0) and (cell_material >= 0).all()
     make = {"point": _point, "surface": _surface, "pressure": _pressure}
@@ -134,7 +122,7 @@ def build_loads(
 
 
 def build_probes(draft: Draft, mesh: HexMesh | None, report: Defects) -> dict[str, Embedding]:
-    """Return a dict from the name of each probe inside the body to its material point; report the other probes."""
+    """Return a dict from name to material point of the probes inside the body; report probes outside."""
     found = {}
     for name, place in draft.probes.items() if mesh is not None else ():
         part, point = (place.mesh, place.at) if isinstance(place, PlaceModel) else (None, place)
@@ -144,9 +132,9 @@ def build_probes(draft: Draft, mesh: HexMesh | None, report: Defects) -> dict[st
 
 
 def neutral_commands(scene: Scene) -> dict[str, float]:
-    """Return a dict from the name of each actuator and load to the command that leaves the body undeformed.
+    """Return a dict from actuator or load to the command at which it exerts no force on the undeformed body.
 
-    It is `Actuator.neutral` for an actuator, and 0 for a load.
+    The command is `Actuator.neutral` for an actuator, and 0 for a load.
     """
     commands = {item.name: item.neutral(scene.mesh.vertices) for item in scene.actuators}
     return {load.name: 0.0 for load in scene.loads} | commands
@@ -160,7 +148,6 @@ def _require_within(actuator: Actuator) -> None:
         raise Unfit("range", f"allowed for {mode.value}{unit}: {least:g} to {most:g}")
 
 
-@build_actuator.register
 def _build_cable(value: CableModel, mesh: HexMesh, handles: Sequence[Handle], common: dict) -> Cable:
     """Return a cable; points up to half a cell outside of the body are moved onto it."""
     world, groups = [], {}
@@ -184,7 +171,6 @@ def _build_cable(value: CableModel, mesh: HexMesh, handles: Sequence[Handle], co
     return Cable(points=points, stiffness=value.stiffness or math.inf, **common)
 
 
-@build_actuator.register
 def _build_growth(value: GrowthModel, mesh: HexMesh, handles: Sequence[Handle], common: dict) -> Growth:
     cells = select(select_cells, mesh, value.where, "cell")
     stretch = np.diag(value.stretch)
@@ -194,9 +180,8 @@ def _build_growth(value: GrowthModel, mesh: HexMesh, handles: Sequence[Handle], 
     return Growth(cells=cells, stretch=0.5 * (stretch + stretch.T), **common)
 
 
-@build_actuator.register
 def _build_grip(value: GripModel, mesh: HexMesh, handles: Sequence[Handle], common: dict) -> Grip:
-    """Return a grip; raise `Unfit` if its holder or what it holds is unknown or unsuitable."""
+    """Return a grip; raise `Unfit` if its holder, or the body or vertices that it holds, are unknown or unsuitable."""
     known = {each.name: each for each in handles}
     require_known("to", "handle, obstacle or body", value.to, known)
     if known[value.to].loose and not isinstance(known[value.to], RigidBody):
@@ -246,7 +231,7 @@ def _embed(mesh: HexMesh, part: str | None, points: object, key: str = "", *, re
     """Return the material points at given positions (p, 3) [m].
 
     If ``part`` names one of several meshes, the points are in this mesh, and the positions are in its frame. ``key`` is
-    the key of the points in their entry, and ``reach`` the argument of `embed`.
+    the key of the scene entry that gives the points. ``reach`` is an argument of `embed`.
 
     Raises:
         Unfit: there is no such mesh, or a point is outside of it.

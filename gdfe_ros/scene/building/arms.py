@@ -31,7 +31,7 @@ from gdfe_ros.untrusted.bounded_text import LARGEST_XML
 from gdfe_ros.untrusted.regular_file import read_text
 
 SPIN_UP = 0.1
-"""Time [s] in which a joint without a limit of its acceleration reaches its largest velocity."""
+"""Time [s] in which a joint reaches its largest velocity if no limit of its acceleration is given."""
 ONE = "arm"
 """Name of the single arm that the key `arm` describes."""
 
@@ -120,7 +120,7 @@ class _Builder:
         self._report.refuse((*self._path, *keys), text)
 
     def embedded(self) -> Carried:
-        """Return a dict from the arm's key path to its entry with the contents of its files; empty without files."""
+        """Return the arm's entry with the contents of its files, in a dict by key path; empty if it reads no file."""
         if self._model.urdf is None:
             return {}
         entry = without(self._report.value_at(self._path, plain=False), "urdf", "packages")
@@ -145,7 +145,7 @@ class _Builder:
         return replace(robot, joints=joints)
 
     def _limit(self, joint: Joint) -> Joint:
-        """Return a joint with a limit of its acceleration: its own, or the arm's, or the one that `SPIN_UP` gives."""
+        """Return the joint with a limit of its acceleration: its own limit, the arm's, or that from `SPIN_UP`."""
         limits = joint.limits
         if limits is None or np.isfinite(limits.acceleration):
             return joint
@@ -153,10 +153,10 @@ class _Builder:
         return replace(joint, limits=replace(limits, acceleration=usual))
 
     def _load_meshes(self, robot: Description, touching: Sequence[str]) -> tuple[str, ...]:
-        """Read the surface of each mesh, or take it from the packed URDF; return remarks on those that are left out.
+        """Read the surface of each mesh, or take it from the packed URDF; return remarks on unreadable meshes.
 
-        Meshes of contact are needed. Nothing is computed with the others, so that those that cannot be read are left
-        out of pictures.
+        Meshes of links in contact must be readable. The other meshes only appear in pictures, and are left out if they
+        cannot be read.
 
         Raises:
             ArmError: meshes of contact are missing or unreadable; the error names all of them.
@@ -226,7 +226,7 @@ class _Builder:
         )
 
     def _require_joints(self, key: str, names: Iterable[str], robot: Description) -> bool:
-        """Report each of the names below ``key`` that is not a commanded joint; return whether there is none."""
+        """Report the names below ``key`` that are not commanded joints; return whether all names are."""
         joints = [joint.name for joint in robot.commanded]
         followers = {joint.name: joint.mimic.joint for joint in robot.joints.values() if joint.mimic is not None}
         unknown = [name for name in names if name not in joints]
@@ -238,7 +238,7 @@ class _Builder:
         return not unknown
 
     def _touching(self, robot: Description) -> list[str]:
-        """Return the names of the links in contact: the given links, or all with a shape that are not on the flange."""
+        """Return the names of the links in contact: the given ones, or all with a shape that are not on the flange."""
         given = self._model.links
         if given is None:
             mounted = robot.rigid_with(self._model.flange)
@@ -253,7 +253,7 @@ class _Builder:
 
 
 def _require_distinct(arms: Sequence[Arm], draft: Draft, report: Defects) -> None:
-    """Report arms that have the same handle, or a joint or link with the name of another item of the scene."""
+    """Report arms with the same handle, and joints or links with the name of another item of the scene."""
     taken = {name: kind for section, kind in KINDS.items() for name in getattr(draft, section)}
     owners: dict[str, str] = {}
     handles: dict[str, str] = {}

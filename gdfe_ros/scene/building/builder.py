@@ -22,11 +22,8 @@ from gdfe_ros.scene.document import Carried, KeyPath, without
 from gdfe_ros.scene.report import WHOLE, Defects, Unfit, require_known
 from gdfe_ros.scene.schemas.scene_schema import Draft, HandleModel, RegionModel
 
-_TESTED = {
-    "cell": "cell centroids",
-    "point of the skin": "points about half a cell's edge apart",
-}
-"""Dict from a kind of items to the points that a selection of such items tests; for other kinds, the vertices."""
+_TESTED = {"cell": "cell centroids", "point of the skin": "points about half a cell's edge apart"}
+"""Dict from the kind of selected items to the points that are tested to be in the selection; by default, vertices."""
 
 
 def build_materials(draft: Draft, carried: Carried, report: Defects) -> dict[str, Material]:
@@ -66,7 +63,8 @@ def fill_regions(
         regions: regions with their key paths; later ones win.
         path: key path of the list of regions.
         report: collects the defects.
-        complete: whether no region has been left out because of a defect; if so, all cells must have a material.
+        complete: whether ``regions`` has all regions of the file, because none has a defect. Each cell must then have a
+            material.
     """
     names = report.names("materials")
     assigned = np.full(mesh.n_cells if mesh is not None else 0, -1, dtype=np.int32)
@@ -87,7 +85,7 @@ def fill_regions(
 
 
 def build_handles(draft: Draft, mesh: HexMesh | None, report: Defects) -> tuple[Handle, ...]:
-    """Return the handles with valid vertices; report a vertex that belongs to two handles."""
+    """Return the handles with valid vertices; report vertices that belong to two handles."""
     handles = []
     for name, model in draft.handles.items() if mesh is not None else ():
         with report.entry("handles", name):
@@ -117,9 +115,10 @@ def _handle(name: str, vertices: NDArray[np.int32], model: HandleModel) -> Handl
 
 
 def _apart(handles: Sequence[Handle]) -> Iterator[Handle]:
-    """Yield the handles without vertices on rollers that belong to others: rigid ones, or rollers before them.
+    """Yield the handles after each vertex that rollers share with other handles is left to one of them.
 
-    A vertex on several rollers slides only along the axes that all of them leave free.
+    Rollers (handles with `slide`) leave a shared vertex to a rigid handle, or to the first of several rollers. It then
+    slides only along the axes that all of these rollers leave free.
     """
     for number, handle in enumerate(handles):
         if handle.slide is None:
@@ -137,14 +136,14 @@ def _apart(handles: Sequence[Handle]) -> Iterator[Handle]:
 
 
 def require_held(mesh: HexMesh, handles: Iterable[Handle], report: Defects) -> None:
-    """Report each piece of the body that no handle constrains along some axis: its position would be undetermined."""
+    """Report pieces of the body that no handle constrains along some axis; their position would be undetermined."""
     for letter, vertices in find_unheld(mesh, handles):
         remedy = f"add a handle there that is fixed or not free in {letter}, or `dynamics: {{}}` to let it move"
         report.refuse(("handles",), f"no handle holds {_piece(mesh, vertices)} along {letter}; remedy: {remedy}")
 
 
 def find_unheld(mesh: HexMesh, handles: Iterable[Handle]) -> Iterator[tuple[str, NDArray[np.intp]]]:
-    """Yield the letter of each axis along which no handle constrains some piece of the body, and its vertices (k,)."""
+    """Yield an axis letter and the vertices (k,) of a piece, for pieces that no handle holds along this axis."""
     part = vertex_pieces(mesh.cells, mesh.n_vertices)
     reached = [(handle.free, set(part[handle.vertices].tolist())) for handle in handles]
     for axis, letter in enumerate("xyz"):
@@ -175,6 +174,7 @@ KINDS = {
     "actuators": "an actuator",
     "loads": "a load",
 }
+"""Dict from a section of a scene file to the noun of its items in messages."""
 _OTHERS = {
     "obstacles": ("handles", "actuators", "loads"),
     "bodies": ("handles", "obstacles", "actuators", "loads"),
@@ -182,12 +182,12 @@ _OTHERS = {
     "soft_bodies": tuple(KINDS),
     "loads": ("actuators",),
 }
-"""Dict from section to the other sections whose items have other names; actuators, loads, contacts and fibres are terms
-of one potential."""
+"""Dict from section to the sections with which it may share no name, because names identify the terms of the potential.
+"""
 
 
 def require_own_names(draft: Draft, report: Defects) -> None:
-    """Report items with the name of an item of another section."""
+    """Report items that have the name of an item of another section."""
     for section, others in _OTHERS.items():
         for name in getattr(draft, section):
             taken = next((KINDS[other] for other in others if name in getattr(draft, other)), None)
@@ -198,7 +198,7 @@ def require_own_names(draft: Draft, report: Defects) -> None:
 def select(
     selector: Callable[[HexMesh, Where], NDArray[np.int32]], mesh: HexMesh, where: Where | None, noun: str
 ) -> NDArray[np.int32]:
-    """Return the ids that the key `where` of an entry selects. Without a `where`, they are the ids of all cells.
+    """Return the ids that the key `where` of an entry selects; without `where`, the ids of all cells.
 
     ``selector`` is a function of `mesh.selection`, e.g. `select_cells`.
 

@@ -25,10 +25,10 @@ from gdfe_ros.scene.schemas.actuator_schema import ChamberModel
 
 
 def build_chamber(value: ChamberModel, mesh: HexMesh, handles: Sequence[Handle], common: dict) -> Chamber:
-    """Return the chamber of an entry; open edges of named faces may lie on the handles.
+    """Return the chamber of an entry; openings of the faces in `where` are closed if their rims are on handles.
 
     Raises:
-        Unfit: there is no such chamber, or its faces are not those of a chamber.
+        Unfit: the cavity does not exist, or the faces enclose no chamber.
     """
     require_part(mesh, value.mesh)
     part = None if value.mesh is None else mesh.parts[value.mesh]
@@ -57,9 +57,9 @@ def _make_skin_chamber(value: ChamberModel, mesh: HexMesh, first: int, common: d
 
 
 def on_skin(skin: Outside, quads: NDArray[np.int32]) -> tuple[Embedding, NDArray[np.int32]]:
-    """Return the points of given faces of a skin as material points, and the faces as indices of these points.
+    """Return the material points at the corners of some faces of a skin, and the faces as indices into these points.
 
-    ``quads`` (q, 3 or 4) are the faces as indices of all points of the skin.
+    ``quads`` (q, 3 or 4) are the faces as indices into all points of the skin.
     """
     used, local = np.unique(quads, return_inverse=True)
     return Embedding(skin.corners[used], skin.weights[used]), local.reshape(quads.shape).astype(np.int32)
@@ -84,12 +84,12 @@ def _choose(value: ChamberModel, cavities: Sequence[Cavity], body: str, lack: st
 
 
 def _closes(handle: Handle) -> bool:
-    """Return whether plates between vertices of a handle are rigid, or stay in a plane of symmetry."""
+    """Return whether a plate between vertices of a handle stays flat: the handle is rigid, or a plane of symmetry."""
     return handle.section == Handle.section and (handle.slide is None or len(handle.free) == 2)
 
 
 def _make_chamber(mesh: HexMesh, quads: NDArray[np.int32], handles: Sequence[Handle], common: dict) -> Chamber:
-    """Return the chamber of given faces; edges of which all ends lie on one handle, or on fixed ones, are closed."""
+    """Return the chamber of given faces; plates close openings whose rim is on one handle, or on fixed handles."""
     holder = np.full(len(mesh.vertices), -1, dtype=np.int32)
     for number, handle in enumerate(filter(_closes, handles)):
         holder[handle.vertices] = 0 if handle.fixed and handle.slide is None else number + 1

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from gdfe_ros.materials import Material
 from gdfe_ros.mesh import Mesh, select_faces
-from gdfe_ros.mesh.cavities import inside_volume, surface_pieces
+from gdfe_ros.mesh.cavities import boundary_pieces
 from gdfe_ros.mesh.cells.face_fibres import FibreLayer, fibre_points, perpendicular_faces
 from gdfe_ros.mesh.cells.faces import corners_of, group_faces
 from gdfe_ros.scene.building.builder import select
@@ -19,8 +19,8 @@ from gdfe_ros.scene.schemas.material_schema import FibreLayerModel, Wall
 from gdfe_ros.scene.schemas.scene_schema import Draft
 
 STIFFEST = 1e4
-"""Largest stiffness of a layer, divided by the least Young's modulus and the size of the body. Fibres beyond it hardly
-stretch, but their tensions cannot be resolved."""
+"""Largest stiffness of a layer, divided by the least Young's modulus and the size of the body. Stiffer fibres hardly
+stretch, and rounding errors dominate their tensions."""
 
 
 def build_fibres(
@@ -39,7 +39,7 @@ def build_fibres(
 
 
 def _layer(name: str, model: FibreLayerModel, mesh: Mesh) -> FibreLayer:
-    """Return a layer; raise `Unfit` if there are no faces, or if fibres cannot lie on them."""
+    """Return a layer; raise `Unfit` if no face is selected, or if a face is perpendicular to the fibres."""
     if mesh.skin is not None or mesh.filling is not None:
         text = "the faces of voxels are steps, not the wall of the body"
         raise Unfit("", f"{text}; remedy: a mesh of hexahedra or tetrahedra, e.g. mesh: {{tets: ...}}", value=NO_VALUE)
@@ -64,10 +64,7 @@ def _layer(name: str, model: FibreLayerModel, mesh: Mesh) -> FibreLayer:
 
 
 def _wall(mesh: Mesh, wall: Wall) -> NDArray[np.int32]:
-    """Return the faces of one wall: of the closed pieces of the boundary with a positive or a negative volume."""
+    """Return the faces of the outer wall of a body, or of the walls of its cavities."""
     faces = mesh.surface()
-    piece, kept = surface_pieces(mesh.vertices, corners_of(faces)), np.zeros(len(faces), dtype=bool)
-    for number in range(int(piece.max(initial=-1)) + 1):
-        own = piece == number
-        kept |= own & ((inside_volume(mesh.vertices, faces[own]) > 0.0) is (wall is Wall.OUTER))
-    return faces[kept]
+    chosen = [own for own, volume in boundary_pieces(mesh) if (volume < 0.0) is (wall is Wall.OUTER)]
+    return faces[np.any([np.zeros(len(faces), dtype=bool), *chosen], axis=0)]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Construction of the simulated mesh from `mesh` or `meshes`; a slow one is kept in the cache on disk."""
+"""Construction of the simulated mesh from `mesh` or `meshes`; slow results are cached on disk."""
 
 from __future__ import annotations
 
@@ -29,17 +29,18 @@ from gdfe_ros.scene.schemas.scene_schema import Draft
 from gdfe_ros.untrusted.regular_file import read_bytes
 
 Texts = tuple[str | None, str | None]
-"""A packed mesh and its packed skin; None for a mesh that is made, and without a skin."""
+"""Packed mesh and packed skin as text; None for a generated mesh, and without a skin."""
 _MESH, _SKIN, _TOUCHING, _TEXTS = "mesh:", "skin:", "touching:", "texts"
 _OF_FILES = ("file", "voxels", "tets", "embedded", "scale", "merge", "first_order")
-"""Keys that an entry with an embedded mesh or surface does not need."""
+"""Keys that the contents of an embedded mesh or surface replace in its entry."""
 _CONTACT = ("corners", "weights", "faces", "vertices")
+"""Fields of `Touching` that are stored in the cache."""
 
 
 class BodyStore:
-    """Cache of one body on disk; its key is computed from the body's entries and the contents of its files.
+    """Cache of one body on disk, whose key is computed from the body's entries and the contents of its files.
 
-    Bodies that differ only in their pose share an entry: a left and a right finger of one file are made once.
+    Bodies that differ only in their pose share one place: a left and a right finger of one file are computed once.
 
     Args:
         model: scene entry of the mesh.
@@ -47,7 +48,7 @@ class BodyStore:
     """
 
     def __init__(self, model: MeshModel, skin: SkinModel | None) -> None:
-        # A mesh file may include other files, whose contents are not known here.
+        # Mesh files are not cached: they may include other files, whose changes would not be noticed.
         slow = model.file is None and (skin is not None or model.voxels is not None)
         content = [_content(each) for each in (model, skin) if each is not None] if slow else [None]
         self._key = None if None in content else key_of(*content)
@@ -127,7 +128,7 @@ def build_part(model: PlacedMeshModel, path: KeyPath, carried: Carried, report: 
 
 
 def of_tetrahedra(path: KeyPath, part: MeshPart, report: Defects) -> MeshPart:
-    """Return a mesh of a scene that has tetrahedra: hexahedra are divided; a skin or cut cells on them are defects."""
+    """Return one mesh of a scene with tetrahedra; hexahedra are divided, and their skin or cut cells are defects."""
     mesh = part.mesh
     if isinstance(mesh, TetMesh):
         return part
@@ -146,7 +147,8 @@ def _body(
 ) -> Mesh | None:
     """Return a mesh with its skin, in its own frame; None if it has defects.
 
-    ``paths`` are the key paths of the mesh and of its skin. Entries with embedded files are added to ``carried``.
+    ``paths`` are the key paths of the mesh and of its skin. Entries with the contents of their files are added to
+    ``carried``.
     """
     store = BodyStore(model, skin)
     mesh, texts = store.recall() or _compute(model, skin, store, paths, report)
@@ -159,7 +161,7 @@ def _body(
 def _compute(
     model: MeshModel, skin: SkinModel | None, store: BodyStore, paths: tuple[KeyPath, KeyPath], report: Defects
 ) -> tuple[Mesh | None, Texts]:
-    """Return a mesh with its skin, which ``store`` keeps, and both as texts; the arguments are those of `_body`."""
+    """Compute a mesh with its skin, and keep it in ``store``; return the mesh and its `Texts`."""
     try:
         mesh = model.build()
         require_sound(mesh, "mesh")
@@ -185,7 +187,7 @@ def require_apart(
 ) -> None:
     """Report meshes that overlap in the undeformed configuration, as defects of the entries of ``section``.
 
-    ``among``: only pairs whose second mesh is one of these are examined; None: all pairs.
+    Only pairs with the second mesh in ``among`` are examined; None examines all pairs.
     """
     placed = {name: part.place() for name, part in parts.items()}
     for first, second in combinations(placed, 2):
@@ -201,7 +203,7 @@ def require_apart(
 
 
 def require_part(mesh: Mesh, name: str | None, key: str = "mesh") -> None:
-    """Raise `Unfit` if the mesh that an entry names at ``key`` does not exist; None names no mesh, which is valid."""
+    """Raise `Unfit` if the mesh ``name`` does not exist, which an entry names at ``key``; None is valid."""
     if name is not None and not mesh.parts:
         text = "the one `mesh` of this scene has no name; remedy: leave this key out, or give `meshes` by name"
         raise Unfit(key, text)

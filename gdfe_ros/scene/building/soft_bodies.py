@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Soft bodies beside the body of a scene, which selections without a body's name do not see.
+"""Soft bodies beside the main body of a scene.
 
-They can therefore join and leave a scene whose handles, regions and loads stay what they are.
+Selections of vertices, cells or faces refer to the main body only, unless they name a soft body. Soft bodies can
+therefore join and leave a scene without changing its handles, regions and loads.
 """
 
 from __future__ import annotations
@@ -21,11 +22,11 @@ from gdfe_ros.scene.report import Defects
 from gdfe_ros.scene.schemas.scene_schema import Draft, RegionModel
 
 MAIN = "mesh"
-"""Name of the body of a scene with the key `mesh`, among the parts of the whole mesh."""
+"""Name of the main body among the parts of the whole mesh, if the scene has the key `mesh`."""
 
 
 def parts_of(mesh: Mesh) -> dict[str, MeshPart]:
-    """Return a dict from name to each mesh of a scene's mesh; a single mesh has the name `MAIN`."""
+    """Return the meshes of the main body in a dict by name; a single mesh has the name `MAIN`."""
     return dict(mesh.parts) or {MAIN: MeshPart(mesh, np.zeros(3), np.eye(3))}
 
 
@@ -64,12 +65,12 @@ def build_soft_bodies(draft: Draft, mesh: Mesh | None, carried: Carried, report:
 
 
 def with_soft_bodies(mesh: HexMesh | None, bodies: Mapping[str, MeshPart]) -> HexMesh | None:
-    """Return a mesh of the body and of the soft bodies after it; ids of the body's vertices and cells stay."""
+    """Return one mesh of the main body and the soft bodies; the main body comes first and keeps its ids."""
     return assemble({**parts_of(mesh), **bodies}) if bodies and mesh is not None else mesh
 
 
 def assign_soft_materials(draft: Draft, bodies: Mapping[str, MeshPart], report: Defects) -> NDArray[np.int32]:
-    """Return the index of the material of each cell of the soft bodies (m,), int32; -1: none."""
+    """Return the index (m,) int32 of the material of each cell of the soft bodies; -1 for a cell without material."""
     assigned = [np.zeros(0, dtype=np.int32)]
     for name, part in bodies.items():
         model, path = draft.soft_bodies[name], ("soft_bodies", name)

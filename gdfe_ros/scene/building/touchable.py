@@ -83,7 +83,8 @@ def build_self_contact(
 ) -> SelfContact | None:
     """Return the self-contact of a scene with the faces that may touch; None if there is none or if it has a defect.
 
-    A place limits the faces of the body ``mesh``; soft bodies, which ``whole`` contains after it, touch everywhere.
+    The key `where` limits the faces of the main body ``mesh``. All faces of the soft bodies, which follow it in
+    ``whole``, may touch.
     """
     model = draft.self_contact
     if model is None or mesh is None:
@@ -102,21 +103,21 @@ def build_self_contact(
 
 
 def _renumber(faces: NDArray[np.int32], mesh: HexMesh, whole: HexMesh) -> NDArray[np.int32]:
-    """Return faces of ``mesh`` with the numbers that its contact points have in ``whole``."""
+    """Convert the indices of vertices and contact points in faces of ``mesh`` to those in ``whole``."""
     return np.where(faces < mesh.n_vertices, faces, faces + np.int32(whole.n_vertices - mesh.n_vertices))
 
 
 def _beside(faces: NDArray[np.int32], mesh: HexMesh, whole: HexMesh) -> NDArray[np.int32]:
-    """Return those of the faces of ``whole`` that do not belong to ``mesh``, its first vertices and contact points."""
+    """Return the faces of ``whole`` that do not belong to ``mesh``, whose vertices and contact points come first."""
     points = whole.n_vertices + (0 if mesh.touching is None else len(mesh.touching.corners))
     first = faces[:, 0]
     return faces[np.where(first < whole.n_vertices, first >= mesh.n_vertices, first >= points)]
 
 
 def _touching_faces(mesh: HexMesh, where: Where | None = None) -> NDArray[np.int32]:
-    """Return the faces (q, 4) of cells and skins that touch in a place; without a place, all of them.
+    """Return the contact faces (q, 4) of cells and skins that ``where`` selects; without ``where``, all of them.
 
-    Indices from the number of vertices on are those of contact points.
+    An index i is that of a vertex, or of contact point i - n_vertices if i >= n_vertices.
     """
     quads = flat_quads(mesh.surface() if where is None else select_faces(mesh, where))
     if mesh.touching is None:
@@ -126,7 +127,7 @@ def _touching_faces(mesh: HexMesh, where: Where | None = None) -> NDArray[np.int
 
 
 def build_sensors(draft: Draft, mesh: HexMesh | None, report: Defects) -> dict[str, ContactSensor]:
-    """Return a dict from name to contact sensor, of the sensors with valid faces or contact points of a skin."""
+    """Return a dict from name to contact sensor of the sensors with valid faces, or valid contact points of a skin."""
     found = {}
     for name, model in draft.sensors.items() if mesh is not None else ():
         with report.entry("sensors", name):

@@ -86,7 +86,7 @@ def _require_between(
     limit: str,
     report: Defects,
 ) -> None:
-    """Report the numbers ``key`` of the points of one track that are out of bounds."""
+    """Report the points of one track whose value ``key`` is out of bounds; ``limit`` names the bounds in messages."""
     low, high = bounds
     for i, point in enumerate(tracks.get(path[-1], ())):
         if not low <= getattr(point, key) <= high:
@@ -96,7 +96,7 @@ def _require_between(
 def _require_movable(
     item: HandleModel | ObstacleModel, frames: Sequence[Keyframe], path: KeyPath, report: Defects
 ) -> None:
-    """Report keyframes of an item that is fixed, or that move it along or about its free axes."""
+    """Report keyframes of a fixed item, and keyframes that move an item along or about one of its free axes."""
     if item.fixed:
         report.refuse(path, f"this {path[1][:-1]} is fixed; remedy: remove `fixed: true` or this entry")
     for i, frame in enumerate(frames if isinstance(item, HandleModel) else ()):

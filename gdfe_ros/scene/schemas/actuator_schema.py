@@ -68,7 +68,7 @@ class DriveModel(Entry):
 
     @property
     def mode(self) -> Mode:
-        """Quantity that the command prescribes: the value of the key ``command``, if the entry has this key."""
+        """Quantity that the command prescribes, from the key ``command``; entries without this key override it."""
         return Mode(self.command)
 
 
@@ -116,7 +116,7 @@ class CableModel(DriveModel):
 
 
 class ChamberModel(DriveModel):
-    """A surface filled with a fluid, closed or with open edges on handles; with cut cells, a shell of the skin."""
+    """A closed surface filled with a fluid, or one with open edges on handles; with cut cells, a shell of the skin."""
 
     cavity: Annotated[int, _CAVITY] | None = None
     near: Point3 | None = Field(None, description="selects the cavity whose centre is nearest to this point [x, y, z]")
@@ -148,9 +148,9 @@ class GrowthModel(DriveModel):
 
 
 class GripModel(Entry):
-    """A suction cup, a vacuum or a magnet: it takes hold where things are, and lets go again.
+    """A suction cup, a vacuum or a magnet: it holds a rigid body or vertices, and can release them.
 
-    At command 1, what it holds keeps its place on the holder; at 0 it is free.
+    At command 1, the held body or vertices keep their present pose relative to the holder; at 0 they are free.
     """
 
     mode: ClassVar = Mode.GRIP

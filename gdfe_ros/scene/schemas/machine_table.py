@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Tensile tests as text: the table of a testing machine, with its units, as strain and stress in SI units."""
+"""Reader for the tables that testing machines write: strain and stress of a tensile test, converted to SI units."""
 
 from __future__ import annotations
 
@@ -22,6 +22,7 @@ STRESS_UNITS = {
 }  # fmt: skip
 """Dict from unit of stress to pascals."""
 LENGTH_UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254, "mm2": 1e-6, "cm2": 1e-4, "m2": 1.0}
+"""Dict from unit of length or area to metres or square metres."""
 FORCE_UNITS = {"n": 1.0, "kn": 1e3, "mn": 1e-3, "lbf": 4.4482216, "kgf": 9.80665, "gf": 9.80665e-3}
 
 _STRAIN = re.compile(r"strain|dehnung|déformation|deformation|stauchung|\bepsilon\b|ε")
@@ -45,8 +46,8 @@ class TableColumn:
     """A column of numbers.
 
     Attributes:
-        place: its index.
-        factor: value in SI units of the number 1.
+        place: index of the column.
+        factor: factor that converts the numbers to SI units.
     """
 
     place: int
@@ -59,7 +60,7 @@ class TableColumn:
 
 
 def is_unit_row(row: Sequence[str]) -> bool:
-    """Return whether a row has units, or nothing, in each of its cells, and at least one unit."""
+    """Return whether each cell of a row is empty or a unit, and at least one cell is a unit."""
     units = {**STRAIN_UNITS, **STRESS_UNITS, **LENGTH_UNITS, **FORCE_UNITS, "s": 1.0, "sec": 1.0, "min": 1.0, "°c": 1.0}
     plain = [_plain_unit(cell) for cell in row]
     return any(plain) and all(cell in units and not cell.replace(".", "").isdigit() for cell in plain)
@@ -110,7 +111,7 @@ def _choose(
     noun: str,
     remarks: list[str],
 ) -> TableColumn | None:
-    """Return the first of several columns that are no true stress or strain, with its factor; None without columns."""
+    """Return the first column of ``places`` that is not true stress or strain, and its factor; None without columns."""
     usual = [place for place in places if not _TRUE.search(titles[place].lower())]
     if places and not usual:
         text = f"the column {titles[places[0]]!r} is no engineering {noun}"
@@ -131,7 +132,7 @@ def _choose(
 def _unit_in(title: str, known: dict[str, float]) -> str:
     """Return the unit in a title, such as ``Stress [MPa]``; an empty text if there is none.
 
-    A text in round brackets that is no unit, such as ``Tensile strain (Extension)``, names the source.
+    Other texts in round brackets, as in ``Tensile strain (Extension)``, are ignored.
     """
     found = _UNIT.search(title)
     unit = next((part for part in found.groups() if part is not None), "") if found else ""
@@ -139,7 +140,7 @@ def _unit_in(title: str, known: dict[str, float]) -> str:
 
 
 def _plain_unit(cell: str) -> str:
-    """Return a unit in small letters, without brackets, powers as digits."""
+    """Return a unit in lower case, without brackets, with powers as digits: ``N/mm2``."""
     return cell.strip().strip("[]()").strip().lower().replace("²", "2").replace("^2", "2").replace(" ", "")
 
 
@@ -174,12 +175,12 @@ _REMEDY = (
 )
 _DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+(?:[eE][-+]?\d+)?")
 _EMPTY = ("", "nan", "n/a", "na", "-", "--", "null", "#n/a")
-"""Cells without a number, in small letters."""
+"""Texts of cells without a number, in lower case."""
 _MOST_ROWS, _MOST_COLUMNS, _ABOVE = 100_000, 1000, 60
-"""Largest numbers of rows and columns, and number of rows above a header in which the specimen is described."""
+"""Largest numbers of rows and columns, and number of rows above a header that are searched for the specimen's size."""
 _LISTED = 10
 _SUMMARY = 4
-"""Number of rows up to which one of several tables is a summary of results, with its header and units."""
+"""If a file has several tables, those with at most this many rows, header included, are summaries of results."""
 
 
 @dataclass(frozen=True)
@@ -246,7 +247,10 @@ def _number_rows(text: str) -> list[tuple[int, list[str]]]:
 
 
 def _find_test(rows: Sequence[tuple[int, list[str]]], places: Sequence[int]) -> tuple[int, int]:
-    """Return begin and end of the only test, given the ``places`` of all headers; short tables are summaries."""
+    """Return the index of the header of the only test, and of the row after its end.
+
+    ``places`` are the indices of all headers. Short tables are summaries (`_SUMMARY`). Several tests are an error.
+    """
     tests = list(zip(places, [*places[1:], len(rows)], strict=True))
     long = [(begin, end) for begin, end in tests if end - begin > _SUMMARY] if len(tests) > 1 else tests
     if len(long) != 1:
@@ -283,13 +287,13 @@ def _cells(lines: Sequence[str]) -> list[list[str]]:
 
 
 def _with_point(cell: str) -> str:
-    """Return a number with a decimal point instead of its decimal comma; other cells stay."""
+    """Replace the decimal comma of a number by a point; other cells are returned unchanged."""
     plain = cell.replace(".", "").replace(" ", "") if re.fullmatch(r"[-+]?\d{1,3}(?:[. ]\d{3})+,\d+", cell) else cell
     return plain.replace(",", ".") if _DECIMAL_COMMA.fullmatch(plain) else cell
 
 
 def _columns_at(rows: Sequence[tuple[int, list[str]]], place: int) -> tuple[TableColumn, TableColumn, list[str]] | None:
-    """Return the columns strain and stress, and remarks on them, if a row is a header; None if not."""
+    """Return the columns strain and stress, and remarks on the choice, if row ``place`` is a header; None if not."""
     line, row = rows[place]
     if any(_number(cell) is not None for cell in row):
         return None
@@ -302,7 +306,7 @@ def _columns_at(rows: Sequence[tuple[int, list[str]]], place: int) -> tuple[Tabl
 
 
 class _Point(NamedTuple):
-    """A row below the header: its line in the file, strain and stress [Pa], each None without a number, its cells."""
+    """A row below the header: its line number, strain and stress [Pa] (None for a cell without a number), its cells."""
 
     line: int
     strain: float | None
@@ -311,12 +315,12 @@ class _Point(NamedTuple):
 
     @property
     def count(self) -> int:
-        """Number of its two values that are numbers."""
+        """Number of values among strain and stress that are not None."""
         return (self.strain is not None) + (self.stress is not None)
 
     @property
     def is_empty(self) -> bool:
-        """Whether no cell has a content."""
+        """Whether all cells are empty, or mark a missing value."""
         return all(cell.lower() in _EMPTY for cell in self.row)
 
 

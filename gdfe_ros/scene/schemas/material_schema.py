@@ -51,14 +51,9 @@ TENSION_ONLY = (
     "law: curve is exact in uniaxial tension only; for a rubber of Yeoh's law its stress in equibiaxial tension is "
     "20 % too low at stretch 1.25 and 50 % at 2; remedy where that matters: gdfe fit --tensile with --law yeoh or ogden"
 )
-"""Caveat of materials with a curve."""
+"""Remark on each material with ``law: curve``."""
 
-_POISSON = Quantity(
-    "Poisson's ratio",
-    least=0.0,
-    most=0.5,
-    remedy="0.5 is incompressible; rubber has about 0.499",
-)
+_POISSON = Quantity("Poisson's ratio", least=0.0, most=0.5, remedy="0.5 is incompressible; rubber has about 0.499")
 _STRAIN = Quantity("engineering strains of the points of the curve", least=0.0, most=100.0, count=ANY, ascending=True)
 _SCALE = Quantity("factor on all stresses of the preset", above=0.0, most=1e3)
 _STRAIN_MAX = Quantity("largest engineering strain for which the polynomial holds", above=0.0, most=10.0)
@@ -76,7 +71,7 @@ class _Common(Entry):
 
 
 class _Law(_Common):
-    """A law whose parameters have the names of the arguments of its class, ``kind``."""
+    """Base class of the entries of laws; the keys of an entry are the arguments of the law's class ``kind``."""
 
     kind: ClassVar[type[Material]]
 
@@ -100,7 +95,7 @@ def _keys_of(law: type[Material]) -> type[_Law]:
 
 
 LAW_MODELS = {law: _keys_of(law) for law in _FORMULAS}
-"""Dict from each law that is a formula to its entry."""
+"""Dict from the class of each law with a formula to the schema of its entry."""
 
 
 class CurveModel(_Common):
@@ -125,9 +120,7 @@ class CurveModel(_Common):
         return self
 
     _of_coefficients = belongs(
-        "strain_max",
-        "coefficients",
-        "strain_max belongs to coefficients; remove it: a table ends with its last row",
+        "strain_max", "coefficients", "strain_max belongs to coefficients; remove it: a table ends with its last row"
     )
 
     def build(self) -> Material:
@@ -171,7 +164,7 @@ class PresetModel(_Common):
 
 
 class PublishedModel(Entry):
-    """Constants of a material as somebody has published them ([sets](fitting.md#published-sets))."""
+    """Constants of a material from a publication ([sets](fitting.md#published-sets))."""
 
     published: Literal[tuple(PUBLISHED)] = Field(description="name of the set: material, law and source")
     poisson: Annotated[float, _POISSON] | None = Field(None, description="Poisson's ratio; default: that of the set")

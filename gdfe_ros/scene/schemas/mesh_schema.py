@@ -195,7 +195,7 @@ class MeshModel(Choice):
 
     @property
     def place(self) -> tuple[str, ...]:
-        """Key path of the chosen kind of body or of its file, relative to this entry, for errors."""
+        """Key path, relative to this entry, of the chosen kind of mesh or of its file; errors name it."""
         kind = self.chosen[0]
         if kind == "tets":
             return (kind, self.tets.chosen[0])
@@ -203,7 +203,7 @@ class MeshModel(Choice):
 
     @property
     def count(self) -> float:
-        """Approximate number of cells of a mesh that is made, not read; 0 if the mesh is in a file or packed.
+        """Approximate number of cells of a generated mesh; 0 if the mesh is in a file or packed.
 
         Raises:
             MeshError: the surface or solid that is filled cannot be read.
@@ -228,7 +228,7 @@ class MeshModel(Choice):
         return self.chosen[0] in ("file", "voxels", "tets")
 
     def reflect(self, mesh: Mesh) -> Mesh:
-        """Return a mesh from `build`, with its skin; reflected if `mirror` is given."""
+        """Return a mesh (from `build`, with its skin), reflected as the key `mirror` states."""
         return mesh if self.mirror is None else mirror(mesh, "xyz".index(self.mirror))
 
 
@@ -248,7 +248,7 @@ class PlacedMeshModel(MeshModel):
 
 
 def _volume(surface: Path, scale: float | None) -> float:
-    """Return the volume [m^3] in a surface; that of the box around it if it is open."""
+    """Return the volume [m^3] inside a surface file; for an open surface, the volume of its bounding box."""
     vertices, triangles, _ = examine_surface(surface, scale=scale, closed=False)
     if not is_closed(triangles):
         return float(np.prod(np.ptp(vertices, axis=0)))

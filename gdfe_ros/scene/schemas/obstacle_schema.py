@@ -88,7 +88,7 @@ class TriangleMeshModel(SurfaceModel):
 
 
 class _Rigid(Choice):
-    """A rigid thing: one shape, its place, and its contact."""
+    """Base class of obstacles and rigid bodies: one shape, its initial pose, and its contact parameters."""
 
     sphere: Sphere | None = None
     box: Box | None = None
@@ -107,7 +107,7 @@ class _Rigid(Choice):
 
     @property
     def form(self) -> Form:
-        """Shape of the thing.
+        """Shape of the obstacle or body.
 
         Raises:
             MeshError: its surface cannot be read, or is no valid solid.
@@ -122,7 +122,7 @@ class _Rigid(Choice):
 
     @property
     def contact(self) -> dict[str, Any]:
-        """What contact with the thing needs, under the names of an obstacle."""
+        """Contact parameters as keyword arguments of `Obstacle`."""
         return {"friction": self.friction, "restitution": self.restitution, "points": self.gaps}
 
 

@@ -14,7 +14,7 @@ from gdfe_ros.installation import robots_extra
 from gdfe_ros.untrusted.regular_file import defect_of
 
 INSTALLED = "pip://"
-"""Begin of the path of an installed file: ``pip://<package>/<path of the file in the package's RECORD>``."""
+"""Prefix of the path of a file in an installed package: ``pip://<package>/<path in the package's RECORD>``."""
 _PACKAGE = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}")
 
 
@@ -26,8 +26,8 @@ def resolve_path(value: Any, info: ValidationInfo) -> Path:
         info: pydantic's information; its `context` has the `folder` of the scene file, None for a scene given as text.
 
     Raises:
-        ValueError: the value is no text, a relative path without a folder, in a package that is missing, or
-            one that no file can have.
+        ValueError: the value is not text, is relative although there is no folder, names a package that is not
+            installed, or cannot be the path of a file.
     """
     folder = (info.context or {}).get("folder")
     if not isinstance(value, str):
@@ -58,7 +58,7 @@ def _locate(package: str, path: str) -> Path:
 
 
 def missing_packages(text: str) -> list[str]:
-    """Return the packages that are named by the paths of a scene's text, and are not installed."""
+    """Return the packages that ``pip://`` paths in a scene's text name and that are not installed."""
     return [name for name in sorted(set(re.findall(rf"{INSTALLED}([\w.-]+)/", text))) if not _is_installed(name)]
 
 

@@ -49,7 +49,7 @@ class SoftBodyModel(PlacedMeshModel):
 
 
 class HandleModel(Entry):
-    """Vertices that are fixed, move together as a rigid body, or slide each by itself."""
+    """Vertices that are fixed, move together as a rigid body, or slide individually."""
 
     where: Where = Field(description="the vertices, e.g. {face: x-}")
     fixed: bool = Field(False, description="true: the handle stays at its rest pose and takes no commands")
@@ -86,7 +86,7 @@ class HandleModel(Entry):
 
 
 def _with_effect(given: Any, read: Callable[[Any], Dynamics]) -> Dynamics:
-    """Return the dynamics; report a `rho_inf` that the scheme ignores, even if it is the default one."""
+    """Return the dynamics; raise an error if the entry gives a `rho_inf` that its scheme ignores."""
     dynamics = read(given)
     if isinstance(given, dict) and "rho_inf" in given:
         dynamics.require_effect()
@@ -104,8 +104,7 @@ class SceneModel(Entry):
         None, description="the body, e.g. bar: {size: [0.2, 0.05, 0.05], cells: [20, 5, 5]}; either this or `meshes`"
     )
     meshes: dict[Name, PlacedMeshModel] = Field(
-        {},
-        description="several bodies by name, instead of `mesh`, e.g. left: {file: finger.msh, at: [0, 0.05, 0]}",
+        {}, description="several bodies by name, instead of `mesh`, e.g. left: {file: finger.msh, at: [0, 0.05, 0]}"
     )
     skin: SkinModel | None = None
     soft_bodies: dict[Name, SoftBodyModel] = Field(

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The real robot as a twin hears it over ROS topics."""
+"""Subscriptions of a twin to the ROS topics of the real robot."""

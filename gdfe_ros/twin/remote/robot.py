@@ -27,13 +27,13 @@ _TYPES = {"geometry_msgs/msg/PoseStamped": PoseStamped, "geometry_msgs/msg/Point
 
 
 class Robot:
-    """Passes the commands and the measurements of a robot to its twin.
+    """Subscriber that passes the commands and the measurements of a robot to its twin.
 
     Args:
         twin: the simulation beside the robot.
         commands: topic of the robot's commands, a ``sensor_msgs/msg/JointState`` as on ``~/actuation``.
         measured: dict from probe to the topic of its measured pose or point, in the frame of the scene.
-        patience: longest wait for the types of these topics [s].
+        patience: longest wait for a publisher of each measured topic [s].
         warn: function that receives texts about refused messages.
 
     Raises:
@@ -41,13 +41,7 @@ class Robot:
     """
 
     def __init__(
-        self,
-        twin: Twin,
-        *,
-        commands: str,
-        measured: Mapping[str, str],
-        patience: float,
-        warn: Callable[[str], None],
+        self, twin: Twin, *, commands: str, measured: Mapping[str, str], patience: float, warn: Callable[[str], None]
     ) -> None:
         self._twin, scene = twin, twin.session.scene
         self._warn, self._refusals = warn, RefusalLog(warn, noun="message")
@@ -90,7 +84,7 @@ class Robot:
         return _TYPES[kind]
 
     def _listen(self, topic: str, kind: type, take: Callable[[Any], None], qos: QoSProfile | int) -> None:
-        """Pass the messages of a topic to ``take``; they come as bytes, so that large ones are refused unread."""
+        """Pass the messages of a topic to ``take``; they arrive as bytes, so that large ones are refused undecoded."""
 
         def receive(data: bytes) -> None:
             try:
