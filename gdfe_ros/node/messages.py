@@ -52,7 +52,7 @@ def header(stamp: int, frame_id: str) -> Header:
 
 
 def by_axis(values: Iterable[float], axes: str = "xyz") -> dict[str, float]:
-    """Return a dict from axis, as a message's fields are named, to the component of a vector, quaternion or colour."""
+    """Return a dict from axis name, e.g. ``x``, to component: the fields of a message of a vector, turn or colour."""
     return dict(zip(axes, map(float, values), strict=True))
 
 
@@ -82,7 +82,7 @@ def topology(cells: NDArray[np.int32]) -> Int32MultiArray:
 
 
 def _layout(labels: Sequence[str], shape: Sequence[int]) -> MultiArrayLayout:
-    """Return the layout of an array, row by row."""
+    """Return the layout message of an array of this shape in row-major order."""
     strides = np.cumprod(shape[::-1])[::-1]
     dimensions = [
         MultiArrayDimension(label=label, size=size, stride=int(stride))
@@ -158,7 +158,7 @@ _SHAFT, _HEAD = 0.01, 0.02
 
 
 class SurfaceMarker:
-    """Makes serialised markers of a mesh's surface, or of its skin.
+    """Makes serialised markers of a mesh's surface, or of the finer skin that is embedded in the mesh.
 
     Args:
         mesh: the undeformed body.

@@ -34,8 +34,8 @@ class Output:
     Args:
         channel: channel of the topic.
         pack: function that returns the message of a step, or its bytes.
-        period: function that returns the shortest wall time between two messages [s], for a topic with a message for
-            few steps; None: each step has one.
+        period: function that returns the shortest wall time between two messages [s]; steps in between have no message.
+            None: each step has one.
     """
 
     def __init__(
@@ -45,7 +45,7 @@ class Output:
 
     @property
     def wanted(self) -> bool:
-        """Whether a subscriber or a bag needs the message of the next step, and the last one is long enough ago."""
+        """Whether a subscriber or a bag needs the next step's message, and the period since the last one is over."""
         return time.monotonic() >= self._next and self.channel.wanted
 
     def publish(self, step: Step) -> None:

@@ -8,12 +8,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from typing import Any
 
-from rcl_interfaces.msg import (
-    FloatingPointRange,
-    IntegerRange,
-    ParameterDescriptor,
-    SetParametersResult,
-)
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
 from rclpy.lifecycle import LifecycleNode
 from rclpy.parameter import Parameter
 
@@ -30,6 +25,7 @@ _OPEN = {
     Changeable.UNCONFIGURED: ("unconfigured",),
     Changeable.START: (),
 }
+"""States in which a parameter may be changed."""
 
 
 class NodeParameters:
@@ -42,12 +38,11 @@ class NodeParameters:
     def __init__(self, node: ManagedNode) -> None:
         self._node = node
         self._specs = {spec.name: spec for spec in PARAMETERS}
+        self._values: dict[str, Any] = {}
         for spec in PARAMETERS:
-            node.declare_parameter(spec.name, spec.default, _descriptor(spec))
-        given = {spec.name: node.get_parameter(spec.name).value for spec in PARAMETERS}
-        for spec in PARAMETERS:
-            require_allowed(spec, given[spec.name])
-        self._values = {name: self._cast(name, value) for name, value in given.items()}
+            value = node.declare_parameter(spec.name, spec.default, _descriptor(spec)).value
+            require_allowed(spec, value)
+            self._values[spec.name] = self._cast(spec.name, value)
         self._warn_of_unknown()
         node.add_on_set_parameters_callback(self._check)
         node.add_post_set_parameters_callback(self._keep)
@@ -61,7 +56,7 @@ class NodeParameters:
 
     def as_dict(self) -> dict[str, Any]:
         """Return a dict from parameter name to present value, e.g. for a bag."""
-        return {name: self[name] for name in self._specs}
+        return dict(self._values)
 
     def _warn_of_unknown(self) -> None:
         """Warn of unknown parameters that were given at start, e.g. those of other nodes in a file for ``/**``."""
@@ -86,11 +81,7 @@ class NodeParameters:
                 require_allowed(spec, change.value)
             except GdfeError as error:
                 return SetParametersResult(successful=False, reason=str(error))
-            if (
-                spec.change is not Changeable.ALWAYS
-                and state not in _OPEN[spec.change]
-                and change.value != self[spec.name]
-            ):
+            if change.value != self[spec.name] and state not in _OPEN.get(spec.change, (state,)):
                 reason = f"{spec.name} can be changed {spec.change.value}; the node is {state}"
                 return SetParametersResult(successful=False, reason=reason)
         return SetParametersResult(successful=True)

@@ -64,7 +64,7 @@ class RefusalLog:
     Args:
         warn: function that receives the text of a warning.
         tell: function that receives the source and the refusal of each refused command at once; None: not called.
-        noun: name of what is refused, in the warnings.
+        noun: noun for a refused item in the warnings.
     """
 
     def __init__(
@@ -237,7 +237,7 @@ class Refused(GdfeError):
 
 
 def succeed(response: Any, text: str | None = None) -> Any:
-    """Return the response with its sign of success, if it has one, and with a text, if it has a place for it."""
+    """Mark a response as successful, write the text into its ``message`` if it has this field, and return it."""
     if hasattr(response, "message"):
         response.success, response.message = True, text
     elif hasattr(response, "result"):
@@ -246,10 +246,10 @@ def succeed(response: Any, text: str | None = None) -> Any:
 
 
 def fail(response: Any, error: BaseException) -> Any:
-    """Return the response with the text of an error, if it has a place for it, and with its code.
+    """Write the text and the code of an error into a response, as far as it has such fields, and return it.
 
-    A `Refused` has a code; a `Refusal` of a pose, which is checked as in commands, has `ResultCode.INVALID_POSE`. The
-    text may contain parts of the request. A null character in it would end it.
+    The code is that of a `Refused`, else `ResultCode.INVALID_POSE` for a `Refusal`, else `ResultCode.FAILED`. Control
+    characters are removed, because a null character, e.g. from the request, would end the text.
     """
     text = str(error) if isinstance(error, GdfeError) else repr(error)  # a KeyError's text is only its key
     if hasattr(response, "message"):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The command of each step, from the orders since the last one, at a rate at which steps converge."""
+"""Assembly of a step's command from the received orders, and a rate limit that lets the steps converge."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _HELD, _BACK = 200, 2000
 that converges needs 5 to 150 iterations.
 """
 _LEAST = 4
-"""Number of iterations that a step with fewer iterations counts as: near instability, other work takes more time."""
+"""A step counts as at least this number of iterations: near an instability, other work takes most of its time."""
 
 
 class _Phase(Enum):
@@ -227,7 +227,7 @@ class CommandAssembler:
         self._resting: Command | None = None
 
     def take_over(self, other: CommandAssembler, bodies: Collection[str]) -> None:
-        """Continue the velocities, trajectories and requests of another assembler; only ``bodies`` are teleported."""
+        """Continue the velocities, trajectories and resets of another assembler; only ``bodies`` stay teleported."""
         self._twists, self._courses, self._resting = other._twists, other._courses, other._resting
         self.slew = other.slew
         if self._resting is not None:

@@ -38,7 +38,7 @@ class _ItemOrder:
 
 @dataclass(frozen=True)
 class PlaceOrder(_ItemOrder):
-    """A place of a handle or a body.
+    """An order with a pose of a handle or a rigid body.
 
     Attributes:
         name: name of the handle or body.
@@ -214,10 +214,10 @@ def require_near(translation: tuple[float, float, float], size: float) -> None:
 
 
 def require_order(name: str, order: Order, size: float) -> None:
-    """Check that an order of ``name`` that was made elsewhere than in a topic can be carried out.
+    """Check an order that was not made from a command message, e.g. an order of the live page.
 
     Args:
-        name: name of the commanded item, for messages.
+        name: name of the commanded handle or body, for messages.
         order: given order.
         size: size of the body [m].
 
@@ -233,6 +233,7 @@ def require_order(name: str, order: Order, size: float) -> None:
 
 
 _LIMIT = 10_000
+"""Largest number of commands that wait for their step in lockstep."""
 
 
 class Inbox:

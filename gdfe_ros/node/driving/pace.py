@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""When steps are made, by the clock mode, and warnings that they end too late."""
+"""Choice of the time of each step in each clock mode, and warnings about late, long and failed steps."""
 
 from __future__ import annotations
 
@@ -287,7 +287,7 @@ class Lateness:
 
 
 class Solves:
-    """Watches the solves of a session: those that take long, that did not converge, or that have something to say."""
+    """Describes the solves of a session that take long, do not converge, or return a message."""
 
     def __init__(self) -> None:
         self._throttle, self._known = Throttle(), -1
@@ -296,9 +296,8 @@ class Solves:
     def look(self, last: Step | None) -> str | None:
         """Return the text of a warning if the last step did not converge, or has a message; else None.
 
-        Each step is reported once.
-        A step that a deadline ended is continued by the next one, and is not reported; nor is a state that was only
-        delivered, e.g. after a body has joined.
+        Each step is reported once. Two kinds are never reported: steps that a deadline ended, because the next step
+        continues them, and states that are only published, e.g. after a body has joined.
         """
         if last is None or last.first or last.record.step == self._known:
             return None

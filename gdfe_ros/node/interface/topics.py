@@ -22,6 +22,18 @@ def _cloud(name: str, meaning: str) -> TopicSpec:
     return TopicSpec(name=name, type="sensor_msgs/msg/PointCloud2", meaning=meaning, delivery=Delivery.CLOUD)
 
 
+def _pose(name: str, meaning: str) -> TopicSpec:
+    return TopicSpec(name=name, type="geometry_msgs/msg/PoseStamped", meaning=meaning)
+
+
+def _wrench(name: str, meaning: str, **options: bool) -> TopicSpec:
+    return TopicSpec(name=name, type="geometry_msgs/msg/WrenchStamped", meaning=meaning, **options)
+
+
+def _text(name: str, meaning: str, **options: Delivery | bool) -> TopicSpec:
+    return TopicSpec(name=name, type="std_msgs/msg/String", meaning=meaning, **options)
+
+
 TARGET = _command(
     "~/handles/{handle}/target",
     "geometry_msgs/msg/PoseStamped",
@@ -116,59 +128,50 @@ VERTEX_VELOCITY = _cloud(
     "~/velocity",
     "position x, y, z [m] and velocity vx, vy, vz [m/s] of each vertex, float32; only in scenes with `dynamics`",
 )
-HANDLE_POSE = TopicSpec(
-    name="~/handles/{handle}/pose",
-    type="geometry_msgs/msg/PoseStamped",
-    meaning="present pose of the handle relative to its rest pose [m]; `frame_id` is `<handle>_rest`: the handle's "
+HANDLE_POSE = _pose(
+    "~/handles/{handle}/pose",
+    "present pose of the handle relative to its rest pose [m]; `frame_id` is `<handle>_rest`: the handle's "
     "undeformed centre, with the axes of the node's frame",
 )
-HANDLE_WRENCH = TopicSpec(
-    name="~/handles/{handle}/wrench",
-    type="geometry_msgs/msg/WrenchStamped",
-    meaning="force [N] and moment [N m] that the handle exerts on the body, about the handle's present centre; "
+HANDLE_WRENCH = _wrench(
+    "~/handles/{handle}/wrench",
+    "force [N] and moment [N m] that the handle exerts on the body, about the handle's present centre; "
     "`frame_id` is `<handle>_centre`, which moves with the handle and keeps the axes of the node's frame",
 )
-HANDLE_SENSOR = TopicSpec(
-    name="~/handles/{handle}/force_torque",
-    type="geometry_msgs/msg/WrenchStamped",
-    meaning="reading of a force-torque sensor between the handle and its holder: force [N] and moment [N m] that the "
+HANDLE_SENSOR = _wrench(
+    "~/handles/{handle}/force_torque",
+    "reading of a force-torque sensor between the handle and its holder: force [N] and moment [N m] that the "
     "body exerts on the handle, about its centre; `frame_id` is `<handle>`, which turns with it. Not recorded",
     recorded=False,
 )
-OBSTACLE_POSE = TopicSpec(
-    name="~/obstacles/{obstacle}/pose",
-    type="geometry_msgs/msg/PoseStamped",
-    meaning="present pose of the obstacle relative to its rest pose [m]; `frame_id` is `<obstacle>_rest`: the "
+OBSTACLE_POSE = _pose(
+    "~/obstacles/{obstacle}/pose",
+    "present pose of the obstacle relative to its rest pose [m]; `frame_id` is `<obstacle>_rest`: the "
     "initial origin of its shape, with the axes of the node's frame",
 )
-OBSTACLE_WRENCH = TopicSpec(
-    name="~/obstacles/{obstacle}/wrench",
-    type="geometry_msgs/msg/WrenchStamped",
-    meaning="force [N] and moment [N m] that the obstacle exerts on the body, about the present origin of its shape; "
+OBSTACLE_WRENCH = _wrench(
+    "~/obstacles/{obstacle}/wrench",
+    "force [N] and moment [N m] that the obstacle exerts on the body, about the present origin of its shape; "
     "`frame_id` is `<obstacle>_centre`, which moves with it and keeps the axes of the node's frame",
 )
-BODY_POSE = TopicSpec(
-    name="~/bodies/{body}/pose",
-    type="geometry_msgs/msg/PoseStamped",
-    meaning="present pose of the rigid body relative to its rest pose [m]; `frame_id` is `<body>_rest`: its centre at "
+BODY_POSE = _pose(
+    "~/bodies/{body}/pose",
+    "present pose of the rigid body relative to its rest pose [m]; `frame_id` is `<body>_rest`: its centre at "
     "rest, with the axes of the node's frame",
 )
-BODY_WRENCH = TopicSpec(
-    name="~/bodies/{body}/wrench",
-    type="geometry_msgs/msg/WrenchStamped",
-    meaning="force [N] and moment [N m] that the rigid body exerts on the elastic one, about the rigid body's present "
+BODY_WRENCH = _wrench(
+    "~/bodies/{body}/wrench",
+    "force [N] and moment [N m] that the rigid body exerts on the elastic one, about the rigid body's present "
     "centre; `frame_id` is `<body>_centre`, which moves with it and keeps the axes of the node's frame",
 )
-LINK_POSE = TopicSpec(
-    name="~/links/{link}/pose",
-    type="geometry_msgs/msg/PoseStamped",
-    meaning="present pose of a piece of an arm's link relative to its rest pose [m], as for obstacles; pieces are "
+LINK_POSE = _pose(
+    "~/links/{link}/pose",
+    "present pose of a piece of an arm's link relative to its rest pose [m], as for obstacles; pieces are "
     "`<link>_piece`, `<link>_piece_2`",
 )
-LINK_WRENCH = TopicSpec(
-    name="~/links/{link}/wrench",
-    type="geometry_msgs/msg/WrenchStamped",
-    meaning="force [N] and moment [N m] that a piece of an arm's link exerts on the body, about the present origin of "
+LINK_WRENCH = _wrench(
+    "~/links/{link}/wrench",
+    "force [N] and moment [N m] that a piece of an arm's link exerts on the body, about the present origin of "
     "its shape, in the axes of the node's frame",
 )
 CONTACTS = _cloud(
@@ -179,24 +182,21 @@ CONTACTS = _cloud(
     "of the touched vertex; -1: the touched surface is not the elastic body's). Only in scenes with `obstacles`, "
     "`bodies` or `self_contact`",
 )
-CONTACT_NAMES = TopicSpec(
-    name="~/contact_names",
-    type="std_msgs/msg/String",
-    meaning="JSON: list of the names to which `contact` in `~/contacts` is an index from 0: first obstacles and rigid "
+CONTACT_NAMES = _text(
+    "~/contact_names",
+    "JSON: list of the names to which `contact` in `~/contacts` is an index from 0: first obstacles and rigid "
     "bodies that the elastic body can touch, in the order of the scene; then `<body> on <obstacle>` and "
     "`<body> on <body>`; then `(self)`",
     delivery=Delivery.LATCHED,
 )
-SENSOR_WRENCH = TopicSpec(
-    name="~/sensors/{sensor}/wrench",
-    type="geometry_msgs/msg/WrenchStamped",
-    meaning="force [N] and moment [N m] of all contacts on the sensor's faces, about the present mean of their "
+SENSOR_WRENCH = _wrench(
+    "~/sensors/{sensor}/wrench",
+    "force [N] and moment [N m] of all contacts on the sensor's faces, about the present mean of their "
     "vertices; `frame_id` is `<sensor>_sensor`, which moves with this point and keeps the axes of the node's frame",
 )
-PROBE = TopicSpec(
-    name="~/probe/{probe}",
-    type="geometry_msgs/msg/PoseStamped",
-    meaning="present position of the material point [m], and rotation of the cell around it since rest",
+PROBE = _pose(
+    "~/probe/{probe}",
+    "present position of the material point [m], and rotation of the cell around it since rest",
 )
 IMU = TopicSpec(
     name="~/probe/{probe}/imu",
@@ -220,11 +220,9 @@ JACOBIAN = TopicSpec(
     meaning="derivatives of the probes' positions with respect to the actuators' commands at the equilibrium, an array "
     "probes x 3 x actuators; published after ~/compute_jacobian. The labels of its layout name probes and actuators",
 )
-STEP_RECORD = TopicSpec(
-    name="~/step_record",
-    type="std_msgs/msg/String",
-    meaning="JSON: the commands that the step used and its outcome; everything that a replay needs "
-    "(gdfe_ros.recording.step)",
+STEP_RECORD = _text(
+    "~/step_record",
+    "JSON: the commands that the step used and its outcome; everything that a replay needs (gdfe_ros.recording.step)",
 )
 MARKERS = TopicSpec(
     name="~/markers",
@@ -268,16 +266,14 @@ TOPOLOGY = TopicSpec(
     meaning="vertex ids of the cells, an array m x 8 in VTK's order for hexahedra",
     delivery=Delivery.LATCHED,
 )
-SCENE = TopicSpec(
-    name="~/scene",
-    type="std_msgs/msg/String",
-    meaning="the scene as YAML text; meshes are embedded, so that it needs no other file",
+SCENE = _text(
+    "~/scene",
+    "the scene as YAML text; meshes are embedded, so that it needs no other file",
     delivery=Delivery.LATCHED,
 )
-ROBOT_DESCRIPTION = TopicSpec(
-    name="~/arms/{arm}/robot_description",
-    type="std_msgs/msg/String",
-    meaning="URDF of the arm, with its prefix, as robot_state_publisher publishes it",
+ROBOT_DESCRIPTION = _text(
+    "~/arms/{arm}/robot_description",
+    "URDF of the arm, with its prefix, as robot_state_publisher publishes it",
     delivery=Delivery.LATCHED,
     recorded=False,
 )
@@ -290,11 +286,9 @@ DIAGNOSTICS = TopicSpec(
     "refused commands, the bag, and the clock; each entry has a level and the reason for it",
     recorded=False,
 )
-REFUSED = TopicSpec(
-    name="~/refused",
-    type="std_msgs/msg/String",
-    meaning="JSON for each refused command, at once: `source` (its topic), `reason` (as counted on /diagnostics) and "
-    "`message`",
+REFUSED = _text(
+    "~/refused",
+    "JSON for each refused command, at once: `source` (its topic), `reason` (as counted on /diagnostics) and `message`",
     delivery=Delivery.EVENT,
     recorded=False,
 )
@@ -351,12 +345,12 @@ def put_key(handle: Handle) -> str:
 
 
 def step_topic(key: str) -> TopicSpec:
-    """Return the topic of a step with this name relative to the node's, e.g. `HANDLE_POSE` of ``handles/tip/pose``."""
+    """Return the output topic with a name relative to the node's: `HANDLE_POSE` for ``handles/tip/pose``."""
     return next(spec for spec in OUTPUTS if re.fullmatch(re.sub("{.*}", "[^/]+", spec.name), f"~/{key}"))
 
 
 def state_topics(scene: Scene) -> dict[str, TopicSpec]:
-    """Return a dict from key to topic of all recorded topics with the state after a step, first the step record."""
+    """Return a dict from key to topic for the recorded topics that each step is published on; the step record first."""
     from gdfe_ros.recording.message_tables import tables_of  # the terminal's commands for other nodes need no scene
 
     specs = {key: step_topic(key) for key in (STEP_RECORD.key(), *tables_of(scene))}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Rigid and soft bodies as entities of ``simulation_interfaces``, the requests that state one, and filters of them."""
+"""Rigid and soft bodies as entities of ``simulation_interfaces``, requests to spawn one, and filters for lists."""
 
 from __future__ import annotations
 
@@ -47,9 +47,9 @@ class Thing:
     """A rigid body, or a soft body beside the scene's body.
 
     Attributes:
-        name: its name.
+        name: name of the body.
         tags: ``rigid`` or ``soft``, and ``spawned`` if a request added it.
-        vertices: its vertices in the simulation's state.
+        vertices: ids of the body's vertices in the simulation's state.
         rigid: the rigid body; None for a soft one.
         part: the soft body's mesh; None for a rigid one.
         inner: placement in the entity's frame of the rigid body's own frame.
@@ -64,13 +64,13 @@ class Thing:
 
     @property
     def description(self) -> str:
-        """What it is, in a sentence."""
+        """Kind and size of the body, for users."""
         if self.part is not None:
             return f"a soft body of {self.part.mesh.n_cells} cells"
         return f"a rigid body of {self.rigid.mass:g} kg, {type(self.rigid.form).__name__.lower()}"
 
     def place(self, simulation: Simulation) -> Placement:
-        """Return the present placement of its frame; a soft body's is the rigid motion that fits its vertices best."""
+        """Return the present placement of the entity's frame; a soft body's is the best rigid fit to its vertices."""
         positions = simulation.state.positions + simulation.origin
         if self.rigid is not None:
             origin, axes = self.rigid.find_frame(positions)
@@ -86,7 +86,7 @@ class Thing:
         return Placement(self.part.at, Rotation.from_matrix(self.part.rotation))
 
     def motion(self, simulation: Simulation) -> EntityMotion:
-        """Return its present placement and velocity."""
+        """Return the body's present placement and velocity."""
         place, positions = self.place(simulation), simulation.state.positions[self.vertices] + simulation.origin
         velocities = simulation.stepper.velocities(simulation.state)[self.vertices]
         arms = positions - positions.mean(axis=0)
@@ -96,7 +96,7 @@ class Thing:
         return EntityMotion(place, linear, angular)
 
     def bounds(self, simulation: Simulation, frame: Placement) -> NDArray[np.float64]:
-        """Return lowest and highest corner (2, 3) [m] of the box around it, along the axes of ``frame``."""
+        """Return lowest and highest corner (2, 3) [m] of the box around the body, along the axes of ``frame``."""
         positions = simulation.state.positions + simulation.origin
         points = positions[self.vertices]
         if self.rigid is not None:
@@ -115,7 +115,7 @@ def rest_place(body: Obstacle) -> Placement:
 def things_of(scene: Scene, spawned: dict[str, Placement]) -> list[Thing]:
     """Return the entities of a scene: rigid bodies, then soft bodies beside the scene's body.
 
-    ``spawned`` are the names of spawned bodies, each with the placement in the entity's frame of the body's own frame.
+    ``spawned`` maps the name of each spawned body to the placement of the body's own frame in the entity's frame.
     """
     found = [
         Thing(
@@ -162,7 +162,7 @@ class EntityRequest:
         request: the request.
 
     Raises:
-        Refused: it asks for a namespace, or its resource is too large.
+        Refused: the request asks for a namespace, or its resource is too large.
 
     Attributes:
         pose: initial pose, with the frame in its header.
@@ -193,10 +193,10 @@ class EntityRequest:
             raise Refused(ResultCode.PARSE_ERROR, str(error)) from error
 
     def unique_name(self, entity: Entity, taken: set[str]) -> str:
-        """Return the name of the body.
+        """Return a name for the body that is not in ``taken``.
 
         Raises:
-            Refused: there is no name, it is no valid name, or it is taken and must not be changed.
+            Refused: there is no name, the name is invalid, or it is taken and must not be changed.
         """
         name = self._name or entity.name or ("body" if self._renames else "")
         if not NAME.fullmatch(name) or len(name) > LONGEST:
@@ -232,7 +232,7 @@ def _read(uri: str) -> str:
     """Return the text of the file at a URI ``file:///path`` or at a path.
 
     Raises:
-        Refused: it is neither, or the file cannot be read.
+        Refused: the text is neither, or the file cannot be read.
     """
     path = path_of(uri, SPAWNED, code=ResultCode.UNSUPPORTED_FORMAT)
     try:
@@ -256,7 +256,7 @@ def remark_on(scene: Scene, entity: Any) -> str:
 
 
 def names_of(scene: Scene) -> set[str]:
-    """Return the names of a scene that a body cannot have."""
+    """Return the names in a scene that a new body must not have."""
     items = (*scene.handles, *scene.actuators, *scene.loads, *scene.fibres)
     return {item.name for item in items} | set(parts_of(scene.mesh))
 
@@ -296,7 +296,7 @@ def name_filter(pattern: str) -> Callable[[str], object]:
     """Return a function that tells whether a name matches an expression.
 
     Raises:
-        Refused: it is no expression, or its search could take too long.
+        Refused: the pattern is no regular expression, or its search could take too long.
     """
     if why := _too_slow(pattern):
         raise Refused(ResultCode.UNSUPPORTED, f"filters.filter {pattern[:_LONGEST_FILTER]!r} {why}")
@@ -320,7 +320,7 @@ def require_bounds(bounds: Any) -> None:
 
 
 def _too_slow(pattern: str) -> str:
-    """Return why the search for an expression could take too long; empty if it cannot."""
+    """Return a text that says why the search for an expression could take too long; empty if it cannot."""
     if len(pattern) > _LONGEST_FILTER:
         return f"has {len(pattern)} characters; allowed: up to {_LONGEST_FILTER}"
     if _REPEATED_GROUP.search(pattern):
