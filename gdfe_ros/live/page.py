@@ -35,6 +35,7 @@ _SLOWLY = 0.2
 """Update interval of numbers, plots, traces and sliders [s]. The body and its markers are updated in every frame."""
 _BUILT = "the body is being built"
 _PLAIN = "none"
+"""Choice of a body without colours."""
 _PORTS = 65536
 _LONGEST_NOTE = 300
 """Largest number of characters of a text for viewers."""
@@ -229,7 +230,7 @@ class Page:
             self._ending.wait(max(0.0, due - monotonic()))
 
     def _show_step(self, slow: float, now: float) -> float:
-        """Draw the last step if there are viewers; return when numbers, plots and traces were updated last."""
+        """Draw the last step if there are viewers; return the time of the last update of numbers, plots and traces."""
         view, again = self._view, self._again
         self._session.watch(bool(self.viewers))
         if not self.viewers:

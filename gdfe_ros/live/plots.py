@@ -142,10 +142,7 @@ class _Plot:
                 series=({"label": "t [s]"}, *curves),
                 scales={"x": {"time": False}},
                 # Numbers such as -0.025 are cut by the usual 50 pixels.
-                axes=(
-                    {"label": "t [s]", "labelSize": 18, "size": 34},
-                    {"size": 64},
-                ),
+                axes=({"label": "t [s]", "labelSize": 18, "size": 34}, {"size": 64}),
                 legend={"show": True, "live": False},
                 height=168,
             )

@@ -51,8 +51,8 @@ _GRAIN = 2e-3
 _TOUCHED = 0.7
 """After a viewer's drag, a control keeps the viewer's pose for this time [s]."""
 _NOISE = 0.5
-"""Size of a reaction that is an error of the solve, divided by Young's modulus, the square of the body's size, and the
-error estimate: a clamped bar of rubber that ought to pull with no force has 0.4.
+"""Largest reaction that counts as an error of the solve, divided by Young's modulus, the square of the body's size, and
+the error estimate. An unloaded clamped bar of rubber reaches 0.4.
 """
 _ROUNDING = 1e-13
 """Error estimate of a body in its rest shape, which has errors of rounding only."""
@@ -155,9 +155,7 @@ class Stage:
         self._draw_contacts(view)
 
     def compare(
-        self,
-        places: Mapping[str, tuple[NDArray[np.float64], NDArray[np.float64]]],
-        body: NDArray[np.float64] | None,
+        self, places: Mapping[str, tuple[NDArray[np.float64], NDArray[np.float64]]], body: NDArray[np.float64] | None
     ) -> None:
         """Draw a real robot: its measured points, their distances from the simulated ones, and its body (n, 3) [m]."""
         if self._robot is None:

@@ -175,8 +175,7 @@ class Freshness:
             )
         if max_age and age > max_age:
             raise Refusal(
-                Reason.STALE,
-                f"its stamp {moment * 1e-9:.9f} s is {age:.3f} s old; command_max_age is {max_age:g} s",
+                Reason.STALE, f"its stamp {moment * 1e-9:.9f} s is {age:.3f} s old; command_max_age is {max_age:g} s"
             )
         last = max((self._last.get(source, moment) for source in sources), default=moment)
         if moment < last:

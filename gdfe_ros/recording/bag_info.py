@@ -250,7 +250,7 @@ def file_kind(path: Path) -> BagKind:
 
 
 def storage_files(path: Path) -> list[Path]:
-    """Return the files of a bag's directory in their order, without its metadata; a file is its own bag."""
+    """Return the files of a bag's directory in their order, without its metadata; for a file, the file itself."""
     if path.is_file():
         return [path]
     known = (".mcap", ".db3", ".bag", ".zstd")
@@ -267,7 +267,7 @@ def is_plain_mcap(path: Path) -> bool:
 
 
 def require_mcap(file: Path) -> None:
-    """Raise an error that names the kind of a file that is no MCAP file, also no damaged one.
+    """Raise an error with the kind of a file if it is not an MCAP file, not even a damaged one.
 
     Raises:
         RecordingError: the file is no MCAP file.

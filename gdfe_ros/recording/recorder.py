@@ -130,11 +130,7 @@ class Recorder:
     def status(self) -> RecorderStatus:
         """Counts at this moment."""
         with self._state:
-            return RecorderStatus(
-                written=self._written,
-                dropped=dict(self._dropped),
-                error=self._error,
-            )
+            return RecorderStatus(written=self._written, dropped=dict(self._dropped), error=self._error)
 
     def record(self, topic: str, data: bytes, log_time: int) -> bool:
         """Queue one message; callable from any thread.

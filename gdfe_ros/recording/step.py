@@ -35,7 +35,7 @@ _LONGEST_STEP = 1e9
 """Largest duration of a step [s]."""
 
 ENERGIES = {"kinetic", "elastic", "potential", "work", "dissipated"}
-"""Names of the energies of a step in motion, which may have more."""
+"""Names of the energies that the record of a step with dynamics must have; it may have more."""
 
 
 class Begin(str, Enum):
@@ -144,7 +144,7 @@ class StepRecord:
 
 
 def _require_sound(entries: dict[str, Any]) -> None:
-    """Raise a ValueError if a step could not be repeated from these entries because a value has another type or range.
+    """Raise a ValueError if a value has a type or range with which the step cannot be repeated.
 
     Poses are six finite numbers, commands one, and the duration of a step is limited.
     """
@@ -173,7 +173,7 @@ def _is_whole(value: object) -> bool:
 
 
 def _require_numbers(given: object, noun: str, names: set[str]) -> None:
-    """Raise a ValueError for data that are no numbers by name, or, unless empty, lack one of ``names``."""
+    """Raise a ValueError unless ``given`` maps names to numbers, and is empty or has all of ``names``."""
     if not isinstance(given, dict) or not all(isinstance(value, int | float) for value in given.values()):
         raise ValueError(f"its {noun} are no numbers by name")
     if given and (missing := names - given.keys()):
@@ -188,12 +188,12 @@ OUTCOME = (
     "converged", "iterations", "substeps", "error_estimate", "energy", "min_det", "wall_time", "skipped", "message",
     "cut_after", "energies",
 )  # fmt: skip
-"""Attributes of a result that its record has, too."""
+"""Attributes that `StepResult` and `StepRecord` have in common."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Step:
-    """All data of one step that are published; what takes time is evaluated once, when a message needs it.
+    """All published data of one step; costly data are evaluated once, when a message needs them.
 
     Attributes:
         record: record of the step's input and outcome.
@@ -202,8 +202,8 @@ class Step:
         first: whether the step only delivers a state, e.g. after an activation or a reset. Such a state is published
             even without subscribers, because a subscriber that is discovered later receives it.
         again: whether the step was published before and is repeated for new subscribers.
-        stored: whether it is published without subscribers, too: the middleware stores it for later ones, who would
-            else first receive an older state and wait for a long solve.
+        stored: whether the step is published even without subscribers: the middleware stores it for later ones, who
+            would otherwise first receive an older state and wait for the end of a long solve.
         fields: function that evaluates the element fields.
         find_poses: function that evaluates the poses of handles, obstacles and rigid bodies.
         actuators: states of the actuators, by name.

@@ -115,10 +115,7 @@ FOLLOWED = TopicSpec(
     "frame; an empty `frame_id` is the node's frame",
     delivery=Delivery.FOLLOWED,
 )
-MESH = _cloud(
-    "~/mesh",
-    "position x, y, z and displacement ux, uy, uz of each vertex [m], float32",
-)
+MESH = _cloud("~/mesh", "position x, y, z and displacement ux, uy, uz of each vertex [m], float32")
 STRAIN = _cloud(
     "~/strain",
     "of each cell: centroid x, y, z [m], equivalent strain eps_eq, volume ratio J, shape factor omega, tangent "
@@ -195,8 +192,7 @@ SENSOR_WRENCH = _wrench(
     "vertices; `frame_id` is `<sensor>_sensor`, which moves with this point and keeps the axes of the node's frame",
 )
 PROBE = _pose(
-    "~/probe/{probe}",
-    "present position of the material point [m], and rotation of the cell around it since rest",
+    "~/probe/{probe}", "present position of the material point [m], and rotation of the cell around it since rest"
 )
 IMU = TopicSpec(
     name="~/probe/{probe}/imu",
@@ -267,9 +263,7 @@ TOPOLOGY = TopicSpec(
     delivery=Delivery.LATCHED,
 )
 SCENE = _text(
-    "~/scene",
-    "the scene as YAML text; meshes are embedded, so that it needs no other file",
-    delivery=Delivery.LATCHED,
+    "~/scene", "the scene as YAML text; meshes are embedded, so that it needs no other file", delivery=Delivery.LATCHED
 )
 ROBOT_DESCRIPTION = _text(
     "~/arms/{arm}/robot_description",
