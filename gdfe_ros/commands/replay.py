@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``gdfe replay`` and ``gdfe compare``: repeat a recorded run, or take a second one, and compare every array."""
+"""``gdfe replay`` repeats a recorded run, ``gdfe compare`` takes a second recorded run; both compare every array."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ from gdfe_ros.scene.override import read_overrides
 from gdfe_ros.solver.settings import Policy
 
 DIFFERENT = 1
+"""Exit status if arrays differ, or are not compared completely."""
 _MOST = 20
 """Largest number of listed keys by which two scenes differ."""
 
@@ -150,7 +151,7 @@ def compare(arguments: argparse.Namespace) -> int:
 
 
 def _describe_changes(comparison: Comparison) -> list[str]:
-    """Return remarks on what else differs: scenes, steps and topics."""
+    """Return remarks on differences beside the arrays: scenes, steps and topics."""
     remarks = []
     if comparison.scene_changes:
         changes = comparison.scene_changes
