@@ -60,7 +60,7 @@ class FieldDifference:
     """Difference of one field of one topic.
 
     Attributes:
-        topic: without the node's name.
+        topic: name of the topic without the node's name.
         field: name of the field in the topic's messages.
         compared: number of pairs of arrays.
         differing: number of pairs of arrays that are not bit-identical.
@@ -116,7 +116,7 @@ class Differences:
     """Differences of two runs, collected step by step.
 
     Args:
-        scene: of the first run; `bound_difference` uses its tolerance, size, shortest edge and stiffness.
+        scene: scene of the first run; `bound_difference` uses its tolerance, size, shortest edge and stiffness.
 
     Attributes:
         fields: dict from topic and field to their difference, in the order of occurrence.

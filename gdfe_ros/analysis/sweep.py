@@ -63,7 +63,7 @@ def grid_cases(axes: Mapping[str, Sequence[Any]], rows: Sequence[Mapping[str, An
 
 
 def read_axes(entries: Iterable[str]) -> dict[str, list[Any]]:
-    """Return dict from key to values, read from ``KEY=VALUES``: a YAML list, or ``low:high:count``.
+    """Return a dict from key to values, read from ``KEY=VALUES``: a YAML list, or ``low:high:count``.
 
     ``low:high:count`` stands for ``count`` evenly spaced numbers.
 
@@ -198,7 +198,6 @@ class Archive:
     """
 
     def __init__(self, directory: Path, scene: str) -> None:
-        self._directory = directory
         self._cases = directory / "cases"
         facts = {"scene_sha256": hashlib.sha256(scene.encode()).hexdigest()}
         known = directory / _FACTS

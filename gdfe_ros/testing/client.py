@@ -276,7 +276,7 @@ class Deadlock:
         return any(each.node_name != self._node.get_name() for each in found)
 
     def _read(self, message: DiagnosticArray) -> None:
-        """Store what the simulation waits for; nothing while it works on a step, or without lockstep."""
+        """Store a text about the awaited command; it is empty during work on a step, and without lockstep."""
         if values := _values_of(message, self._simulation):
             waits = "waits for" in values and "working on" not in values
             self._waits = f"waits for {values['waits for']}" if waits else ""

@@ -317,9 +317,10 @@ def make_vector_env(scene: str | Path, count: int, *, context: str = "forkserver
 
 
 NEAR, FAR = 2.0, 10.0
-"""Largest distance of a probe from the undeformed body's bounding box over the body's extent: held, and not held."""
+"""Largest distance of a probe from the undeformed body's bounding box, divided by the body's extent: if handles hold the
+body, and if not."""
 FASTEST = 1e3
-"""Largest acceleration [m/s^2] of a rigid body that a grip holds, with its weight."""
+"""Largest assumed acceleration [m/s^2], gravity included, of a rigid body that a grip holds."""
 PRESSURE = 10.0
 """Largest pressure in a chamber with a commanded volume, divided by the stiffest material's initial modulus."""
 

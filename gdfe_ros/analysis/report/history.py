@@ -52,6 +52,7 @@ def balance_text(history: RunHistory) -> str:
 
 _FINE = 2048
 _SMALLEST = 1e-6
+"""Number of classes that are counted, and the initial range of strains."""
 
 
 class StrainHistogram:
