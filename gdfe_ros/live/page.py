@@ -142,8 +142,8 @@ class Page:
 
         Args:
             places: dict from name to measured and simulated position, each (3,) [m].
-            body: function that returns the positions of the measured body for those of the simulated one, both (n, 3)
-                [m]; it is drawn translucent. None: only points are drawn.
+            body: function that returns positions of the measured body from positions of the simulated body, both (n, 3)
+                [m]; the measured body is drawn translucent. None: only points are drawn.
         """
         drawn = None if body is None or self._view is None else body(self._view.positions)
         with self._server.atomic():

@@ -327,7 +327,7 @@ def scale_of(mesh: HexMesh) -> float:
 
 
 def round_length(length: float) -> float:
-    """Return the largest length that is at most ``length``, of those that are 1, 2 or 5 times a power of ten."""
+    """Return the largest length up to ``length`` that is 1, 2 or 5 times a power of ten."""
     decade = 10.0 ** math.floor(math.log10(length))
     return next(factor * decade for factor in (5.0, 2.0, 1.0) if factor * decade <= length * (1.0 + 1e-9))
 

@@ -249,7 +249,7 @@ class Inputs:
                     self._pursuits.remove(pursuit)
 
     def take_over(self, other: Inputs) -> None:
-        """Continue the action clients' trajectories and the checks of stamps of other inputs."""
+        """Take over trajectories of action clients, stored stamps, and the list of heard topics from other inputs."""
         self._pursuits, other._pursuits = other._pursuits, []
         self.freshness, self._heard = other.freshness, other._heard & self._inputs.keys()
 

@@ -52,7 +52,7 @@ def header(stamp: int, frame_id: str) -> Header:
 
 
 def by_axis(values: Iterable[float], axes: str = "xyz") -> dict[str, float]:
-    """Return a dict from axis name, e.g. ``x``, to component: the fields of a message of a vector, turn or colour."""
+    """Return a dict from axis, e.g. ``x``, to component: the arguments of a message with a vector or quaternion."""
     return dict(zip(axes, map(float, values), strict=True))
 
 
@@ -68,7 +68,7 @@ def pose_stamped(head: Header, pose: Pose, quaternion: Iterable[float] | None = 
     Args:
         head: header of the message.
         pose: pose relative to rest.
-        quaternion: the pose's rotation as a unit quaternion; None: the one of its rotation vector.
+        quaternion: unit quaternion of the pose's rotation; None: it is computed from the rotation vector.
     """
     turn = Rotation.from_rotvec(pose.rotation).as_quat() if quaternion is None else quaternion
     return PoseStamped(header=head, pose=pose_message(pose.translation, turn))

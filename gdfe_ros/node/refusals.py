@@ -247,8 +247,8 @@ def succeed(response: Any, text: str | None = None) -> Any:
 def fail(response: Any, error: BaseException) -> Any:
     """Write the text and the code of an error into a response, as far as it has such fields, and return it.
 
-    The code is that of a `Refused`, else `ResultCode.INVALID_POSE` for a `Refusal`, else `ResultCode.FAILED`. Control
-    characters are removed, because a null character, e.g. from the request, would end the text.
+    The code is that of a `Refused`, `ResultCode.INVALID_POSE` for a `Refusal`, and `ResultCode.FAILED` for any other
+    error. Control characters are removed, because a null character, e.g. from the request, would end the text.
     """
     text = str(error) if isinstance(error, GdfeError) else repr(error)  # a KeyError's text is only its key
     if hasattr(response, "message"):

@@ -38,7 +38,7 @@ AUTOSTART_FAILED = 1
 _GREETING_PERIOD = 0.2
 """Longest time until a late subscriber gets the present state of an idle node [s]."""
 _RECONNECTION = 1.0
-"""Longest wait [s] for other nodes to reconnect to topics that were closed and opened again; later ones are greeted."""
+"""Longest wait [s] for other nodes to reconnect to topics that were closed and opened again."""
 
 
 class SimNode(SessionNode):
@@ -205,7 +205,7 @@ class SimNode(SessionNode):
         """Drop the present session, and start one of ``simulation``, paused at time 0.
 
         Raises:
-            GdfeError: a transition failed; the text is that of its error.
+            GdfeError: a transition failed; the text includes its error.
         """
         self._unload()
         self.prepared, self._starts_paused = simulation, True

@@ -63,8 +63,8 @@ class StepRecord:
         handles: dict from handle to the target that this step consumed: translation [m] and rotation vector [rad].
         actuators: dict from actuator to the command that this step consumed, in the unit of the mode.
         loads: dict from load to the factor that this step consumed.
-        bodies: dict from free body to the pose to which it was teleported before this step, as for handles; the JSON
-            text lacks the entry if it is empty.
+        bodies: dict from free body to the pose to which it was teleported before this step, in the form of ``handles``;
+            the JSON text lacks an empty entry.
         joints: dict from joint to the commanded position that this step consumed [rad] or [m]; the JSON text lacks the
             entry if it is empty.
         cut: whether a deadline ended the solve before it had converged.

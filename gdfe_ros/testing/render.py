@@ -72,7 +72,7 @@ class Painter:
         self._plotter.close()
 
     def _open(self) -> Any:
-        """Return a plotter; VTK's warning that there is no X server is left out, because it draws without one."""
+        """Return a plotter. VTK's warning about a missing X server is suppressed, because no window is drawn."""
         logger = import_module("vtkmodules.vtkCommonCore").vtkLogger
         before = logger.GetCurrentVerbosityCutoff()
         logger.SetStderrVerbosity(logger.VERBOSITY_ERROR)

@@ -2,7 +2,7 @@
 """Orders to the simulation, made from command messages, and the inbox in which they wait for their step.
 
 The method ``without`` returns the part of an order that remains valid after a later order, or None. Orders of different
-handles or actuators do not affect each other. ``names`` are those of the commanded handle or body, or of the commanded
+handles or actuators do not affect each other. ``names`` are the names of the commanded items: a handle, a body, or
 actuators, loads and joints.
 """
 
@@ -60,7 +60,7 @@ class PlaceOrder(_ItemOrder):
 class PoseOrder(PlaceOrder):
     """A target pose of a handle.
 
-    Many rotation vectors describe the same quaternion. The order uses the one closest to that of the last target.
+    Many rotation vectors describe the same quaternion. The order uses the vector closest to that of the last target.
     """
 
     def after(self, last: Pose) -> Pose:

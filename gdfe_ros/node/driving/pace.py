@@ -49,12 +49,12 @@ class Timing:
 
 
 class _OwnPace:
-    """A pace without an external clock. A pace decides when to step.
+    """A pace, which decides when to make a step, without an external clock.
 
-    Each pace has three methods: `delay`, which returns the wall time to wait before the next step [s], 0 to step now,
-    None to wait for an event, given whether orders are ``pending``, and whether the state is ``settled``, i.e. stays
-    constant without new orders; `begin`, which records that a step begins now, and returns the simulation time that it
-    covers [s]; and `restart`, which ignores the wall time that has passed, e.g. in a pause.
+    Each pace has three methods. `delay` returns the wall time to wait before the next step [s]: 0 to step now, None to
+    wait for an event. It depends on whether orders are ``pending``, and on whether the state is ``settled``, i.e. stays
+    constant without new orders. `begin` records that a step begins now, and returns the simulation time that the step
+    covers [s]. `restart` ignores the wall time that has passed, e.g. in a pause.
 
     Args:
         timing: function that returns the present values of the parameters.

@@ -279,7 +279,7 @@ def _own(name: str, meaning: str, *, kind: str = "Trigger") -> ServiceSpec:
 
 
 def _standard(kind: str, meaning: str, *, form: str = "srv") -> ServiceSpec:
-    """Return a standard service or action; its name is that of its type in lower case, with underscores."""
+    """Return a standard service or action; its name is ``kind`` in lower case with underscores."""
     name = re.sub("(?<=[a-z])(?=[A-Z])", "_", kind).lower()
     return ServiceSpec(name=f"~/{name}", type=f"simulation_interfaces/{form}/{kind}", meaning=meaning)
 

@@ -239,7 +239,7 @@ class EntityQueries:
         return [each for each in chosen if has_tags(each.tags, filters.tags)]
 
     def _after_step(self, write: Callable[[list[Thing]], None], chosen: list[Thing], filters: Any) -> Future[None]:
-        """Let ``write`` answer after the present step, with those bodies of ``chosen`` that are within the bounds."""
+        """Call ``write`` after the present step, with the bodies of ``chosen`` that are within the filter's bounds."""
         session = self._node.require_session()
 
         def look() -> None:

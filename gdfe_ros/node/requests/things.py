@@ -243,7 +243,7 @@ def _read(uri: str) -> str:
 
 
 def inner_of(scene: Scene, name: str, outer: Placement) -> Placement:
-    """Return the placement of a new body's own frame in the frame ``outer`` in which it was spawned."""
+    """Return the placement of a new body's own frame in the frame ``outer``, in which the body was spawned."""
     body = next((each for each in scene.rigid_bodies if each.name == name), None)
     return Placement() if body is None else outer.inverse() @ rest_place(body)
 
