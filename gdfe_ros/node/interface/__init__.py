@@ -296,7 +296,7 @@ RESET_BODIES = _own(
 )
 RESET_SHAPE = _own(
     "reset_shape",
-    "put the elastic body back to its rest shape and all commands back to those of rest; time continues, and "
+    "put the elastic body back to its rest shape and all commands to their initial values; time continues, and "
     "rigid bodies keep their places but lose their velocities. Not while a bag is written",
 )
 RESET_ARMS = _own(

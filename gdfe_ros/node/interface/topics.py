@@ -37,8 +37,8 @@ def _text(name: str, meaning: str, **options: Delivery | bool) -> TopicSpec:
 TARGET = _command(
     "~/handles/{handle}/target",
     "geometry_msgs/msg/PoseStamped",
-    "target pose of the handle relative to its rest pose [m]; the rotation is about the handle's centre, and "
-    "of equivalent rotations the one nearest to the present target is taken. `frame_id` is empty, the node's, or "
+    "target pose of the handle relative to its rest pose [m]; the rotation is about the handle's centre; of "
+    "equivalent rotation vectors, the node uses the nearest to the present target. `frame_id` is empty, the node's, or "
     "`<handle>_rest`; a target in any other frame is transformed by TF, and refused if TF does not know the frame",
 )
 VELOCITY = _command(
@@ -51,9 +51,9 @@ OBSTACLE_TARGET = _command(
     "~/obstacles/{obstacle}/target",
     "geometry_msgs/msg/PoseStamped",
     "target pose of the obstacle relative to its rest pose [m], in the axes of the node's frame, as in a "
-    "program; the rotation is about the obstacle's origin, and of equivalent rotations the one nearest to the present "
-    "target is taken. `frame_id` is empty, the node's, or `<obstacle>_rest`; in any other frame, which TF must know, "
-    "the target is the place of the frame `<obstacle>`",
+    "program; the rotation is about the obstacle's origin; of equivalent rotation vectors, the node uses the "
+    "nearest to the present target. `frame_id` is empty, the node's, or `<obstacle>_rest`; in any other frame, which TF "
+    "must know, the target is the place of the frame `<obstacle>`",
 )
 OBSTACLE_VELOCITY = _command(
     "~/obstacles/{obstacle}/velocity",
