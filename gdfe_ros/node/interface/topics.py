@@ -52,8 +52,8 @@ OBSTACLE_TARGET = _command(
     "geometry_msgs/msg/PoseStamped",
     "target pose of the obstacle relative to its rest pose [m], in the axes of the node's frame, as in a "
     "program; the rotation is about the obstacle's origin; of equivalent rotation vectors, the node uses the "
-    "nearest to the present target. `frame_id` is empty, the node's, or `<obstacle>_rest`; in any other frame, which TF "
-    "must know, the target is the place of the frame `<obstacle>`",
+    "nearest to the present target. `frame_id` is empty, the node's, or `<obstacle>_rest`; in any other frame, which "
+    "TF must know, the target is the place of the frame `<obstacle>`",
 )
 OBSTACLE_VELOCITY = _command(
     "~/obstacles/{obstacle}/velocity",
