@@ -214,7 +214,7 @@ class Bags:
             RecordingError: the bag cannot be created.
         """
         topics = [*self._inputs.infos, *(channel.info for channel in self._outputs.channels if channel.recorded)]
-        scene, parameters = self._run.scene, self._run.parameters.as_dict()
+        scene, parameters = self._run.scene, dict(self._run.parameters)
         waits = parameters["clock"] != ClockMode.WALL.value
         self.recorder = Recorder(
             parameters["bag_path"] or new_bag(scene.name),

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -28,7 +28,7 @@ _OPEN = {
 """States in which a parameter may be changed."""
 
 
-class NodeParameters:
+class NodeParameters(Mapping[str, Any]):
     """The parameters of one node: ``parameters["rate"]`` is the present value.
 
     Args:
@@ -54,9 +54,11 @@ class NodeParameters:
         """Return a parameter's list of strings without empty entries; ROS cannot declare an empty list."""
         return [entry for entry in self[name] if entry.strip()]
 
-    def as_dict(self) -> dict[str, Any]:
-        """Return a dict from parameter name to present value, e.g. for a bag."""
-        return dict(self._values)
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._values)
+
+    def __len__(self) -> int:
+        return len(self._values)
 
     def _warn_of_unknown(self) -> None:
         """Warn of unknown parameters that were given at start, e.g. those of other nodes in a file for ``/**``."""

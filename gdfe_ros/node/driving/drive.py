@@ -163,13 +163,6 @@ class Slew:
         self.share *= 2.0 if self._leaping else 1.0
 
 
-class Settings(Protocol):
-    """Present parameter values by name, as in the node: `dt`, `velocity_timeout`, `slew_time`, `deadline`, ..."""
-
-    def __getitem__(self, name: str) -> Any:
-        """Return the present value of a parameter."""
-
-
 class Host(Protocol):
     """Owner of a simulation that is stepped.
 
@@ -183,7 +176,7 @@ class Host(Protocol):
     """
 
     simulation: Simulation
-    parameters: Settings | Mapping[str, Any]
+    parameters: Mapping[str, Any]
     refusals: RefusalLog
     last: Step | None
     log_time: int

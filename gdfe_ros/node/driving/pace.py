@@ -174,9 +174,7 @@ class ExternalPace:
         tell: function that receives a message about each jump of the clock.
     """
 
-    def __init__(
-        self, timing: Callable[[], Timing], now: Callable[[], int], tell: Callable[[str], object] = lambda text: None
-    ) -> None:
+    def __init__(self, timing: Callable[[], Timing], now: Callable[[], int], tell: Callable[[str], object]) -> None:
         self._timing, self._now, self._tell = timing, now, tell
         self.overruns, self.late, self.moment = 0, 0.0, 0
         self._idle = False
@@ -231,10 +229,7 @@ Pace = WallPace | FastPace | LockstepPace | ExternalPace
 
 
 def make_pace(
-    mode: ClockMode,
-    timing: Callable[[], Timing],
-    now: Callable[[], int],
-    tell: Callable[[str], object] = lambda text: None,
+    mode: ClockMode, timing: Callable[[], Timing], now: Callable[[], int], tell: Callable[[str], object]
 ) -> Pace:
     """Return the pace of a clock mode; ``now`` returns the node's time [ns], ``tell`` receives texts about jumps."""
     if mode is ClockMode.EXTERNAL:
