@@ -29,6 +29,8 @@ _HANDLE_INPUTS = frozenset({"target", "velocity", "follow", "set"})
 """
 CONTACTS = "contacts"
 """Topic of the contact points. A message has a row for each point; the number of points changes from step to step."""
+RECORD, JOINTS = "step_record", "joint_states"
+"""Topics of the step records, and of the values of actuators and joints."""
 _OTHERS = frozenset({"topology", "scene", "contact_names", "markers", "contact_markers", "jacobian", "/clock"})
 """Topics of the node that are published less or more often than once per step."""
 
@@ -141,9 +143,6 @@ def _is_known(role: str) -> bool:
     owner, _, last = role.rpartition("/")
     is_input = last in _INPUTS or ("/" in owner and last in _HANDLE_INPUTS)
     return role in _OTHERS or (is_input and not role.startswith("/"))
-
-
-RECORD = "step_record"
 
 
 class BagRun:

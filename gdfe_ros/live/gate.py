@@ -26,6 +26,7 @@ from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
 
 from gdfe_ros.errors import GdfeError
+from gdfe_ros.untrusted.real_number import is_number
 
 _KEY = "token"
 _LOOPBACK = frozenset({"localhost", "127.0.0.1", "::1"})
@@ -257,7 +258,7 @@ def _allow(message: Any) -> str:
 def _are_finite(values: Iterable[Any], count: int) -> bool:
     """Return whether values are ``count`` finite numbers."""
     numbers = list(values) if isinstance(values, list | tuple) else []
-    real = all(isinstance(each, int | float) and not isinstance(each, bool) for each in numbers)
+    real = all(map(is_number, numbers))
     return len(numbers) == count and real and all(abs(each) < 1e300 for each in numbers)
 
 

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any
@@ -18,6 +17,7 @@ from gdfe_ros.node.interface import MODULUS, PARAMETERS, Changeable, ParameterSp
 from gdfe_ros.node.middleware.managed import ManagedNode
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.untrusted.bounded_text import require_plain
+from gdfe_ros.untrusted.real_number import is_finite, is_number
 from gdfe_ros.untrusted.spelling import did_you_mean
 
 _OPEN = {
@@ -98,7 +98,7 @@ def require_allowed(spec: ParameterSpec, value: Any) -> None:
         GdfeError: the value is not allowed.
     """
     if isinstance(spec.default, float):
-        number = isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+        number = is_number(value) and is_finite(value)
         allowed = number and spec.least <= value <= spec.most
     else:
         allowed = not spec.choices or value in spec.choices

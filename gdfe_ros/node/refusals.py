@@ -248,7 +248,8 @@ def fail(response: Any, error: BaseException) -> Any:
     """Write the text and the code of an error into a response, as far as it has such fields, and return it.
 
     The code is that of a `Refused`, `ResultCode.INVALID_POSE` for a `Refusal`, and `ResultCode.FAILED` for any other
-    error. Control characters are removed, because a null character, e.g. from the request, would end the text.
+    error. ``error_message`` has its control characters escaped, because a null character, e.g. from the request, would
+    end the text.
     """
     text = str(error) if isinstance(error, GdfeError) else repr(error)  # a KeyError's text is only its key
     if hasattr(response, "message"):

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 from gdfe_ros.constraints import Pose
 from gdfe_ros.errors import RecordingError
 from gdfe_ros.untrusted.bounded_text import load_json_object
+from gdfe_ros.untrusted.real_number import is_finite, is_number
 
 if TYPE_CHECKING:
     from gdfe_ros.actuators import ActuatorState
@@ -169,7 +170,7 @@ def _require_sound(entries: dict[str, Any]) -> None:
 
 
 def _is_whole(value: object) -> bool:
-    return isinstance(value, int) and not isinstance(value, bool) and abs(value) < 2**63
+    return is_number(value, int) and abs(value) < 2**63
 
 
 def _require_numbers(given: object, noun: str, names: set[str]) -> None:
@@ -181,7 +182,7 @@ def _require_numbers(given: object, noun: str, names: set[str]) -> None:
 
 
 def _is_finite(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+    return is_number(value) and is_finite(value)
 
 
 OUTCOME = (

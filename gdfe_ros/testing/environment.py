@@ -24,6 +24,7 @@ from gdfe_ros.simulation import Simulation
 from gdfe_ros.solver.state import Snapshot
 from gdfe_ros.testing.approach import Approach, is_held, settle
 from gdfe_ros.testing.forking import preload
+from gdfe_ros.untrusted.real_number import is_number
 
 Observation = Callable[[Simulation], ArrayLike]
 Reward = Callable[[Simulation, NDArray[np.float64]], float]
@@ -293,7 +294,7 @@ def _require_numbers(*, dt: float, steps: int, slew_time: float) -> None:
         raise GdfeError(f"dt is {dt!r}; allowed: above 0 s")
     if not (math.isfinite(slew_time) and slew_time >= 0.0):
         raise GdfeError(f"slew_time is {slew_time!r}; allowed: 0 s or more")
-    if not (isinstance(steps, Integral) and not isinstance(steps, bool) and steps >= 1):
+    if not (is_number(steps, Integral) and steps >= 1):
         raise GdfeError(f"steps is {steps!r}; allowed: whole numbers, 1 or more")
 
 

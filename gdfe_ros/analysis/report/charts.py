@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.analysis.bag_run import RECORD
+from gdfe_ros.analysis.bag_run import CONTACTS, JOINTS, RECORD
 from gdfe_ros.analysis.difference_table import unit_of
-from gdfe_ros.analysis.report.history import CONTACTS, JOINTS, RunHistory, energy_balance
+from gdfe_ros.analysis.report.history import RunHistory, energy_balance
 from gdfe_ros.scene import Scene
 
 MOST_POINTS = 3000

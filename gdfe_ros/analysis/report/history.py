@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.analysis.bag_run import CONTACTS, RECORD, BagStep
+from gdfe_ros.analysis.bag_run import CONTACTS, JOINTS, RECORD, BagStep
 from gdfe_ros.analysis.message_values import Values
 from gdfe_ros.recording.step import Begin
 
@@ -103,7 +103,6 @@ class StrainHistogram:
         return self._times[seen], edges, (shares / np.maximum(self._counts.sum(axis=1), 1.0))[:, seen]
 
 
-JOINTS = "joint_states"
 COSTS = ("iterations", "substeps", "error_estimate", "wall_time")
 REST = (0.0,) * 6
 
