@@ -248,7 +248,7 @@ class Page:
         return now
 
     def _say_seldom(self, subject: str, text: str) -> None:
-        """Show a text about a subject, of which there may be thousands, at most once in five seconds."""
+        """Show a text at most once in five seconds for each subject, because there may be thousands of texts."""
         if (more := self._told.due(subject)) is not None:
             self.say(text + more)
 

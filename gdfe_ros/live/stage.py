@@ -43,7 +43,7 @@ _DEPTH = 0.6
 _SQUARES = 16
 """Number of squares along each side of the ground."""
 _FAINT = 0.45
-"""Opacity of the controls of probes, which would hide the place that they move."""
+"""Opacity of the controls of probes, so low that the probe stays visible."""
 _TRACE = 400
 """Largest number of points of a probe's trace."""
 _GRAIN = 2e-3
@@ -55,7 +55,7 @@ _NOISE = 0.5
 the error estimate. An unloaded clamped bar of rubber reaches 0.4.
 """
 _ROUNDING = 1e-13
-"""Error estimate of a body in its rest shape, which has errors of rounding only."""
+"""Least error estimate for the noise of forces: in its rest shape, a body has errors of rounding only."""
 _ORANGE = (240, 140, 20)
 _HELD = {"arrows": (40, 80, 200)}
 _TOUCHES = {"sticks": (25, 180, 50), "slips": (230, 25, 25)}

@@ -111,7 +111,7 @@ class DrawnSurface:
         return bytes(self._data)
 
     def _template(self) -> bytes:
-        """Return the file with zeros in place of the data of a frame, and store the offsets of these data."""
+        """Return a glTF file with zeros in place of a frame's data, and store the offsets of the data."""
         count, faces = self.count, self.triangles.tobytes()
         size = 12 * count
         views = [(0, size, _ARRAY), (size, size, _ARRAY), (2 * size, len(faces), _INDICES)]

@@ -90,7 +90,7 @@ def _motion(history: RunHistory, scene: Scene) -> list[Chart]:
 
 
 def _command_labels(scene: Scene) -> dict[str, str]:
-    """Return dict from actuator, load or joint of an arm to the quantity and unit of its command."""
+    """Return a dict from actuator, load or joint of an arm to the quantity and unit of its command."""
     labels = {each.name: f"{each.mode.value} [{each.mode.unit or 1}]" for each in scene.actuators}
     labels |= {each.name: "factor on the load [1]" for each in scene.loads}
     return labels | {joint.name: f"position of the joint [{joint.unit}]" for arm in scene.arms for joint in arm.joints}

@@ -50,8 +50,7 @@ def balance_text(history: RunHistory) -> str:
     return f"closes to {most:.3g} J{part}"
 
 
-_FINE = 2048
-_SMALLEST = 1e-6
+_FINE, _SMALLEST = 2048, 1e-6
 """Number of classes that are counted, and the initial range of strains."""
 
 

@@ -299,8 +299,8 @@ class CommandAssembler:
     def _move_targets(self, dt: float, last: Mapping[str, Pose]) -> dict[str, Pose]:
         """Return the targets after their velocity commands have acted for ``dt`` [s].
 
-        A velocity acts for ``velocity_timeout`` in all. It moves the target from the last target, even if the body has
-        not reached the last target.
+        A velocity acts for ``velocity_timeout`` in total. It continues from the last target, even if the body has not
+        reached this target.
         """
         poses = {}
         for name, (twist, left) in list(self._twists.items()):

@@ -35,7 +35,7 @@ class StepFailure(GdfeError):
 
 
 _GRACE = 0.5
-"""A solve that must end is ended once it has taken longer than this time [s]; a shorter solve is completed."""
+"""A request to end a solve has an effect once the solve has taken longer than this time [s]."""
 _LONG = 0.1
 """If a step takes longer than this time [s], the step before it and its own result are published even without
 subscribers. The middleware stores them for later subscribers, which the node itself tells only after shorter steps.

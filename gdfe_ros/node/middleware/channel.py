@@ -192,7 +192,7 @@ class UnmatchedTopics:
         self._told: set[str] = set()
 
     def look(self) -> None:
-        """Examine the graph once."""
+        """Report publishers that have appeared on topics of unknown names."""
         for topic, _ in self._node.get_topic_names_and_types():
             for section, before, after in self._patterns:
                 if topic.startswith(before) and topic.endswith(f"/{after}"):
@@ -231,7 +231,7 @@ class Doubles:
         self._node, self.found = node, ""
 
     def look(self) -> None:
-        """Examine the graph once."""
+        """Search the ROS graph once, and log new duplicates."""
         node, own = self._node, (self._node.get_name(), self._node.get_namespace())
         found = []
         name = node.get_fully_qualified_name()

@@ -52,7 +52,7 @@ _MOST_ENTRIES = 10_000
 _TRIM = getattr(ctypes.CDLL(None), "malloc_trim", None)
 """Function of glibc that returns free memory to the system; None with other C libraries."""
 _BURST = 100
-"""Largest number of entries of the log of the same severity in five seconds."""
+"""Largest number of log entries of one severity in five seconds."""
 _PRIMARY = ("unconfigured", "inactive", "active")
 
 

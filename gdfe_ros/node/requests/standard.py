@@ -312,7 +312,7 @@ class TrajectoryAction:
 
 
 def _tolerances(request: Any) -> Tolerances:
-    """Return a goal's tolerances of positions, which are commands here; a value of 0 or -1 sets no tolerance.
+    """Return the position tolerances of a goal, which limit commands here; a value of 0 or -1 sets no limit.
 
     Tolerances of velocities and accelerations are ignored.
 
