@@ -121,7 +121,7 @@ class WallPace(_OwnPace):
         return periods * timing.dt
 
     def _count_idle(self, timing: Timing, now: float, period: float) -> float:
-        """Return the idle time that a step covers [s]; time of a process that stood still counts as overruns instead."""
+        """Return the idle time that a step covers [s]; time of a stopped process is left out and counts as overruns."""
         missed = now - self._last - timing.heartbeat
         if not timing.heartbeat or missed <= _STILL:
             return now - self._last
