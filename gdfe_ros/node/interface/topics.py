@@ -37,23 +37,23 @@ def _text(name: str, meaning: str, **options: Delivery | bool) -> TopicSpec:
 TARGET = _command(
     "~/handles/{handle}/target",
     "geometry_msgs/msg/PoseStamped",
-    "target pose of the handle relative to its rest pose [m]; the rotation is about the handle's centre; of "
-    "equivalent rotation vectors, the node uses the nearest to the present target. `frame_id` is empty, the node's, or "
+    "target pose of the handle relative to its rest pose [m]; the rotation is about the handle's centre; of equivalent "
+    "rotation vectors, the node uses the nearest to the present target. `frame_id` is empty, the node's, or "
     "`<handle>_rest`; a target in any other frame is transformed by TF, and refused if TF does not know the frame",
 )
 VELOCITY = _command(
     "~/handles/{handle}/velocity",
     "geometry_msgs/msg/TwistStamped",
-    "velocity of the handle's target [m/s], [rad/s], in the axes of the node's frame; it acts for "
-    "`velocity_timeout`. Turns add up beyond 180 degrees. `frame_id` as for the target",
+    "velocity of the handle's target [m/s], [rad/s], in the axes of the node's frame; it acts for `velocity_timeout`. "
+    "Rotations add up beyond 180 degrees. `frame_id` as for the target",
 )
 OBSTACLE_TARGET = _command(
     "~/obstacles/{obstacle}/target",
     "geometry_msgs/msg/PoseStamped",
-    "target pose of the obstacle relative to its rest pose [m], in the axes of the node's frame, as in a "
-    "program; the rotation is about the obstacle's origin; of equivalent rotation vectors, the node uses the "
-    "nearest to the present target. `frame_id` is empty, the node's, or `<obstacle>_rest`; in any other frame, which "
-    "TF must know, the target is the place of the frame `<obstacle>`",
+    "target pose of the obstacle relative to its rest pose [m], in the axes of the node's frame, as in a program; the "
+    "rotation is about the obstacle's origin; of equivalent rotation vectors, the node uses the nearest to the present "
+    "target. `frame_id` is empty, the node's, or `<obstacle>_rest`; in any other frame, which TF must know, the target "
+    "is the pose of the frame `<obstacle>`",
 )
 OBSTACLE_VELOCITY = _command(
     "~/obstacles/{obstacle}/velocity",
@@ -63,44 +63,43 @@ OBSTACLE_VELOCITY = _command(
 BODY_SET = _command(
     "~/bodies/{body}/set",
     "geometry_msgs/msg/PoseStamped",
-    "puts the rigid body, before the next step, at a pose relative to its rest pose [m], without velocity; "
-    "from there it moves freely again. Refused if the place is occupied. `frame_id` is empty, the node's, or "
-    "`<body>_rest`; in any other frame, which TF must know, the pose is the place of the frame `<body>`",
+    "puts the rigid body, before the next step, at a pose relative to its rest pose [m], without velocity; from there "
+    "it moves freely again. Refused if the place is occupied. `frame_id` is empty, the node's, or `<body>_rest`; in "
+    "any other frame, which TF must know, the pose is that of the frame `<body>`",
 )
 ACTUATION = _command(
     "~/actuation",
     "sensor_msgs/msg/JointState",
-    "commands of actuators and loads by name. Actuators: `effort` if the actuator's mode commands its effort, "
-    "such as a tension, else `position`, in the unit of the mode. Loads: `position` is the factor [1] on the load. "
-    "Joints of arms: `position` [rad], [m]",
+    "commands of actuators and loads by name. Actuators: `effort` if the actuator's mode commands its effort, such as "
+    "a tension, else `position`, in the unit of the mode. Loads: `position` is the factor [1] on the load. Joints of "
+    "arms: `position` [rad], [m]",
 )
 ACTUATOR_COMMANDS = _command(
     "~/commands",
     "std_msgs/msg/Float64MultiArray",
-    "one command for each actuator, in the order of the scene and the unit of its mode (for the forward "
-    "controllers of ros2_control)",
+    "one command for each actuator, in the order of the scene and the unit of its mode (for the forward controllers of "
+    "ros2_control)",
 )
 TRAJECTORY = _command(
     "~/trajectory",
     "trajectory_msgs/msg/JointTrajectory",
-    "commands of actuators and of joints of arms over simulation time: `positions` in the unit of each "
-    "actuator's mode, or in rad or m. They are interpolated as by joint_trajectory_controller: linear; cubic with "
-    "`velocities` at all points; quintic with `accelerations`, too. A stamp of 0 starts the trajectory at once; any "
-    "other stamp is a time on the node's clock, at most 60 s ahead. A trajectory without points ends the running ones",
+    "commands of actuators and of joints of arms over simulation time: `positions` in the unit of each actuator's "
+    "mode, or in rad or m. They are interpolated as by joint_trajectory_controller: linear; cubic with `velocities` at "
+    "all points; quintic with `accelerations`, too. A stamp of 0 starts the trajectory at once; any other stamp is a "
+    "time on the node's clock, at most 60 s ahead. A trajectory without points ends the running ones",
 )
 JOINT_COMMAND = _command(
     "~/joint_command",
     "sensor_msgs/msg/JointState",
-    "commanded `position` of joints of arms by name [rad], [m]; joints that are not named stay at their "
-    "commands. The joints approach their commands within the limits of velocity and acceleration; a position beyond a "
-    "joint's limits is refused. Actuators and loads can be commanded as on ~/actuation. Only in scenes with `arm` or "
-    "`arms`",
+    "commanded `position` of joints of arms by name [rad], [m]; joints that are not named stay at their commands. The "
+    "joints approach their commands within the limits of velocity and acceleration; a position beyond a joint's limits "
+    "is refused. Actuators and loads can be commanded as on ~/actuation. Only in scenes with `arm` or `arms`",
 )
 ATTACH = _command(
     "~/attach",
     "std_msgs/msg/String",
-    "name of a grip, which takes hold with the next step; refused if it holds already. If nothing is within "
-    "its `reach`, the step refuses it. The same as command 1 on ~/actuation. Only in scenes with grips",
+    "name of a grip, which takes hold with the next step; refused if it holds already. If nothing is within its "
+    "`reach`, the step refuses it. The same as command 1 on ~/actuation. Only in scenes with grips",
 )
 RELEASE = _command(
     "~/release",
@@ -111,15 +110,15 @@ RELEASE = _command(
 FOLLOWED = TopicSpec(
     name="",  # named by the parameter
     type="geometry_msgs/msg/PoseStamped",
-    meaning="pose at which a handle or obstacle with `follow` is held: the place of its frame in the header's "
-    "frame; an empty `frame_id` is the node's frame",
+    meaning="pose at which a handle or obstacle with `follow` is held: the place of its frame in the header's frame; "
+    "an empty `frame_id` is the node's frame",
     delivery=Delivery.FOLLOWED,
 )
 MESH = _cloud("~/mesh", "position x, y, z and displacement ux, uy, uz of each vertex [m], float32")
 STRAIN = _cloud(
     "~/strain",
-    "of each cell: centroid x, y, z [m], equivalent strain eps_eq, volume ratio J, shape factor omega, tangent "
-    "modulus tangent [Pa], energy_density [J/m^3], float32",
+    "of each cell: centroid x, y, z [m], equivalent strain eps_eq, volume ratio J, shape factor omega, tangent modulus "
+    "tangent [Pa], energy_density [J/m^3], float32",
 )
 VERTEX_VELOCITY = _cloud(
     "~/velocity",
@@ -127,24 +126,24 @@ VERTEX_VELOCITY = _cloud(
 )
 HANDLE_POSE = _pose(
     "~/handles/{handle}/pose",
-    "present pose of the handle relative to its rest pose [m]; `frame_id` is `<handle>_rest`: the handle's "
-    "undeformed centre, with the axes of the node's frame",
+    "present pose of the handle relative to its rest pose [m]; `frame_id` is `<handle>_rest`: the handle's undeformed "
+    "centre, with the axes of the node's frame",
 )
 HANDLE_WRENCH = _wrench(
     "~/handles/{handle}/wrench",
-    "force [N] and moment [N m] that the handle exerts on the body, about the handle's present centre; "
-    "`frame_id` is `<handle>_centre`, which moves with the handle and keeps the axes of the node's frame",
+    "force [N] and moment [N m] that the handle exerts on the body, about the handle's present centre; `frame_id` is "
+    "`<handle>_centre`, which moves with the handle and keeps the axes of the node's frame",
 )
 HANDLE_SENSOR = _wrench(
     "~/handles/{handle}/force_torque",
-    "reading of a force-torque sensor between the handle and its holder: force [N] and moment [N m] that the "
-    "body exerts on the handle, about its centre; `frame_id` is `<handle>`, which turns with it. Not recorded",
+    "reading of a force-torque sensor between the handle and its holder: force [N] and moment [N m] that the body "
+    "exerts on the handle, about its centre; `frame_id` is `<handle>`, which turns with it. Not recorded",
     recorded=False,
 )
 OBSTACLE_POSE = _pose(
     "~/obstacles/{obstacle}/pose",
-    "present pose of the obstacle relative to its rest pose [m]; `frame_id` is `<obstacle>_rest`: the "
-    "initial origin of its shape, with the axes of the node's frame",
+    "present pose of the obstacle relative to its rest pose [m]; `frame_id` is `<obstacle>_rest`: the initial origin "
+    "of its shape, with the axes of the node's frame",
 )
 OBSTACLE_WRENCH = _wrench(
     "~/obstacles/{obstacle}/wrench",
@@ -153,13 +152,13 @@ OBSTACLE_WRENCH = _wrench(
 )
 BODY_POSE = _pose(
     "~/bodies/{body}/pose",
-    "present pose of the rigid body relative to its rest pose [m]; `frame_id` is `<body>_rest`: its centre at "
-    "rest, with the axes of the node's frame",
+    "present pose of the rigid body relative to its rest pose [m]; `frame_id` is `<body>_rest`: its centre at rest, "
+    "with the axes of the node's frame",
 )
 BODY_WRENCH = _wrench(
     "~/bodies/{body}/wrench",
-    "force [N] and moment [N m] that the rigid body exerts on the elastic one, about the rigid body's present "
-    "centre; `frame_id` is `<body>_centre`, which moves with it and keeps the axes of the node's frame",
+    "force [N] and moment [N m] that the rigid body exerts on the elastic one, about the rigid body's present centre; "
+    "`frame_id` is `<body>_centre`, which moves with it and keeps the axes of the node's frame",
 )
 LINK_POSE = _pose(
     "~/links/{link}/pose",
@@ -168,28 +167,28 @@ LINK_POSE = _pose(
 )
 LINK_WRENCH = _wrench(
     "~/links/{link}/wrench",
-    "force [N] and moment [N m] that a piece of an arm's link exerts on the body, about the present origin of "
-    "its shape, in the axes of the node's frame",
+    "force [N] and moment [N m] that a piece of an arm's link exerts on the body, about the present origin of its "
+    "shape, in the axes of the node's frame",
 )
 CONTACTS = _cloud(
     "~/contacts",
-    "each point in contact. float32: position x, y, z [m]; normal nx, ny, nz out of the touched surface; "
-    "gap [m]; normal force fx, fy, fz and friction force tx, ty, tz [N] on the point. int32: slips (1: slips, 0: "
-    "sticks), vertex (id of the point; -1: corner of a rigid body), contact (index in `~/contact_names`), other (id "
-    "of the touched vertex; -1: the touched surface is not the elastic body's). Only in scenes with `obstacles`, "
-    "`bodies` or `self_contact`",
+    "each point in contact. float32: position x, y, z [m]; normal nx, ny, nz out of the touched surface; gap [m]; "
+    "normal force fx, fy, fz and friction force tx, ty, tz [N] on the point. int32: slips (1: slips, 0: sticks), "
+    "vertex (id of the point; -1: corner of a rigid body), contact (index in `~/contact_names`), other (id of the "
+    "touched vertex; -1: the touched surface is not the elastic body's). Only in scenes with `obstacles`, `bodies` or "
+    "`self_contact`",
 )
 CONTACT_NAMES = _text(
     "~/contact_names",
-    "JSON: list of the names to which `contact` in `~/contacts` is an index from 0: first obstacles and rigid "
-    "bodies that the elastic body can touch, in the order of the scene; then `<body> on <obstacle>` and "
-    "`<body> on <body>`; then `(self)`",
+    "JSON: list of the names to which `contact` in `~/contacts` is an index from 0: first obstacles and rigid bodies "
+    "that the elastic body can touch, in the order of the scene; then `<body> on <obstacle>` and `<body> on <body>`; "
+    "then `(self)`",
     delivery=Delivery.LATCHED,
 )
 SENSOR_WRENCH = _wrench(
     "~/sensors/{sensor}/wrench",
-    "force [N] and moment [N m] of all contacts on the sensor's faces, about the present mean of their "
-    "vertices; `frame_id` is `<sensor>_sensor`, which moves with this point and keeps the axes of the node's frame",
+    "force [N] and moment [N m] of all contacts on the sensor's faces, about the present mean of their vertices; "
+    "`frame_id` is `<sensor>_sensor`, which moves with this point and keeps the axes of the node's frame",
 )
 PROBE = _pose(
     "~/probe/{probe}", "present position of the material point [m], and rotation of the cell around it since rest"
@@ -197,18 +196,18 @@ PROBE = _pose(
 IMU = TopicSpec(
     name="~/probe/{probe}/imu",
     type="sensor_msgs/msg/Imu",
-    meaning="reading of an inertial measurement unit at the material point (REP-145): `orientation` is the rotation "
-    "of the mean deformation of the cell around it; angular velocity [rad/s] and acceleration [m/s^2] are in its "
-    "own frame `<probe>_imu`; at rest the acceleration is +9.81 upward. All covariances are 0, which means unknown. "
-    "Only in scenes with `dynamics`",
+    meaning="reading of an inertial measurement unit at the material point (REP-145): `orientation` is the rotation of "
+    "the mean deformation of the cell around it; angular velocity [rad/s] and acceleration [m/s^2] are in its own "
+    "frame `<probe>_imu`; at rest the acceleration is +9.81 upward. All covariances are 0, which means unknown. Only "
+    "in scenes with `dynamics`",
 )
 JOINT_STATES = TopicSpec(
     name="~/joint_states",
     type="sensor_msgs/msg/JointState",
-    meaning="for each actuator, `position` is its extent, or a command that is neither extent nor effort; `velocity` "
-    "is the rate of `position`; `effort` is its effort. Its mode gives names and units. Then for each joint of the "
-    "arms: position [rad], [m], velocity, and the effort of its motor [N m], [N], which holds and moves the links and "
-    "the soft body",
+    meaning="for each actuator, `position` is its extent, e.g. a length, or its command if this is neither extent nor "
+    "effort; `velocity` is the rate of `position`; `effort` is its effort, e.g. a tension. The mode of the actuator "
+    "gives names and units. Then for each joint of the arms: position [rad], [m], velocity, and the effort of its "
+    "motor [N m], [N], which holds and moves the links and the soft body",
 )
 JACOBIAN = TopicSpec(
     name="~/jacobian",
@@ -230,9 +229,9 @@ MARKERS = TopicSpec(
 CONTACT_MARKERS = TopicSpec(
     name="~/contact_markers",
     type="visualization_msgs/msg/MarkerArray",
-    meaning="shapes of obstacles and rigid bodies, and contact forces as arrows from the points in contact: green "
-    "if the point sticks, red if it slips. The largest force so far has an arrow of 0.3 of the body's size. "
-    "Published at `marker_rate` at most. Not recorded. Only in scenes with `obstacles`, `bodies` or `self_contact`",
+    meaning="shapes of obstacles and rigid bodies, and contact forces as arrows from the points in contact: green if "
+    "the point sticks, red if it slips. The largest force so far has an arrow of 0.3 of the body's size. Published at "
+    "`marker_rate` at most. Not recorded. Only in scenes with `obstacles`, `bodies` or `self_contact`",
     recorded=False,
     delivery=Delivery.CLOUD,
 )
@@ -242,9 +241,8 @@ TF = TopicSpec(
     meaning="if `publish_tf` is true, these frames, whose parent is the node's frame: `<handle>`, which moves and "
     "turns with the handle; `<handle>_centre`, which moves with it and keeps the axes of the node's frame; the same "
     "two for obstacles and rigid bodies; `<probe>_probe`; `<sensor>_sensor`; in scenes with `dynamics` also "
-    "`<probe>_imu`; `<mesh>_mesh` for each of several meshes, as best fits its vertices. Every link of an arm "
-    "has a frame with its name, whose parent is that of the parent link, as robot_state_publisher has it. Not "
-    "recorded",
+    "`<probe>_imu`; `<mesh>_mesh` for each of several meshes, as best fits its vertices. Every link of an arm has a "
+    "frame of its own name, whose parent is the frame of the parent link, as with robot_state_publisher. Not recorded",
     recorded=False,
     delivery=Delivery.TRANSFORMS,
 )
