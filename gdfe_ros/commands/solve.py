@@ -83,7 +83,7 @@ def describe_stop(results: list[StepResult], *, beyond: bool = False) -> str:
 
     Args:
         results: results of the steps; the last one failed.
-        beyond: whether the failed step returned the last equilibrium on the way to its commands.
+        beyond: whether the failed step returned the last equilibrium on the path to its commands.
     """
     found = [result for result in results if result.converged or (beyond and result is results[-1])]
     if not found:
