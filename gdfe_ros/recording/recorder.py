@@ -161,7 +161,7 @@ class Recorder:
     def close(self) -> RecorderStatus:
         """Write the queue, complete the bag and end the thread; a second call only returns the status.
 
-        If the exception of a signal has interrupted the call, it can be repeated.
+        A call that the exception of a signal has interrupted can be repeated.
         """
         with self._state:
             self._closing = True

@@ -290,12 +290,10 @@ class EntityQueries:
         return session.stepper.post(look)
 
     def _get_poses(self, request: Any, response: Any) -> None:
-        import simulation_interfaces.msg
-
         for name, kind, place in list_poses(self._node.require_session().scene):
             if not has_tags((kind,), request.tags):
                 continue
-            message = simulation_interfaces.msg.NamedPose(name=name, tags=[kind])
+            message = interface_class("simulation_interfaces/msg/NamedPose")(name=name, tags=[kind])
             message.description = f"rest pose of the {kind}" if kind != "probe" else "undeformed place"
             message.pose = pose_message(place.origin, place.turn.as_quat())
             response.poses.append(message)

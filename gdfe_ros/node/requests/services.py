@@ -24,6 +24,7 @@ from gdfe_ros.node import interface
 from gdfe_ros.node.driving.remodelling import build_simulation
 from gdfe_ros.node.interface import ServiceSpec
 from gdfe_ros.node.middleware.managed import ManagedNode
+from gdfe_ros.node.middleware.ros_types import interface_class
 from gdfe_ros.node.parameters import NodeParameters
 from gdfe_ros.node.refusals import Refused, ResultCode
 from gdfe_ros.node.simulation_session import SimulationSession
@@ -233,14 +234,12 @@ def _parts(uri: str) -> tuple[str, Path]:
 
 def _list_spawnables(request: Any, response: Any) -> None:
     """List the bodies that can be spawned by URI."""
-    import simulation_interfaces.msg
-
     own = sorted((share_dir() / "config" / "bodies").glob("*.yaml"))
     others, wrong = files_in(request.sources, SPAWNED)
     for path in (*own, *others):
         text = read_text(path, most=LARGEST).partition("\n")[0].lstrip("# ") if path in own else ""
         uri = path.absolute().as_uri()
-        response.spawnables.append(simulation_interfaces.msg.Spawnable(uri=uri, description=text))
+        response.spawnables.append(interface_class("simulation_interfaces/msg/Spawnable")(uri=uri, description=text))
     response.result.error_message = wrong
 
 
@@ -324,14 +323,12 @@ class Worlds:
         return self._node.session
 
     def _get_available(self, request: Any, response: Any) -> None:
-        import simulation_interfaces.msg
-
         sources = getattr(request, "additional_sources", None) or getattr(request, "sources", ())
         others, wrong = files_in(sources, WORLDS)
         own = [share_dir() / "config" / "scenes" / f"{name}.yaml" for name in scene_names()]
         if not request.filter.tags:  # scenes have no tags
             for path in (*own, *others):
-                world = simulation_interfaces.msg.WorldResource(name=path.stem)
+                world = interface_class("simulation_interfaces/msg/WorldResource")(name=path.stem)
                 _resource(world).uri = path.absolute().as_uri()
                 response.worlds.append(world)
         if wrong and not getattr(request, "continue_on_error", True):

@@ -20,6 +20,7 @@ from gdfe_ros.errors import ArmError, SceneError
 from gdfe_ros.mesh.mesh import MeshPart
 from gdfe_ros.node.command_messages import require_pose
 from gdfe_ros.node.frames import Frames, Placement
+from gdfe_ros.node.middleware.ros_types import interface_class
 from gdfe_ros.node.refusals import Refused, ResultCode
 from gdfe_ros.node.requests.services import SPAWNED, path_of
 from gdfe_ros.scene.building.soft_bodies import parts_of
@@ -338,6 +339,4 @@ def pose_from_rest(thing: Thing, place: Placement) -> Pose:
 
 def new_message(sequence: str) -> Any:
     """Return a new message of the type of a field like ``sequence<simulation_interfaces/SpawnResult>``."""
-    import simulation_interfaces.msg
-
-    return getattr(simulation_interfaces.msg, sequence.rpartition("/")[2].rstrip(">"))()
+    return interface_class(f"simulation_interfaces/msg/{sequence.rpartition('/')[2].rstrip('>')}")()
