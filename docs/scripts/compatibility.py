@@ -20,9 +20,9 @@ class Row(NamedTuple):
     """A kind of file, and the test that reads files of this kind.
 
     Attributes:
-        kind: what is read.
-        made: what has made the files.
-        compared: what the result is compared with.
+        kind: kind of the files that the test reads.
+        made: library or package that made the files.
+        compared: values that the result is compared with.
         test: id of the test, without parameters.
     """
 
@@ -69,13 +69,13 @@ ROWS = (
         f"{_FILES}::test_xml_files_of_vtk"),
     Row("mesh files that are cut off", "gmsh, VTK", "refused within 10 s, with a remedy",
         f"{_FILES}::test_a_file_that_is_cut_off_is_refused_soon"),
-    Row("surfaces (STL, PLY, OBJ, OFF) that are cut off or wrong", "trimesh", "refused by what they are, with a remedy",
+    Row("surfaces (STL, PLY, OBJ, OFF) that are cut off or wrong", "trimesh", "refused with the defect and a remedy",
         f"{_FILES}::test_a_damaged_surface_is_told"),
     Row("Abaqus: instances, moved and turned", "this test", "bounds and volume",
         f"{_ABAQUS}::test_instances_are_placed"),
     Row("Abaqus: sets of nodes", "this test", "number of nodes", f"{_ABAQUS}::test_sets_of_nodes"),
     Row("Abaqus: types of an element", "this test", "number of cells", f"{_ABAQUS}::test_variants_of_an_element"),
-    Row("Abaqus: what would be read wrong", "this test", "refused by line, with a remedy",
+    Row("Abaqus: input that would be read wrongly", "this test", "refused with the line and a remedy",
         f"{_ABAQUS}::test_what_cannot_be_read_is_refused_by_line"),
     Row("cells on one side of their common face", "this test", "named with their neighbours",
         "test/mesh/test_same_side.py::test_a_folded_tetrahedron_is_found"),
@@ -87,9 +87,9 @@ ROWS = (
         f"{_BAGS}::test_each_kind_has_the_same_messages"),
     Row("bags: bare files without a suffix", "rosbags", "positions",
         f"{_BAGS}::test_bare_files_are_known_by_their_bytes"),
-    Row("bags: a place in messages of many types, with a path, ROS 1 and 2", "rosbags", "positions",
+    Row("bags: a position in messages of many types, by a path, ROS 1 and 2", "rosbags", "positions",
         f"{_BAGS}::test_places_in_messages_of_many_types"),
-    Row("bags that are cut off", "rosbags", "refused by kind, with a remedy",
+    Row("bags that are cut off", "rosbags", "refused with the kind and a remedy",
         f"{_BAGS}::test_recover_is_suggested_only_for_mcap"),
     Row("published sets of constants", "`materials/published.py`", "law, source, scale",
         "test/materials/test_published.py::test_a_set_says_where_it_comes_from"),

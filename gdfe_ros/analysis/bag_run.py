@@ -18,7 +18,7 @@ from gdfe_ros.analysis.message_values import Values, cloud_values, message_value
 from gdfe_ros.errors import RecordingError
 from gdfe_ros.recording.bag_info import TopicInfo
 from gdfe_ros.recording.reader import BagReader
-from gdfe_ros.recording.step import StepRecord
+from gdfe_ros.recording.step import StepRecord, to_nanoseconds
 from gdfe_ros.results.contacts import total_forces
 from gdfe_ros.scene import Scene, scene_from_text
 
@@ -29,6 +29,8 @@ _HANDLE_INPUTS = frozenset({"target", "velocity", "follow", "set"})
 """
 CONTACTS = "contacts"
 """Topic of the contact points. A message has a row for each point; the number of points changes from step to step."""
+RECORD, JOINTS = "step_record", "joint_states"
+"""Topics of the step records, and of the values of actuators and joints."""
 _OTHERS = frozenset({"topology", "scene", "contact_names", "markers", "contact_markers", "jacobian", "/clock"})
 """Topics of the node that are published less or more often than once per step."""
 
@@ -59,17 +61,12 @@ class BagStep:
             self.frames[topic] = frame
 
 
-def stamp_of(record: StepRecord) -> int:
-    """Return the stamp [ns] of all messages of a step."""
-    return round(record.time * 1e9)
-
-
 def step_keys(records: Collection[StepRecord]) -> list[StepKey]:
     """Return the keys of a run's steps, in order."""
     seen: Counter[int] = Counter()
     keys = []
     for record in records:
-        stamp = stamp_of(record)
+        stamp = to_nanoseconds(record.time)
         keys.append((stamp, seen[stamp]))
         seen[stamp] += 1
     return keys
@@ -136,7 +133,7 @@ class BagSteps:
         self.tail.update(short for short, _, _ in early)
 
     def _of(self, moment: int, early: list[tuple[str, int, Any]]) -> list[tuple[str, Any]]:
-        """Return topic and message of the ``early`` ones with log time ``moment`` [ns]; count the others as strays."""
+        """Return topic and content of ``early`` messages with log time ``moment`` [ns]; count all others as strays."""
         self.strays.update(short for short, time, _ in early if time != moment)
         return [(short, content) for short, time, content in early if time == moment]
 
@@ -146,9 +143,6 @@ def _is_known(role: str) -> bool:
     owner, _, last = role.rpartition("/")
     is_input = last in _INPUTS or ("/" in owner and last in _HANDLE_INPUTS)
     return role in _OTHERS or (is_input and not role.startswith("/"))
-
-
-RECORD = "step_record"
 
 
 class BagRun:
@@ -234,7 +228,7 @@ class BagRun:
 
 
 def _roles(topics: Iterable[TopicInfo]) -> dict[str, str]:
-    """Return dict from role to topic name."""
+    """Return a dict from role to topic name."""
     known = {topic.name: topic.role for topic in topics}
     record = next((name for name in known if name.endswith(f"/{RECORD}")), "")
     prefix = record.removesuffix(RECORD) or "//"
@@ -249,7 +243,7 @@ def _last(items: Iterator[Any]) -> Any:
 
 
 def _what_it_is(topics: Collection[str]) -> str:
-    """Return what a bag without step records is, and what can read it."""
+    """Return a text about the origin of a bag without step records, and about programs that can read it."""
     if any(name.startswith("/gdfe_twin/") for name in topics):
         text = "was recorded by gdfe twin, whose moduli change between steps, so that it has no step records"
         return f"{text}; remedy: Foxglove, PlotJuggler or `gdfe fit SCENE BAG --match FILE` read its topics"

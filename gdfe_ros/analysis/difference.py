@@ -37,17 +37,17 @@ class Difference(Enum):
 
 @dataclass(frozen=True)
 class Place:
-    """One number of a field, in both runs.
+    """One number of a field that differs.
 
     Attributes:
         key: key of the step.
         element: index of the vertex, cell or entry.
-        values: the number in the first and in the second run.
+        gap: difference of the two runs, in the unit of the field; infinite if one run has NaN.
     """
 
     key: StepKey
     element: int
-    values: tuple[float, float]
+    gap: float
 
     @property
     def stamp(self) -> float:
@@ -60,7 +60,7 @@ class FieldDifference:
     """Difference of one field of one topic.
 
     Attributes:
-        topic: without the node's name.
+        topic: name of the topic without the node's name.
         field: name of the field in the topic's messages.
         compared: number of pairs of arrays.
         differing: number of pairs of arrays that are not bit-identical.
@@ -84,9 +84,7 @@ class FieldDifference:
     @property
     def largest(self) -> float:
         """Largest difference, in the unit of the field; infinite if one run has NaN."""
-        if self.most is None:
-            return 0.0
-        return _gap(*self.most.values)
+        return self.most.gap if self.most else 0.0
 
     def add(self, key: StepKey, first: NDArray[Any], second: NDArray[Any], *, tolerance: float = 0.0) -> None:
         """Compare two arrays of a step whose accuracy is ``tolerance``."""
@@ -104,19 +102,18 @@ class FieldDifference:
         with np.errstate(invalid="ignore"):
             gaps = np.abs(first.astype(float) - second.astype(float))[different]
         gaps = np.where(np.isnan(gaps), np.inf, gaps)
-        self.first = self.first or _place(key, different[0], first, second)
-        worst = _place(key, different[np.argmax(gaps)], first, second)
-        gap = _gap(*worst.values)
-        self.gaps[tolerance] = max(gap, self.gaps.get(tolerance, 0.0))
-        if self.most is None or gap > self.largest:
-            self.most = worst
+        worst = int(np.argmax(gaps))
+        self.first = self.first or Place(key, int(different[0]), float(gaps[0]))
+        self.gaps[tolerance] = max(float(gaps[worst]), self.gaps.get(tolerance, 0.0))
+        if self.most is None or gaps[worst] > self.largest:
+            self.most = Place(key, int(different[worst]), float(gaps[worst]))
 
 
 class Differences:
     """Differences of two runs, collected step by step.
 
     Args:
-        scene: of the first run; `bound_difference` uses its tolerance, size, shortest edge and stiffness.
+        scene: scene of the first run; `bound_difference` uses its tolerance, size, shortest edge and stiffness.
 
     Attributes:
         fields: dict from topic and field to their difference, in the order of occurrence.
@@ -248,15 +245,6 @@ class Differences:
 def _bits(values: NDArray[Any]) -> NDArray[np.unsignedinteger]:
     """Return the bits of numbers converted to double: NaN equals NaN, and 0 differs from -0."""
     return np.ascontiguousarray(values, dtype=np.float64).view(np.uint64)
-
-
-def _place(key: StepKey, element: int, first: NDArray[Any], second: NDArray[Any]) -> Place:
-    return Place(key, int(element), (float(first[element]), float(second[element])))
-
-
-def _gap(first: float, second: float) -> float:
-    gap = abs(first - second)
-    return np.inf if np.isnan(gap) else gap
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,7 +14,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from gdfe_ros.actuators import Actuator, Mode
-from gdfe_ros.analysis.bag_run import CONTACTS, RECORD, BagStep
+from gdfe_ros.analysis.bag_run import CONTACTS, JOINTS, RECORD, BagStep
 from gdfe_ros.analysis.difference_table import unit_of
 from gdfe_ros.mesh import Mesh
 from gdfe_ros.scene import Scene
@@ -23,7 +23,6 @@ from gdfe_ros.untrusted.bounded_text import quote_formula
 if TYPE_CHECKING:
     import meshio
 
-JOINTS = "joint_states"
 _TIMES = {"time": "s", "dt": "s", "wall_time": "s", "solve_time": "s", "stamp": "ns"}
 _COMPONENTS = ("x", "y", "z", "w")
 

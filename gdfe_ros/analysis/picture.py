@@ -29,8 +29,8 @@ OBSTACLE = (0.80, 0.62, 0.45, 0.35)
 CABLE, FORCE = (0.75, 0.10, 0.10), (0.95, 0.15, 0.55)
 CHAMBER, CHAMBER_EDGES = (0.55, 0.80, 1.0, 0.12), (0.75, 0.90, 1.0, 0.45)
 PIECES = 24
-"""Body size divided by the largest edge length of an obstacle's faces, if they are sorted together with the body's
-faces. Longer faces are divided, because each face is drawn as a whole in front of or behind another face."""
+"""Obstacles that are sorted together with the body have faces no longer than the body's size divided by this number.
+Longer faces are divided, because matplotlib draws each face entirely in front of or behind another one."""
 TICKS = 5
 """Number of intervals between ticks along the longest axis. Shorter axes have fewer, so that labels do not overlap."""
 

@@ -29,7 +29,7 @@ class ReplayReport:
     """Result of a replay.
 
     Attributes:
-        differences: between the bag (first run) and the replay (second run).
+        differences: differences between the bag (first run) and the replay (second run).
         unknown: topics of the bag that the replay does not reproduce; they are not compared.
         strays: dict from topic to the number of messages in the bag without a record of their step.
         cuts: number of recorded steps whose deadline passed; the replay ends their solves at the same check of the
@@ -161,7 +161,7 @@ def compare_steps(
 
     Args:
         steps: the recorded steps.
-        repeated: each of them with the arrays of its repetition, by topic and field, and whether that converged.
+        repeated: each recorded step, the arrays of its repetition by topic and field, and whether that converged.
         changed: whether overrides make the runs differ, so that no solve was ended where the recorded one was.
         started: when the replay began, on the clock ``time.perf_counter`` [s].
         more: other attributes of the report.

@@ -9,7 +9,6 @@ from __future__ import annotations
 import csv
 import hashlib
 import json
-import os
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -27,7 +26,7 @@ from gdfe_ros.results.step_result import StepResult
 from gdfe_ros.scene import scene_from_text
 from gdfe_ros.simulation import Simulation
 from gdfe_ros.untrusted.bounded_text import LARGEST_TEXT, load_json, load_yaml
-from gdfe_ros.untrusted.regular_file import read_text
+from gdfe_ros.untrusted.regular_file import read_text, replace_file
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -63,7 +62,7 @@ def grid_cases(axes: Mapping[str, Sequence[Any]], rows: Sequence[Mapping[str, An
 
 
 def read_axes(entries: Iterable[str]) -> dict[str, list[Any]]:
-    """Return dict from key to values, read from ``KEY=VALUES``: a YAML list, or ``low:high:count``.
+    """Return a dict from key to values, read from ``KEY=VALUES``: a YAML list, or ``low:high:count``.
 
     ``low:high:count`` stands for ``count`` evenly spaced numbers.
 
@@ -198,7 +197,6 @@ class Archive:
     """
 
     def __init__(self, directory: Path, scene: str) -> None:
-        self._directory = directory
         self._cases = directory / "cases"
         facts = {"scene_sha256": hashlib.sha256(scene.encode()).hexdigest()}
         known = directory / _FACTS
@@ -208,7 +206,7 @@ class Archive:
         elif directory.exists() and any(directory.iterdir()):
             raise GdfeError(f"{directory} is not empty and holds no sweep: name another directory")
         self._cases.mkdir(parents=True, exist_ok=True)
-        _write(known, facts)
+        replace_file(known, json.dumps(facts).encode())
 
     def find(self, case: Case) -> Result | None:
         """Return the result of a case, or None if it is not completed."""
@@ -217,13 +215,7 @@ class Archive:
 
     def keep(self, case: Case, result: Result) -> None:
         """Write a result; if the process is killed, either all of it or nothing is written."""
-        _write(self._cases / f"{case.name}.json", result)
-
-
-def _write(path: Path, data: Any) -> None:
-    temporary = path.with_suffix(".tmp")
-    temporary.write_text(json.dumps(data), encoding="utf-8")
-    os.replace(temporary, path)
+        replace_file(self._cases / f"{case.name}.json", json.dumps(result).encode())
 
 
 SHOWN = ("energy", "eps_eq_max", "solve_time")

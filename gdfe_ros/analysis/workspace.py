@@ -117,8 +117,10 @@ def command_samples(limits: NDArray[np.float64], count: int) -> NDArray[np.float
     if dimensions <= MOST_GRID:
         side = max(2, round(count ** (1.0 / dimensions)))
         axes = [np.linspace(low, high, side) for low, high in limits]
-        rows = np.array(list(product(*axes)))
-        return rows if dimensions == 1 else np.concatenate(_to_and_fro(rows.reshape(side, side, dimensions)))
+        grid = np.array(list(product(*axes))).reshape(*[side] * dimensions, dimensions)
+        if dimensions == 2:
+            grid[1::2] = grid[1::2, ::-1]  # to and fro
+        return grid.reshape(-1, dimensions)
     corners = np.zeros((0, dimensions))
     if 2 ** (dimensions + 1) <= count:
         corners = np.array(list(product((0.0, 1.0), repeat=dimensions)))
@@ -126,10 +128,6 @@ def command_samples(limits: NDArray[np.float64], count: int) -> NDArray[np.float
     inside = qmc.Sobol(dimensions, scramble=False).random(1 << math.ceil(math.log2(rest + 1)))[1 : rest + 1]
     unit = np.concatenate([corners, inside])
     return limits[:, 0] + unit[_tour(unit)] * (limits[:, 1] - limits[:, 0])
-
-
-def _to_and_fro(grid: NDArray[np.float64]) -> list[NDArray[np.float64]]:
-    return [line if number % 2 == 0 else line[::-1] for number, line in enumerate(grid)]
 
 
 def _tour(unit: NDArray[np.float64]) -> list[int]:

@@ -73,16 +73,12 @@ def _format(arguments: argparse.Namespace) -> Format:
 
 
 def _write(kind: Format, steps: Iterator[BagStep], recorded: BagRun, out: Path) -> int:
-    if kind is Format.VTK:
-        from gdfe_ros.analysis.export import write_vtk_series
+    from gdfe_ros.analysis.export import Columns, step_row, write_csv, write_npz, write_parquet, write_vtk_series
 
+    if kind is Format.VTK:
         return write_vtk_series(steps, recorded.scene.mesh, out)
     if kind is Format.NPZ:
-        from gdfe_ros.analysis.export import write_npz
-
         return write_npz(steps, recorded.scene, out)
-    from gdfe_ros.analysis.export import Columns, step_row, write_csv, write_parquet
-
     known = Columns(recorded.scene.actuators)
     rows = [step_row(step, known) for step in steps]
     {Format.CSV: write_csv, Format.PARQUET: write_parquet}[kind](rows, out, known)
@@ -110,16 +106,14 @@ def write_recovered(arguments: argparse.Namespace) -> int:
 
 
 def _remarks(report: RecoveryReport) -> list[str]:
-    remarks = [f"{name} was cut off: data after its last complete record are lost" for name in report.cut_files]
-    if report.damaged_chunks:
-        remarks.append(f"{report.damaged_chunks} chunks did not match their checksum and were left out")
-    if report.damaged_records:
-        remarks.append(f"{report.damaged_records} other records could not be read and were left out")
-    if not report.run:
-        remarks.append("its scene is lost: replay and report cannot read the new bag; rosbag2 and Foxglove can")
-    if report.orphans:
-        remarks.append(f"{report.orphans} messages were left out: the declaration of their topic is lost")
-    return remarks or ["the bag was complete"]
+    remarks = (
+        *((True, f"{name} was cut off: data after its last complete record are lost") for name in report.cut_files),
+        (report.damaged_chunks, f"{report.damaged_chunks} chunks did not match their checksum and were left out"),
+        (report.damaged_records, f"{report.damaged_records} other records could not be read and were left out"),
+        (not report.run, "its scene is lost: replay and report cannot read the new bag; rosbag2 and Foxglove can"),
+        (report.orphans, f"{report.orphans} messages were left out: the declaration of their topic is lost"),
+    )
+    return [text for applies, text in remarks if applies] or ["the bag was complete"]
 
 
 BESIDE = Path()

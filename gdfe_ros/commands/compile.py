@@ -48,7 +48,7 @@ def run(arguments: argparse.Namespace) -> int:
 def work() -> list[tuple[str, dict[str, object]]]:
     """Return pairs of scene and overrides to compile; the first must be completed before the others are started.
 
-    Scenes with a robot from a package that is not installed are left out: their kernels are those of other scenes.
+    Scenes with a robot from a package that is not installed are left out; other scenes need the same kernels.
     """
     return [(FIRST, {}), *VARIANTS, *((name, {}) for name in loadable_names() if name != FIRST)]
 

@@ -91,10 +91,7 @@ def _verdict(found: Inspection) -> str:
 
 
 def _draw(path: Path, found: Inspection) -> None:
-    from gdfe_ros.analysis.picture import (
-        draw_body,  # matplotlib takes a second to import
-        draw_surface,
-    )
+    from gdfe_ros.analysis.picture import draw_body, draw_surface  # matplotlib takes a second to import
 
     if found.surface is not None:
         draw_surface(path, found.surface, title=f"{found.path.name}: {len(found.surface.triangles)} triangles")

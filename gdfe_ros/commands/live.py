@@ -184,7 +184,7 @@ def _require_source(arguments: argparse.Namespace) -> None:
 
 
 def _say(text: str) -> None:
-    """Print a message about the present waiting time to standard error, without buffering."""
+    """Print a message about a wait to standard error, without buffering."""
     print(text, file=sys.stderr, flush=True)
 
 

@@ -131,7 +131,7 @@ def _join(arguments: argparse.Namespace) -> Path:
 
 
 def _sizes(arguments: argparse.Namespace, points: NDArray[np.float64] | None) -> dict[str, float]:
-    """Return the entries `size` and `least_size` [m]; without ``--size``, that of a body with these points (n, 3)."""
+    """Return the entries `size` and `least_size` [m]; the default size fits a body with these points (n, 3)."""
     given = {"size": arguments.size, "least_size": arguments.least_size}
     if arguments.size is None:
         given["size"] = default_size(points)

@@ -39,7 +39,7 @@ def add_overrides(parser: argparse.ArgumentParser, text: str) -> None:
 
 
 def require_picture(path: Path | None) -> None:
-    """Raise an error if the folder of a picture is missing, or its format is unknown; None is no picture.
+    """Raise an error if the folder of a picture is missing, or its format is unknown; None passes.
 
     Raises:
         GdfeError: the error names the file, and the allowed formats or the remedy.
@@ -56,7 +56,7 @@ def require_picture(path: Path | None) -> None:
 
 
 def require_folder(option: str, path: Path | None) -> None:
-    """Raise an error if a file has no folder, or is one itself; None is no file.
+    """Raise an error if the folder of a file is missing, or if the path is a folder itself; None passes.
 
     Raises:
         GdfeError: the error names the option, the file, and the remedy.
@@ -82,7 +82,7 @@ def add_workers(parser: argparse.ArgumentParser) -> None:
 def open_client(arguments: argparse.Namespace) -> AbstractContextManager[Client | None]:
     """Return a context manager that connects to the workers and yields their client.
 
-    It yields None if a single worker on this machine was asked for: the work is then done in this process.
+    It yields None if a single worker on this machine was requested; the work is then done in this process.
     """
     if arguments.scheduler is None and arguments.workers == 1:
         return nullcontext()

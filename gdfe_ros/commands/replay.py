@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``gdfe replay`` and ``gdfe compare``: repeat a recorded run, or take a second one, and compare every array."""
+"""``gdfe replay`` repeats a recorded run, ``gdfe compare`` takes a second recorded run; both compare every array."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ from gdfe_ros.scene.override import read_overrides
 from gdfe_ros.solver.settings import Policy
 
 DIFFERENT = 1
+"""Exit status if arrays differ, or are not compared completely."""
 _MOST = 20
 """Largest number of listed keys by which two scenes differ."""
 
@@ -93,29 +94,21 @@ def _repeat_by_node(run: BagRun, overrides: dict[str, object]) -> ReplayReport:
 
 
 def _remarks(run: BagRun, report: ReplayReport, overrides: dict[str, object]) -> list[str]:
-    remarks = [f"changed: {key} = {value}" for key, value in overrides.items()]
-    if report.cuts:
-        remarks.append(f"{report.cuts} solves whose deadline had passed were ended at the same place")
-    if report.not_converged:
-        remarks.append(f"{report.not_converged} steps did not converge in the replay")
-    if report.unknown:
-        remarks.append(f"not compared, because the replay has none of it: {', '.join(report.unknown)}")
-    if report.inexact:
-        remarks.append(
-            f"{report.inexact} targets could not be sent to the last bit, because their messages are not in the bag"
-        )
-    if report.strays:
-        remarks.append(f"not compared, because their step is not in the bag: {dict(report.strays)}")
-    if report.tail:
-        remarks.append(f"messages of an incomplete step at the end of the recording: {dict(report.tail)}")
-    if report.end:
-        remarks.append(report.end)
-    if report.differences.unmatched:
-        remarks.append(f"arrays in only one of the runs: {dict(report.differences.unmatched)}")
     dropped = run.reader.notes.get("messages_dropped", "0")
-    if dropped != "0":
-        remarks.append(f"{dropped} messages were dropped while the bag was recorded")
-    return remarks + _machines(run)
+    inexact = f"{report.inexact} targets could not be sent to the last bit, because their messages are not in the bag"
+    remarks = (
+        *((True, f"changed: {key} = {value}") for key, value in overrides.items()),
+        (report.cuts, f"{report.cuts} solves whose deadline had passed were ended at the same place"),
+        (report.not_converged, f"{report.not_converged} steps did not converge in the replay"),
+        (report.unknown, f"not compared, because the replay has none of it: {', '.join(report.unknown)}"),
+        (report.inexact, inexact),
+        (report.strays, f"not compared, because their step is not in the bag: {dict(report.strays)}"),
+        (report.tail, f"messages of an incomplete step at the end of the recording: {dict(report.tail)}"),
+        (report.end, report.end),
+        (report.differences.unmatched, f"arrays in only one of the runs: {dict(report.differences.unmatched)}"),
+        (dropped != "0", f"{dropped} messages were dropped while the bag was recorded"),
+    )
+    return [text for applies, text in remarks if applies] + _machines(run)
 
 
 def _machines(run: BagRun) -> list[str]:
@@ -150,7 +143,7 @@ def compare(arguments: argparse.Namespace) -> int:
 
 
 def _describe_changes(comparison: Comparison) -> list[str]:
-    """Return remarks on what else differs: scenes, steps and topics."""
+    """Return remarks on differences beside the arrays: scenes, steps and topics."""
     remarks = []
     if comparison.scene_changes:
         changes = comparison.scene_changes

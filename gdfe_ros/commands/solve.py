@@ -28,6 +28,7 @@ from gdfe_ros.solver.settings import Policy, SolverSettings
 from gdfe_ros.untrusted.terminal import QUANTITIES, PlainConsole, make_table
 
 NOT_CONVERGED = 3
+"""Exit status if a step did not converge."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -82,7 +83,7 @@ def describe_stop(results: list[StepResult], *, beyond: bool = False) -> str:
 
     Args:
         results: results of the steps; the last one failed.
-        beyond: whether the failed step went back to the last equilibrium before its commands.
+        beyond: whether the failed step returned the last equilibrium on the path to its commands.
     """
     found = [result for result in results if result.converged or (beyond and result is results[-1])]
     if not found:
@@ -98,7 +99,7 @@ def describe_stop(results: list[StepResult], *, beyond: bool = False) -> str:
 
 
 def _is_withdrawn(simulation: Simulation, last: StepResult) -> bool:
-    """Return whether a failed step went back to an equilibrium whose commands are not yet the program's."""
+    """Return whether a failed step returned an equilibrium whose commands have not yet reached the program's."""
     program = simulation.scene.program
     if last.converged or program is None or not 0.0 <= last.error_estimate <= simulation.settings.tolerance:
         return False

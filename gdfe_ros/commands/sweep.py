@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``gdfe sweep``, many cases of a scene, in parallel and resumable, and ``gdfe workspace``, what a probe reaches."""
+"""``gdfe sweep`` runs many cases of a scene in parallel; ``gdfe workspace`` finds the positions a probe can reach."""
 
 from __future__ import annotations
 

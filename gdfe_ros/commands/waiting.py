@@ -51,7 +51,7 @@ def waiting(
     written by a separate thread, so that they are also shown during a step that takes minutes.
 
     Args:
-        text: what is being done, e.g. "loading gripper"; while kernels are compiled, the line says so instead. Or a
+        text: the present task, e.g. "loading gripper"; while kernels are compiled, the line says so instead. Or a
             function that returns the line.
         console: console to write to; by default that of standard error.
         silent: time before the text appears at a terminal [s].

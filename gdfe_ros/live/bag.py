@@ -26,7 +26,7 @@ class StepBag:
         path: directory of the bag; it must not exist yet, or be empty.
         scene: scene of the steps.
         node: name of the node.
-        settings: of the run, and ``state``, as for `RunInfo.of`.
+        settings: keyword arguments of `RunInfo.of`: ``node`` and ``state``.
         texts: dict from latched topic to its text.
         start: log time of these texts [ns].
         others: dict from a further topic, without the node's name, to its type.

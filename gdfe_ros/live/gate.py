@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Who may connect to the page, by a token, and what viewers may send.
+"""Checks of who may connect to the page, by a token, and of the messages that viewers may send.
 
 A browser lets each website that its user opens send requests to this machine. Without these checks, any such website
 could command the simulation.
@@ -26,6 +26,7 @@ from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
 
 from gdfe_ros.errors import GdfeError
+from gdfe_ros.untrusted.real_number import is_number
 
 _KEY = "token"
 _LOOPBACK = frozenset({"localhost", "127.0.0.1", "::1"})
@@ -85,7 +86,7 @@ class Gate:
     def _is_own(self, host: str) -> bool:
         """Return whether a Host header names this server: by an IP address, or by one of this machine's names.
 
-        Its port may be another one, which is forwarded to this server.
+        The port may differ, because another port may be forwarded to this server.
         """
         try:
             name = (urlsplit(f"//{host}").hostname or "").lower()
@@ -183,7 +184,7 @@ class Admission:
                 del handlers[kind]
 
     def welcome(self, client: viser.ClientHandle) -> None:
-        """Let a new viewer send, for itself alone, nothing but the place of its camera."""
+        """Accept from a new viewer's own connection only the position of its camera."""
         handlers = client._websock_connection._incoming_handlers
         for kind in set(handlers) - {messages.ViewerCameraMessage}:
             del handlers[kind]
@@ -213,7 +214,7 @@ class Admission:
         self._gui._websock_interface.queue_message(messages.GuiUpdateMessage(subject._impl.uuid, values))
 
     def _wrong_update(self, message: Any) -> str:
-        """Return why a control cannot get the values of a message; empty if it can. Only its value can change."""
+        """Return why a message may not update its control; empty if it may. Only a control's value may change."""
         handle = self._gui._gui_input_handle_from_uuid.get(message.uuid)
         if handle is None:
             return ""  # removed meanwhile; viser ignores the message
@@ -224,7 +225,7 @@ class Admission:
 
 
 def _wrong_value(handle: Any, value: Any) -> str:
-    """Return why a value is not one of a control; empty if it is."""
+    """Return why a control cannot have a value; empty if it can."""
     match handle:
         case viser.GuiButtonHandle() | viser.GuiCheckboxHandle():
             return "" if isinstance(value, bool) else f"{_show(value)} is given; allowed: true, false"
@@ -257,7 +258,7 @@ def _allow(message: Any) -> str:
 def _are_finite(values: Iterable[Any], count: int) -> bool:
     """Return whether values are ``count`` finite numbers."""
     numbers = list(values) if isinstance(values, list | tuple) else []
-    real = all(isinstance(each, int | float) and not isinstance(each, bool) for each in numbers)
+    real = all(map(is_number, numbers))
     return len(numbers) == count and real and all(abs(each) < 1e300 for each in numbers)
 
 

@@ -35,6 +35,7 @@ _SLOWLY = 0.2
 """Update interval of numbers, plots, traces and sliders [s]. The body and its markers are updated in every frame."""
 _BUILT = "the body is being built"
 _PLAIN = "none"
+"""Choice of a body without colours."""
 _PORTS = 65536
 _LONGEST_NOTE = 300
 """Largest number of characters of a text for viewers."""
@@ -141,8 +142,8 @@ class Page:
 
         Args:
             places: dict from name to measured and simulated position, each (3,) [m].
-            body: function that returns the positions of the measured body for those of the simulated one, both (n, 3)
-                [m]; it is drawn translucent. None: only points are drawn.
+            body: function that returns positions of the measured body from positions of the simulated body, both (n, 3)
+                [m]; the measured body is drawn translucent. None: only points are drawn.
         """
         drawn = None if body is None or self._view is None else body(self._view.positions)
         with self._server.atomic():
@@ -229,7 +230,7 @@ class Page:
             self._ending.wait(max(0.0, due - monotonic()))
 
     def _show_step(self, slow: float, now: float) -> float:
-        """Draw the last step if there are viewers; return when numbers, plots and traces were updated last."""
+        """Draw the last step if there are viewers; return the time of the last update of numbers, plots and traces."""
         view, again = self._view, self._again
         self._session.watch(bool(self.viewers))
         if not self.viewers:
@@ -247,7 +248,7 @@ class Page:
         return now
 
     def _say_seldom(self, subject: str, text: str) -> None:
-        """Show a text about a subject, of which there may be thousands, at most once in five seconds."""
+        """Show a text at most once in five seconds for each subject, because there may be thousands of texts."""
         if (more := self._told.due(subject)) is not None:
             self.say(text + more)
 

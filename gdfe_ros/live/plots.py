@@ -15,6 +15,8 @@ from gdfe_ros.scene.scene import Scene
 
 _LENGTH = 4096
 """Number of steps that are stored."""
+_MOST = 600
+"""Largest number of points of a curve: of more steps, only every second, third, ... is drawn."""
 _AXES = ("x", "y", "z")
 
 
@@ -47,17 +49,17 @@ class StepHistory:
             self._rows[self._count % _LENGTH] = row
             self._count += 1
 
-    def table(self, plot: str, *, most: int = 600) -> NDArray[np.float64]:
+    def table(self, plot: str) -> NDArray[np.float64]:
         """Return the table (1 + c, k) of a plot: a row of times [s], then a row for each of its c curves.
 
-        If more than ``most`` steps are stored, only every second, third, ... step is returned.
+        If more than `_MOST` steps are stored, only every second, third, ... step is returned.
         """
         with self._lock:
             names = list(self.curves)
             first = 1 + sum(len(self.curves[name]) for name in names[: names.index(plot)])
             columns = [0, *range(first, first + len(self.curves[plot]))]
             count = min(self._count, _LENGTH)
-            order = np.arange(self._count - count, self._count)[:: max(1, -(-count // most))] % _LENGTH
+            order = np.arange(self._count - count, self._count)[:: max(1, -(-count // _MOST))] % _LENGTH
             return self._rows[np.ix_(order, columns)].T.copy()
 
     def _groups(self, view: View) -> Iterator[tuple[str, dict[str, float]]]:
@@ -142,10 +144,7 @@ class _Plot:
                 series=({"label": "t [s]"}, *curves),
                 scales={"x": {"time": False}},
                 # Numbers such as -0.025 are cut by the usual 50 pixels.
-                axes=(
-                    {"label": "t [s]", "labelSize": 18, "size": 34},
-                    {"size": 64},
-                ),
+                axes=({"label": "t [s]", "labelSize": 18, "size": 34}, {"size": 64}),
                 legend={"show": True, "live": False},
                 height=168,
             )

@@ -43,7 +43,7 @@ _DEPTH = 0.6
 _SQUARES = 16
 """Number of squares along each side of the ground."""
 _FAINT = 0.45
-"""Opacity of the controls of probes, which would hide the place that they move."""
+"""Opacity of the controls of probes, so low that the probe stays visible."""
 _TRACE = 400
 """Largest number of points of a probe's trace."""
 _GRAIN = 2e-3
@@ -51,11 +51,11 @@ _GRAIN = 2e-3
 _TOUCHED = 0.7
 """After a viewer's drag, a control keeps the viewer's pose for this time [s]."""
 _NOISE = 0.5
-"""Size of a reaction that is an error of the solve, divided by Young's modulus, the square of the body's size, and the
-error estimate: a clamped bar of rubber that ought to pull with no force has 0.4.
+"""Largest reaction that counts as an error of the solve, divided by Young's modulus, the square of the body's size, and
+the error estimate. An unloaded clamped bar of rubber reaches 0.4.
 """
 _ROUNDING = 1e-13
-"""Error estimate of a body in its rest shape, which has errors of rounding only."""
+"""Least error estimate for the noise of forces: in its rest shape, a body has errors of rounding only."""
 _ORANGE = (240, 140, 20)
 _HELD = {"arrows": (40, 80, 200)}
 _TOUCHES = {"sticks": (25, 180, 50), "slips": (230, 25, 25)}
@@ -155,9 +155,7 @@ class Stage:
         self._draw_contacts(view)
 
     def compare(
-        self,
-        places: Mapping[str, tuple[NDArray[np.float64], NDArray[np.float64]]],
-        body: NDArray[np.float64] | None,
+        self, places: Mapping[str, tuple[NDArray[np.float64], NDArray[np.float64]]], body: NDArray[np.float64] | None
     ) -> None:
         """Draw a real robot: its measured points, their distances from the simulated ones, and its body (n, 3) [m]."""
         if self._robot is None:
@@ -329,7 +327,7 @@ def scale_of(mesh: HexMesh) -> float:
 
 
 def round_length(length: float) -> float:
-    """Return the largest length that is at most ``length``, of those that are 1, 2 or 5 times a power of ten."""
+    """Return the largest length up to ``length`` that is 1, 2 or 5 times a power of ten."""
     decade = 10.0 ** math.floor(math.log10(length))
     return next(factor * decade for factor in (5.0, 2.0, 1.0) if factor * decade <= length * (1.0 + 1e-9))
 

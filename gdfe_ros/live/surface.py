@@ -66,7 +66,7 @@ class AlternatingBody:
 
 
 class DrawnSurface:
-    """The boundary of a mesh, or its skin, as triangles with a colour at each point.
+    """The boundary of a mesh, or the finer skin embedded in it, as triangles with a colour at each point.
 
     Args:
         mesh: the undeformed body.
@@ -90,7 +90,7 @@ class DrawnSurface:
         self._positions, self._colours = numbers[:count].reshape(-1, 3), numbers[count:].reshape(-1, 3)
 
     def be_translucent(self, wanted: bool) -> None:
-        """Let the next frames show what is inside the body, or not."""
+        """Make the body translucent or opaque in the next frames."""
         self._data[self._mode : self._mode + len(_OPAQUE)] = _TRANSLUCENT if wanted else _OPAQUE
 
     def pack(self, positions: NDArray[np.float64], shares: NDArray[np.float64] | None) -> bytes:
@@ -111,7 +111,7 @@ class DrawnSurface:
         return bytes(self._data)
 
     def _template(self) -> bytes:
-        """Return the file with zeros in place of the data of a frame, and store the offsets of these data."""
+        """Return a glTF file with zeros in place of a frame's data, and store the offsets of the data."""
         count, faces = self.count, self.triangles.tobytes()
         size = 12 * count
         views = [(0, size, _ARRAY), (size, size, _ARRAY), (2 * size, len(faces), _INDICES)]
@@ -182,9 +182,7 @@ class RealRobot:
         self._body: AlternatingBody | None = None
 
     def draw(
-        self,
-        places: Mapping[str, tuple[NDArray[np.float64], NDArray[np.float64]]],
-        body: NDArray[np.float64] | None,
+        self, places: Mapping[str, tuple[NDArray[np.float64], NDArray[np.float64]]], body: NDArray[np.float64] | None
     ) -> None:
         """Draw the robot.
 

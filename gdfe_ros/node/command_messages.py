@@ -151,7 +151,7 @@ class ActuatorOrders:
         self._actuators, self._loads, self._joints = self._orders.actuators, self._orders.loads, self._orders.joints
 
     def from_joint_state(self, message: JointState) -> ActuatorOrder:
-        """Return the commands of a JointState: those of efforts from ``effort``, all others from ``position``.
+        """Return the commands in a JointState: ``effort`` of actuators commanded by effort, ``position`` of all others.
 
         The ``position`` of a load is its factor [1], that of a joint is its position [rad] or [m]. A value of NaN
         commands nothing.

@@ -123,7 +123,7 @@ class Diagnostics:
         return parts
 
     def _commands(self, session: SimulationSession | None) -> _Part:
-        """Return the status of the commands: counts, new refusals and exceptions, else the status of the session's."""
+        """Return the status of the commands: counts, a warning after refusals, an error after a failed callback."""
         counts: dict[str, object] = dict(self._refusals.counts())
         refused, faults = int(counts["commands refused"]) - self._refused, self._node.faults.count - self._faults
         self._refused, self._faults = self._refused + refused, self._faults + faults
@@ -137,7 +137,7 @@ class Diagnostics:
 
 
 def _judge_obedience(session: SimulationSession) -> _Part:
-    """Return the status of the accepted commands: whether they are heard, and whether the simulation reaches them."""
+    """Return whether the node receives all commands, and whether the simulation reaches the commanded values."""
     values: dict[str, object] = {f"{name} follows": leader for name, leader in session.inputs.list_leaders().items()}
     reason = "ok"
     if session.mode is ClockMode.LOCKSTEP and session.run.pace is not None:
@@ -165,7 +165,7 @@ def _find_limited(session: SimulationSession) -> dict[str, str]:
 
 
 def _tell_approach(session: SimulationSession) -> str:
-    """Return a text about the commands that a rate limit delays on their path to their goals, and about the limit."""
+    """Return a text with present value and goal of each command that the rate limit delays, and with this limit."""
     slew, present = session.stepper.drive.slew, session.simulation.commands
     goals = ", ".join(f"{name} at {present[name]:.4g} of {goal:.4g}" for name, goal in slew.goals.items())
     if slew.stopped:
@@ -176,7 +176,7 @@ def _tell_approach(session: SimulationSession) -> str:
 
 
 def _work(session: SimulationSession) -> dict[str, object]:
-    """Return the entry ``working on``: a task longer than `_LONG`, or a request of ~/step; empty without either."""
+    """Return the entry ``working on``: a task longer than `_LONG`, or the request of ~/step; else an empty dict."""
     stepper, request = session.stepper, session.step_request
     work, rounds = stepper.work, stepper.rounds
     if work is not None and (spent := time.monotonic() - work[1]) > _LONG:

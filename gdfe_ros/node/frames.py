@@ -18,7 +18,6 @@ from scipy.spatial.transform import Rotation
 from gdfe_ros.arms.dynamics import LinkFrame
 from gdfe_ros.constraints import Handle, Pose
 from gdfe_ros.constraints.obstacle import ArmLink
-from gdfe_ros.node.driving.drive import Settings
 from gdfe_ros.node.interface import TopicSpec, topics
 from gdfe_ros.node.middleware.managed import ManagedNode
 from gdfe_ros.node.middleware.ros_types import interface_class, subscribe
@@ -86,7 +85,7 @@ class Transforms:
         heard: Callable[[], object],
         *,
         now: Callable[[], int],
-        limits: Settings,
+        limits: Mapping[str, Any],
         refuse: Callable[[str, Refusal], None],
     ) -> None:
         self._node, self._heard, self._now, self._limits, self._refuse = node, heard, now, limits, refuse

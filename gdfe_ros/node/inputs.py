@@ -144,7 +144,7 @@ class Input:
         check: function that returns the order of a message, or raises ``Refusal``.
         key: name of the input in ``command_set`` and in bags, e.g. ``handles/tip/target``.
         stamped: whether the header's stamp is the time of the command.
-        leader: name of the topic of a handle's leader; empty: ``~/`` and the key.
+        leader: topic of the handle's leader; empty: the topic is ``~/`` followed by ``key``.
     """
 
     spec: TopicSpec
@@ -249,7 +249,7 @@ class Inputs:
                     self._pursuits.remove(pursuit)
 
     def take_over(self, other: Inputs) -> None:
-        """Continue the action clients' trajectories and the checks of stamps of other inputs."""
+        """Take over trajectories of action clients, stored stamps, and the list of heard topics from other inputs."""
         self._pursuits, other._pursuits = other._pursuits, []
         self.freshness, self._heard = other.freshness, other._heard & self._inputs.keys()
 
@@ -303,10 +303,10 @@ class Inputs:
 
 
 def read_message(data: bytes, kind: type) -> Any:
-    """Return the message of a class that bytes contain.
+    """Deserialise a message of the class ``kind``.
 
     Raises:
-        Refusal: the bytes are too many, or no such message.
+        Refusal: the bytes are too many, or are not a message of this class.
     """
     require_small(data)
     try:

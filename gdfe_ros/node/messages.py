@@ -52,7 +52,7 @@ def header(stamp: int, frame_id: str) -> Header:
 
 
 def by_axis(values: Iterable[float], axes: str = "xyz") -> dict[str, float]:
-    """Return a dict from axis, as a message's fields are named, to the component of a vector, quaternion or colour."""
+    """Return a dict from axis, e.g. ``x``, to component: the arguments of a message with a vector or quaternion."""
     return dict(zip(axes, map(float, values), strict=True))
 
 
@@ -68,7 +68,7 @@ def pose_stamped(head: Header, pose: Pose, quaternion: Iterable[float] | None = 
     Args:
         head: header of the message.
         pose: pose relative to rest.
-        quaternion: the pose's rotation as a unit quaternion; None: the one of its rotation vector.
+        quaternion: unit quaternion of the pose's rotation; None: it is computed from the rotation vector.
     """
     turn = Rotation.from_rotvec(pose.rotation).as_quat() if quaternion is None else quaternion
     return PoseStamped(header=head, pose=pose_message(pose.translation, turn))
@@ -82,7 +82,7 @@ def topology(cells: NDArray[np.int32]) -> Int32MultiArray:
 
 
 def _layout(labels: Sequence[str], shape: Sequence[int]) -> MultiArrayLayout:
-    """Return the layout of an array, row by row."""
+    """Return the layout message of an array of this shape in row-major order."""
     strides = np.cumprod(shape[::-1])[::-1]
     dimensions = [
         MultiArrayDimension(label=label, size=size, stride=int(stride))
@@ -158,7 +158,7 @@ _SHAFT, _HEAD = 0.01, 0.02
 
 
 class SurfaceMarker:
-    """Makes serialised markers of a mesh's surface, or of its skin.
+    """Makes serialised markers of a mesh's surface, or of the finer skin that is embedded in the mesh.
 
     Args:
         mesh: the undeformed body.

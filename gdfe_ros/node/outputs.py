@@ -34,8 +34,8 @@ class Output:
     Args:
         channel: channel of the topic.
         pack: function that returns the message of a step, or its bytes.
-        period: function that returns the shortest wall time between two messages [s], for a topic with a message for
-            few steps; None: each step has one.
+        period: function that returns the shortest wall time between two messages [s]; steps in between have no message.
+            None: each step has one.
     """
 
     def __init__(
@@ -45,7 +45,7 @@ class Output:
 
     @property
     def wanted(self) -> bool:
-        """Whether a subscriber or a bag needs the message of the next step, and the last one is long enough ago."""
+        """Whether a subscriber or a bag needs the next step's message, and the period since the last one is over."""
         return time.monotonic() >= self._next and self.channel.wanted
 
     def publish(self, step: Step) -> None:
@@ -214,7 +214,7 @@ class Bags:
             RecordingError: the bag cannot be created.
         """
         topics = [*self._inputs.infos, *(channel.info for channel in self._outputs.channels if channel.recorded)]
-        scene, parameters = self._run.scene, self._run.parameters.as_dict()
+        scene, parameters = self._run.scene, dict(self._run.parameters)
         waits = parameters["clock"] != ClockMode.WALL.value
         self.recorder = Recorder(
             parameters["bag_path"] or new_bag(scene.name),

@@ -3,17 +3,11 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
-from rcl_interfaces.msg import (
-    FloatingPointRange,
-    IntegerRange,
-    ParameterDescriptor,
-    SetParametersResult,
-)
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
 from rclpy.lifecycle import LifecycleNode
 from rclpy.parameter import Parameter
 
@@ -23,6 +17,7 @@ from gdfe_ros.node.interface import MODULUS, PARAMETERS, Changeable, ParameterSp
 from gdfe_ros.node.middleware.managed import ManagedNode
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.untrusted.bounded_text import require_plain
+from gdfe_ros.untrusted.real_number import is_finite, is_number
 from gdfe_ros.untrusted.spelling import did_you_mean
 
 _OPEN = {
@@ -30,9 +25,10 @@ _OPEN = {
     Changeable.UNCONFIGURED: ("unconfigured",),
     Changeable.START: (),
 }
+"""States in which a parameter may be changed."""
 
 
-class NodeParameters:
+class NodeParameters(Mapping[str, Any]):
     """The parameters of one node: ``parameters["rate"]`` is the present value.
 
     Args:
@@ -42,12 +38,11 @@ class NodeParameters:
     def __init__(self, node: ManagedNode) -> None:
         self._node = node
         self._specs = {spec.name: spec for spec in PARAMETERS}
+        self._values: dict[str, Any] = {}
         for spec in PARAMETERS:
-            node.declare_parameter(spec.name, spec.default, _descriptor(spec))
-        given = {spec.name: node.get_parameter(spec.name).value for spec in PARAMETERS}
-        for spec in PARAMETERS:
-            require_allowed(spec, given[spec.name])
-        self._values = {name: self._cast(name, value) for name, value in given.items()}
+            value = node.declare_parameter(spec.name, spec.default, _descriptor(spec)).value
+            require_allowed(spec, value)
+            self._values[spec.name] = self._cast(spec.name, value)
         self._warn_of_unknown()
         node.add_on_set_parameters_callback(self._check)
         node.add_post_set_parameters_callback(self._keep)
@@ -59,9 +54,11 @@ class NodeParameters:
         """Return a parameter's list of strings without empty entries; ROS cannot declare an empty list."""
         return [entry for entry in self[name] if entry.strip()]
 
-    def as_dict(self) -> dict[str, Any]:
-        """Return a dict from parameter name to present value, e.g. for a bag."""
-        return {name: self[name] for name in self._specs}
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._values)
+
+    def __len__(self) -> int:
+        return len(self._values)
 
     def _warn_of_unknown(self) -> None:
         """Warn of unknown parameters that were given at start, e.g. those of other nodes in a file for ``/**``."""
@@ -86,11 +83,7 @@ class NodeParameters:
                 require_allowed(spec, change.value)
             except GdfeError as error:
                 return SetParametersResult(successful=False, reason=str(error))
-            if (
-                spec.change is not Changeable.ALWAYS
-                and state not in _OPEN[spec.change]
-                and change.value != self[spec.name]
-            ):
+            if change.value != self[spec.name] and state not in _OPEN.get(spec.change, (state,)):
                 reason = f"{spec.name} can be changed {spec.change.value}; the node is {state}"
                 return SetParametersResult(successful=False, reason=reason)
         return SetParametersResult(successful=True)
@@ -105,7 +98,7 @@ def require_allowed(spec: ParameterSpec, value: Any) -> None:
         GdfeError: the value is not allowed.
     """
     if isinstance(spec.default, float):
-        number = isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+        number = is_number(value) and is_finite(value)
         allowed = number and spec.least <= value <= spec.most
     else:
         allowed = not spec.choices or value in spec.choices

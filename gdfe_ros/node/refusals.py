@@ -64,7 +64,7 @@ class RefusalLog:
     Args:
         warn: function that receives the text of a warning.
         tell: function that receives the source and the refusal of each refused command at once; None: not called.
-        noun: name of what is refused, in the warnings.
+        noun: noun for a refused item in the warnings.
     """
 
     def __init__(
@@ -175,8 +175,7 @@ class Freshness:
             )
         if max_age and age > max_age:
             raise Refusal(
-                Reason.STALE,
-                f"its stamp {moment * 1e-9:.9f} s is {age:.3f} s old; command_max_age is {max_age:g} s",
+                Reason.STALE, f"its stamp {moment * 1e-9:.9f} s is {age:.3f} s old; command_max_age is {max_age:g} s"
             )
         last = max((self._last.get(source, moment) for source in sources), default=moment)
         if moment < last:
@@ -237,7 +236,7 @@ class Refused(GdfeError):
 
 
 def succeed(response: Any, text: str | None = None) -> Any:
-    """Return the response with its sign of success, if it has one, and with a text, if it has a place for it."""
+    """Mark a response as successful, write the text into its ``message`` if it has this field, and return it."""
     if hasattr(response, "message"):
         response.success, response.message = True, text
     elif hasattr(response, "result"):
@@ -246,10 +245,11 @@ def succeed(response: Any, text: str | None = None) -> Any:
 
 
 def fail(response: Any, error: BaseException) -> Any:
-    """Return the response with the text of an error, if it has a place for it, and with its code.
+    """Write the text and the code of an error into a response, as far as it has such fields, and return it.
 
-    A `Refused` has a code; a `Refusal` of a pose, which is checked as in commands, has `ResultCode.INVALID_POSE`. The
-    text may contain parts of the request. A null character in it would end it.
+    The code is that of a `Refused`, `ResultCode.INVALID_POSE` for a `Refusal`, and `ResultCode.FAILED` for any other
+    error. ``error_message`` has its control characters escaped, because a null character, e.g. from the request, would
+    end the text.
     """
     text = str(error) if isinstance(error, GdfeError) else repr(error)  # a KeyError's text is only its key
     if hasattr(response, "message"):

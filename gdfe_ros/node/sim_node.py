@@ -32,12 +32,13 @@ from gdfe_ros.scene.scene import Scene
 from gdfe_ros.simulation import Simulation
 
 _DIAGNOSTICS_PERIOD = 1.0
+"""Interval of the statuses on /diagnostics [s]."""
 AUTOSTART_FAILED = 1
 """Exit status of a node that ends because `autostart` failed."""
 _GREETING_PERIOD = 0.2
 """Longest time until a late subscriber gets the present state of an idle node [s]."""
 _RECONNECTION = 1.0
-"""Longest wait for the endpoints of others after the topics were opened anew [s]; later ones join as late ones do."""
+"""Longest wait [s] for other nodes to reconnect to topics that were closed and opened again."""
 
 
 class SimNode(SessionNode):
@@ -154,9 +155,9 @@ class SimNode(SessionNode):
             self.get_logger().warning(remark)
 
     def _replace(self, simulation: Simulation, before: Scene, anew: bool) -> bool:
-        """Replace the session by one of ``simulation``, which starts anew or else continues the motion.
+        """Replace the session by one of ``simulation``, which starts at rest if ``anew``, else continues the motion.
 
-        The result is False, and the session goes on, if its scene is not ``before`` any more.
+        Return False, and keep the session, if its scene is no longer ``before``.
 
         Raises:
             GdfeError: a new body overlaps something; the session goes on.
@@ -204,7 +205,7 @@ class SimNode(SessionNode):
         """Drop the present session, and start one of ``simulation``, paused at time 0.
 
         Raises:
-            GdfeError: a transition failed; the text is that of its error.
+            GdfeError: a transition failed; the text includes its error.
         """
         self._unload()
         self.prepared, self._starts_paused = simulation, True

@@ -112,8 +112,8 @@ class SimulationSession:
         """Start the threads; the present state is published at once.
 
         Args:
-            before: what a session that ran before hands over; no new bag then begins.
-            paused: whether only requests make steps; ``before`` may say so, too.
+            before: parts of the session that ran before; no new bag then begins.
+            paused: whether only requests make steps; ``before.paused`` has the same effect.
 
         Raises:
             GdfeError: the bag cannot be created, ``command_set`` names an unknown input, or the external clock is not
@@ -139,7 +139,7 @@ class SimulationSession:
         self.inputs.followers.look(anew=True)
 
     def halt(self) -> Handover | None:
-        """End the threads without an end of commands; return what another session needs to continue.
+        """End the threads but keep all commands; return the parts with which another session continues.
 
         Functions that wait to run between two steps run first. The result is None if the session is not started.
         """
@@ -158,6 +158,7 @@ class SimulationSession:
 
     @property
     def _bodies(self) -> set[str]:
+        """Names of the free bodies: rigid bodies, and soft bodies beside the scene's body."""
         return {body.name for body in self.scene.rigid_bodies} | set(self.scene.soft_bodies)
 
     def stop(self) -> None:
@@ -360,9 +361,10 @@ class SimulationSession:
             self.step_publisher.put(step)
 
     def _deliver_again(self, *, stored: bool = False) -> None:
-        """Publish the last step again, also during a step: until it ends, only the arms' joints are ahead of it.
+        """Publish the last step again, e.g. to a new subscriber, even while the next step is being made.
 
-        If ``stored``, it is published on all topics on which it was not published, for subscribers that come later.
+        Joints of arms move at the start of a step; during it, their positions are taken from the last step. If
+        ``stored``, the last step is published on all topics that lack it, for subscribers that come later.
         """
         self._telling, last = False, self.run.last
         if last is None:

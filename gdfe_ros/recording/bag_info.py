@@ -120,8 +120,8 @@ class TopicInfo:
         name: full topic name, e.g. ``/gdfe_sim/mesh``.
         type: ROS type, e.g. ``sensor_msgs/msg/PointCloud2``.
         qos: profile that the publisher offered.
-        definition: concatenated ``.msg`` texts; if empty, the writer takes those of ROS 2 Jazzy.
-        type_hash: hash ``RIHS01_...`` of the type; if empty, the writer takes that of ROS 2 Jazzy.
+        definition: concatenated ``.msg`` texts; if empty, the writer takes the definition of ROS 2 Jazzy.
+        type_hash: hash ``RIHS01_...`` of the type; if empty, the writer takes the hash of ROS 2 Jazzy.
         role: name of the topic relative to the recording node, without remapping, e.g. ``mesh`` or
             ``handles/tip/pose``; empty if unknown.
     """
@@ -250,7 +250,7 @@ def file_kind(path: Path) -> BagKind:
 
 
 def storage_files(path: Path) -> list[Path]:
-    """Return the files of a bag's directory in their order, without its metadata; a file is its own bag."""
+    """Return the files of a bag's directory in their order, without its metadata; for a file, the file itself."""
     if path.is_file():
         return [path]
     known = (".mcap", ".db3", ".bag", ".zstd")
@@ -267,7 +267,7 @@ def is_plain_mcap(path: Path) -> bool:
 
 
 def require_mcap(file: Path) -> None:
-    """Raise an error that names the kind of a file that is no MCAP file, also no damaged one.
+    """Raise an error that names the file's kind, unless the file is MCAP, possibly damaged.
 
     Raises:
         RecordingError: the file is no MCAP file.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Values of recorded messages: expansion of compressed data within limits, and decoding."""
+"""Decompression of recorded data within limits, and decoding of messages to values."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from gdfe_ros.errors import RecordingError
 from gdfe_ros.recording.bag_info import TopicInfo
 
 RATIO, LEAST, LARGEST = 1000, 64 << 20, 512 << 20
-"""Data may expand by the first factor, or to the second number of bytes if that is more, but not beyond the third. The
-strains of an undeformed large body are a message of zeros, which expands by more than 10000. The chunks of a file
-together may expand by the first factor, or to four times the second number.
+"""Compressed data may expand by the factor RATIO, or to LEAST bytes if that is more, but never beyond LARGEST bytes.
+RATIO is so large because the strains of an undeformed large body are zeros, which expand by more than 10000. All chunks
+of a file together may expand by RATIO, or to four times LEAST.
 """
 ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 
@@ -33,7 +33,7 @@ def require_bounded(total: int, size: int) -> None:
     """Check the declared total size of the chunks of a file of ``size`` bytes.
 
     Raises:
-        RecordingError: they expand too far.
+        RecordingError: the chunks expand too far.
     """
     if total > (most := max(4 * LEAST, RATIO * size)):
         raise RecordingError(f"its chunks expand to {total} bytes; allowed for {size} bytes: {most}")
@@ -65,7 +65,7 @@ def expand_lz4(data: bytes, size: int = 0) -> bytes:
 
 
 def expand_bz2(data: bytes) -> bytes:
-    """Return the content of bzip2's data.
+    """Return the content of data in bzip2's format.
 
     Raises:
         ValueError, OSError: the data expands too far, or is damaged.
@@ -74,7 +74,7 @@ def expand_bz2(data: bytes) -> bytes:
 
 
 def expand_message(data: bytes) -> bytes:
-    """Return a message of ROS 2 that a recorder has compressed; any other as it is. None begins as zstd's frames do.
+    """Return a ROS 2 message, decompressed if it is a frame of zstd; no uncompressed message begins like one.
 
     Raises:
         ValueError, zstandard.ZstdError: as for `expand_zstd`.
@@ -92,7 +92,7 @@ def open_zstd(file: IO[bytes], mode: str = "rb") -> Any:
 
 
 def bound_libraries(*rosbags: ModuleType) -> None:
-    """Replace the expansion in the modules of mcap, and in those of rosbags that are given."""
+    """Make mcap, and the given modules of rosbags, decompress data with the limits of this module."""
     mcap.stream_reader.zstandard = SimpleNamespace(decompress=expand_zstd)
     mcap.stream_reader.lz4 = SimpleNamespace(decompress=expand_lz4)
     for module in rosbags:
@@ -189,7 +189,7 @@ def array_decoder(topics: Iterable[TopicInfo]) -> Decoder:
 
 
 def _types_of(topic: TopicInfo) -> dict[str, Any]:
-    """Return the types in the definition of a topic, which is one of ``.msg`` files or of IDL files."""
+    """Return the types in the definition of a topic, which is a text of ``.msg`` files or of IDL files."""
     from rosbags.typesys import get_types_from_idl, get_types_from_msg
 
     if not topic.definition.startswith(f"{_RULE}IDL: "):

@@ -37,8 +37,8 @@ _REMEDIES = {
 class ForeignBag:
     """A bag of another recorder: SQLite, ROS 1, compressed by file or by message, one file or several.
 
-    Definitions of messages are those of the bag; where it has none, as SQLite bags before ROS 2 Iron, those of ROS 2
-    Jazzy. Messages have the fields of ROS 2, also those of a ROS 1 bag.
+    Definitions of messages come from the bag or, if it has none, like SQLite bags before ROS 2 Iron, from ROS 2 Jazzy.
+    Messages of a ROS 1 bag have the fields of ROS 2, too.
 
     Args:
         path: directory of the bag, or a file ``.db3``, ``.bag``, ``.mcap``, also with ``.zstd``.

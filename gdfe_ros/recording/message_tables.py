@@ -48,7 +48,7 @@ JOINTS = _columns("<f8", ("position", "velocity", "effort"))
 
 @dataclass(frozen=True, kw_only=True)
 class Table:
-    """How the numbers of a topic follow from a step: by ``write`` if all its tables have one size, else by ``make``.
+    """Columns of a topic, and their computation from a step: ``write`` if all tables have one size, else ``make``.
 
     Attributes:
         frame: coordinate frame of the message, e.g. ``tip_rest``; empty: the frame of the rest shape.
@@ -75,17 +75,13 @@ class Table:
 
 
 def tables_of(scene: Scene) -> dict[str, Table]:
-    """Return dict from topic, without the node's name, to its table, for all topics of a step that have numbers."""
+    """Return a dict from topic, without the node's name, to its table, for all numeric topics of a step."""
     mesh, rest = scene.mesh, scene.mesh.vertices
     found = {
         "mesh": Table(
             kind=MESH, count=mesh.n_vertices, write=lambda step, rows: write_mesh(rows, step.result.positions, rest)
         ),
-        "strain": Table(
-            kind=STRAIN,
-            count=mesh.n_cells,
-            write=lambda step, rows: write_strain(rows, step.fields()),
-        ),
+        "strain": Table(kind=STRAIN, count=mesh.n_cells, write=lambda step, rows: write_strain(rows, step.fields())),
     }
     for handle in scene.handles:
         found |= _tables_of_handle(handle)

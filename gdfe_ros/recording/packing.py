@@ -24,7 +24,7 @@ STAMP_AT = 4
 _DATATYPES = {"f": 7, "i": 5}
 """Codes of FLOAT32 and INT32 in ``sensor_msgs/msg/PointField``, by numpy's kind."""
 _IMU_PLACES = [*range(4), *range(4 + 9, 16), *range(16 + 9, 28)]
-"""Places of the numbers of an Imu message; after each of its three vectors come the 9 numbers of a covariance."""
+"""Indices of the measured numbers of an Imu message; 9 numbers of a covariance follow each of its three fields."""
 
 
 class Cdr:
@@ -34,7 +34,7 @@ class Cdr:
         self.data = bytearray(b"\0\1\0\0")
 
     def put(self, kind: str, *values: float) -> None:
-        """Append numbers of one type, a letter as in `struct`; none are not aligned either."""
+        """Append numbers of one type, a letter as in `struct`; without numbers, nothing is aligned either."""
         if values:
             self.make_room(struct.calcsize(kind), 0)
             self.data += struct.pack(f"<{len(values)}{kind}", *values)
@@ -121,11 +121,11 @@ def _put_cloud(message: Cdr, kind: np.dtype, count: int) -> int:
 
 
 def packers(scene: Scene, frame: Callable[[str], str]) -> dict[str, Callable[[Step], bytes]]:
-    """Return dict from topic, without the node's name, to the function that makes its message of a step.
+    """Return a dict from topic, without the node's name, to the function that makes its message of a step.
 
     Args:
         scene: scene of the steps.
-        frame: function that returns the name of a table's frame in messages; an empty one is that of the rest shape.
+        frame: function that returns the full name of a table's frame; an empty name is the frame of the rest shape.
     """
     joints = [*(each.name for each in scene.actuators), *(joint.name for arm in scene.arms for joint in arm.joints)]
     tables = {topic: _packer(table, frame(table.frame), joints) for topic, table in tables_of(scene).items()}

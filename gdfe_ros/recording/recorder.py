@@ -130,11 +130,7 @@ class Recorder:
     def status(self) -> RecorderStatus:
         """Counts at this moment."""
         with self._state:
-            return RecorderStatus(
-                written=self._written,
-                dropped=dict(self._dropped),
-                error=self._error,
-            )
+            return RecorderStatus(written=self._written, dropped=dict(self._dropped), error=self._error)
 
     def record(self, topic: str, data: bytes, log_time: int) -> bool:
         """Queue one message; callable from any thread.
@@ -165,7 +161,7 @@ class Recorder:
     def close(self) -> RecorderStatus:
         """Write the queue, complete the bag and end the thread; a second call only returns the status.
 
-        If the exception of a signal has interrupted the call, it can be repeated.
+        A call that the exception of a signal has interrupted can be repeated.
         """
         with self._state:
             self._closing = True

@@ -187,8 +187,23 @@ def _rewrite(source: Path, target: Path, salvages: Sequence[Salvage]) -> Recover
             writer.write(topic.name, message.data, message.log_time, message.publish_time)
             kept[topic.name] += 1
     finally:
-        report = _report(target, kept, salvages, run is not None)
-        writer.close(_notes(source, report))
+        report = RecoveryReport(
+            path=target,
+            messages=dict(kept),
+            missing=dict(sum((salvage.missing for salvage in salvages), Counter())),
+            cut_files=tuple(salvage.file.name for salvage in salvages if salvage.damage.cut),
+            damaged_chunks=sum(salvage.damage.chunks for salvage in salvages),
+            damaged_records=sum(salvage.damage.records for salvage in salvages),
+            orphans=sum(salvage.orphans for salvage in salvages),
+            run=run is not None,
+        )
+        notes = {
+            "recovered_from": source.resolve().name,
+            "messages_written": str(report.total),
+            "messages_missing": str(sum(report.missing.values())),
+            "damaged_chunks": str(report.damaged_chunks),
+        }
+        writer.close(notes)
     return report
 
 
@@ -201,28 +216,6 @@ def _origin(salvages: Sequence[Salvage]) -> RunInfo | None:
         for salvage in salvages:
             salvage.restore_scene()
     return next((salvage.run for salvage in salvages if salvage.run), None)
-
-
-def _report(target: Path, kept: Counter[str], salvages: Sequence[Salvage], run: bool) -> RecoveryReport:
-    return RecoveryReport(
-        path=target,
-        messages=dict(kept),
-        missing=dict(sum((salvage.missing for salvage in salvages), Counter())),
-        cut_files=tuple(salvage.file.name for salvage in salvages if salvage.damage.cut),
-        damaged_chunks=sum(salvage.damage.chunks for salvage in salvages),
-        damaged_records=sum(salvage.damage.records for salvage in salvages),
-        orphans=sum(salvage.orphans for salvage in salvages),
-        run=run,
-    )
-
-
-def _notes(source: Path, report: RecoveryReport) -> dict[str, str]:
-    return {
-        "recovered_from": source.resolve().name,
-        "messages_written": str(report.total),
-        "messages_missing": str(sum(report.missing.values())),
-        "damaged_chunks": str(report.damaged_chunks),
-    }
 
 
 def _part_number(file: Path) -> tuple[int, str]:

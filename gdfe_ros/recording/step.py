@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 from gdfe_ros.constraints import Pose
 from gdfe_ros.errors import RecordingError
 from gdfe_ros.untrusted.bounded_text import load_json_object
+from gdfe_ros.untrusted.real_number import is_finite, is_number
 
 if TYPE_CHECKING:
     from gdfe_ros.actuators import ActuatorState
@@ -35,7 +36,7 @@ _LONGEST_STEP = 1e9
 """Largest duration of a step [s]."""
 
 ENERGIES = {"kinetic", "elastic", "potential", "work", "dissipated"}
-"""Names of the energies of a step in motion, which may have more."""
+"""Names of the energies that the record of a step with dynamics must have; it may have more."""
 
 
 class Begin(str, Enum):
@@ -63,8 +64,8 @@ class StepRecord:
         handles: dict from handle to the target that this step consumed: translation [m] and rotation vector [rad].
         actuators: dict from actuator to the command that this step consumed, in the unit of the mode.
         loads: dict from load to the factor that this step consumed.
-        bodies: dict from free body to the pose to which it was teleported before this step, as for handles; the JSON
-            text lacks the entry if it is empty.
+        bodies: dict from free body to the pose to which it was teleported before this step, in the form of ``handles``;
+            the JSON text lacks an empty entry.
         joints: dict from joint to the commanded position that this step consumed [rad] or [m]; the JSON text lacks the
             entry if it is empty.
         cut: whether a deadline ended the solve before it had converged.
@@ -144,7 +145,7 @@ class StepRecord:
 
 
 def _require_sound(entries: dict[str, Any]) -> None:
-    """Raise a ValueError if a step could not be repeated from these entries because a value has another type or range.
+    """Raise a ValueError if a value has a type or range with which the step cannot be repeated.
 
     Poses are six finite numbers, commands one, and the duration of a step is limited.
     """
@@ -169,11 +170,11 @@ def _require_sound(entries: dict[str, Any]) -> None:
 
 
 def _is_whole(value: object) -> bool:
-    return isinstance(value, int) and not isinstance(value, bool) and abs(value) < 2**63
+    return is_number(value, int) and abs(value) < 2**63
 
 
 def _require_numbers(given: object, noun: str, names: set[str]) -> None:
-    """Raise a ValueError for data that are no numbers by name, or, unless empty, lack one of ``names``."""
+    """Raise a ValueError unless ``given`` maps names to numbers, and is empty or has all of ``names``."""
     if not isinstance(given, dict) or not all(isinstance(value, int | float) for value in given.values()):
         raise ValueError(f"its {noun} are no numbers by name")
     if given and (missing := names - given.keys()):
@@ -181,19 +182,19 @@ def _require_numbers(given: object, noun: str, names: set[str]) -> None:
 
 
 def _is_finite(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+    return is_number(value) and is_finite(value)
 
 
 OUTCOME = (
     "converged", "iterations", "substeps", "error_estimate", "energy", "min_det", "wall_time", "skipped", "message",
     "cut_after", "energies",
 )  # fmt: skip
-"""Attributes of a result that its record has, too."""
+"""Attributes that `StepResult` and `StepRecord` have in common."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Step:
-    """All data of one step that are published; what takes time is evaluated once, when a message needs it.
+    """All published data of one step; costly data are evaluated once, when a message needs them.
 
     Attributes:
         record: record of the step's input and outcome.
@@ -202,8 +203,8 @@ class Step:
         first: whether the step only delivers a state, e.g. after an activation or a reset. Such a state is published
             even without subscribers, because a subscriber that is discovered later receives it.
         again: whether the step was published before and is repeated for new subscribers.
-        stored: whether it is published without subscribers, too: the middleware stores it for later ones, who would
-            else first receive an older state and wait for a long solve.
+        stored: whether the step is published even without subscribers: the middleware stores it for later ones, who
+            would otherwise first receive an older state and wait for the end of a long solve.
         fields: function that evaluates the element fields.
         find_poses: function that evaluates the poses of handles, obstacles and rigid bodies.
         actuators: states of the actuators, by name.

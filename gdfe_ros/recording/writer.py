@@ -32,6 +32,7 @@ from gdfe_ros.recording.bag_info import (
 from gdfe_ros.recording.provenance import RunInfo
 
 _STEP = 4 << 20
+"""Number of bytes by which a reservation grows at least, if there is space."""
 _CANNOT_RESERVE = (errno.EOPNOTSUPP, errno.ENOSYS, errno.EINVAL)
 
 
@@ -329,7 +330,7 @@ def _failing(what: str, remedy: str = "") -> Iterator[None]:
 def complete(topic: TopicInfo) -> TopicInfo:
     """Return a topic with the definition (the ``.msg`` texts) and the hash (REP-2011) of its type in ROS 2 Jazzy.
 
-    What the topic has already stays.
+    A definition or a hash that the topic already has is kept.
 
     Raises:
         RecordingError: the type is no message of ROS 2 Jazzy.
@@ -342,9 +343,7 @@ def complete(topic: TopicInfo) -> TopicInfo:
         raise RecordingError(f"{text}; allowed: package/msg/Name of its common interfaces")
     definition, _ = store.generate_msgdef(topic.type, ros_version=2)
     return replace(
-        topic,
-        definition=topic.definition or definition,
-        type_hash=topic.type_hash or store.hash_rihs01(topic.type),
+        topic, definition=topic.definition or definition, type_hash=topic.type_hash or store.hash_rihs01(topic.type)
     )
 
 

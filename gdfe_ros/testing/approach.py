@@ -64,7 +64,7 @@ class Approach:
 
     In a step each command changes by at most its ``reach``. If the step does not converge, it is repeated with an
     eighth of the change. If the repeated step does not converge either, the step is made with constant commands. A grip
-    takes hold and lets go at once; it does not take hold of what is out of its reach.
+    takes hold and lets go at once; it does not take hold of anything beyond its reach.
 
     Args:
         simulation: simulation to step.

@@ -225,7 +225,7 @@ class NodeConnection(Client):
 _FOUND = 5.0
 """Longest time until a publisher of a running node is discovered, even on a busy machine [s]."""
 _BLOCKED = 1.0
-"""If more time passes between two looks [s], a callback of the controller was computing."""
+"""Longest time between two calls of ``reason`` [s] that counts as waiting; in a longer time, a callback was running."""
 
 
 class Deadlock:
@@ -276,7 +276,7 @@ class Deadlock:
         return any(each.node_name != self._node.get_name() for each in found)
 
     def _read(self, message: DiagnosticArray) -> None:
-        """Store what the simulation waits for; nothing while it works on a step, or without lockstep."""
+        """Store a text about the awaited command; it is empty during work on a step, and without lockstep."""
         if values := _values_of(message, self._simulation):
             waits = "waits for" in values and "working on" not in values
             self._waits = f"waits for {values['waits for']}" if waits else ""

@@ -39,7 +39,7 @@ class Consumed:
 
     Attributes:
         inputs: command topics that the run uses, relative to the node's name; each step of the replay waits for all.
-        puts: topics that teleport rigid bodies; their messages are sent before those of ``inputs``.
+        puts: topics that teleport rigid bodies; their messages are sent before the messages of ``inputs``.
         inexact: number of targets so far that no quaternion reproduces bitwise.
     """
 

@@ -24,6 +24,7 @@ from gdfe_ros.simulation import Simulation
 from gdfe_ros.solver.state import Snapshot
 from gdfe_ros.testing.approach import Approach, is_held, settle
 from gdfe_ros.testing.forking import preload
+from gdfe_ros.untrusted.real_number import is_number
 
 Observation = Callable[[Simulation], ArrayLike]
 Reward = Callable[[Simulation, NDArray[np.float64]], float]
@@ -293,7 +294,7 @@ def _require_numbers(*, dt: float, steps: int, slew_time: float) -> None:
         raise GdfeError(f"dt is {dt!r}; allowed: above 0 s")
     if not (math.isfinite(slew_time) and slew_time >= 0.0):
         raise GdfeError(f"slew_time is {slew_time!r}; allowed: 0 s or more")
-    if not (isinstance(steps, Integral) and not isinstance(steps, bool) and steps >= 1):
+    if not (is_number(steps, Integral) and steps >= 1):
         raise GdfeError(f"steps is {steps!r}; allowed: whole numbers, 1 or more")
 
 
@@ -317,9 +318,10 @@ def make_vector_env(scene: str | Path, count: int, *, context: str = "forkserver
 
 
 NEAR, FAR = 2.0, 10.0
-"""Largest distance of a probe from the undeformed body's bounding box over the body's extent: held, and not held."""
+"""Largest distance of a probe from the undeformed body's bounding box, divided by the body's extent: first if handles
+hold the body, then if not."""
 FASTEST = 1e3
-"""Largest acceleration [m/s^2] of a rigid body that a grip holds, with its weight."""
+"""Largest assumed acceleration [m/s^2], gravity included, of a rigid body that a grip holds."""
 PRESSURE = 10.0
 """Largest pressure in a chamber with a commanded volume, divided by the stiffest material's initial modulus."""
 

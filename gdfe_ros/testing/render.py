@@ -17,7 +17,7 @@ from gdfe_ros.simulation import Simulation
 WIDTH, HEIGHT = 640, 480
 """Size of a picture in pixels."""
 EYE = np.array([-0.55, -1.15, 0.65])
-"""Position of the camera relative to the middle of what is drawn, divided by its extent; as on the live page."""
+"""Position of the camera relative to the middle of the scene, divided by the scene's extent; as on the live page."""
 ANGLE = 60.0
 """Vertical angle of view [degrees]."""
 _OBSTACLE, _LINK, _CABLE, _CHAMBER = (0.55, 0.57, 0.61), (0.72, 0.74, 0.78), (0.75, 0.10, 0.10), (0.55, 0.80, 1.0)
@@ -72,7 +72,7 @@ class Painter:
         self._plotter.close()
 
     def _open(self) -> Any:
-        """Return a plotter; VTK's warning that there is no X server is left out, because it draws without one."""
+        """Return a plotter. VTK's warning about a missing X server is suppressed, because no window is drawn."""
         logger = import_module("vtkmodules.vtkCommonCore").vtkLogger
         before = logger.GetCurrentVerbosityCutoff()
         logger.SetStderrVerbosity(logger.VERBOSITY_ERROR)

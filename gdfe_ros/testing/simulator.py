@@ -255,7 +255,7 @@ class Simulator:
         self._values |= joint_starts(self.scene.arms)
 
     def _meet(self) -> None:
-        """Subscribe to what the node says beside its steps, and wait until it has discovered this object's topics."""
+        """Subscribe to Jacobians and refusals, and wait until the node has discovered this object's topics."""
         self._jacobians: list[Float64MultiArray] = []
         topic = JACOBIAN.name.replace("~", self.name)
         self._node.create_subscription(Float64MultiArray, topic, self._jacobians.append, 10)

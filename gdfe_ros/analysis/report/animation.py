@@ -100,7 +100,7 @@ class Surroundings:
 
 
 def _shapes(around: Scenery) -> dict[str, NDArray[np.float64]]:
-    """Return dict from each of `KINDS` to its points (k, 3) [m]."""
+    """Return a dict from each of `KINDS` to its points (k, 3) [m]."""
     cables = np.concatenate(around.cables) if around.cables else np.zeros((0, 3))
     return {"solids": _triangles(around.obstacles), "chambers": _triangles(around.chambers), "cables": cables}
 

@@ -9,14 +9,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.analysis.bag_run import RECORD
+from gdfe_ros.analysis.bag_run import CONTACTS, JOINTS, RECORD
 from gdfe_ros.analysis.difference_table import unit_of
-from gdfe_ros.analysis.report.history import CONTACTS, JOINTS, RunHistory, energy_balance
+from gdfe_ros.analysis.report.history import RunHistory, energy_balance
 from gdfe_ros.scene import Scene
 
 MOST_POINTS = 3000
 """Largest number of points in a series; longer series are thinned."""
 COLUMNS, BINS = 300, 48
+"""Largest number of groups of steps, and number of classes of strain, in the strain histogram."""
 _COLOURS = ("#3266ad", "#c2562d", "#2e8b57", "#8455a8", "#a07b1f", "#4b9fb5", "#b0436e", "#6b6f76")
 _AXES = "xyz"
 
@@ -89,7 +90,7 @@ def _motion(history: RunHistory, scene: Scene) -> list[Chart]:
 
 
 def _command_labels(scene: Scene) -> dict[str, str]:
-    """Return dict from actuator, load or joint of an arm to the quantity and unit of its command."""
+    """Return a dict from actuator, load or joint of an arm to the quantity and unit of its command."""
     labels = {each.name: f"{each.mode.value} [{each.mode.unit or 1}]" for each in scene.actuators}
     labels |= {each.name: "factor on the load [1]" for each in scene.loads}
     return labels | {joint.name: f"position of the joint [{joint.unit}]" for arm in scene.arms for joint in arm.joints}
@@ -221,7 +222,7 @@ def _traces(time: NDArray[np.float64], series: dict[str, NDArray[np.float64]]) -
 
 
 def _chart(title: str, label: str, data: list[dict[str, Any]]) -> Chart:
-    """Return a chart; the name of a single line, which has no legend, is at the axis."""
+    """Return a chart. A single line has no legend; its name is in the label of the axis."""
     if len(data) == 1 and data[0].get("name", "") not in f"{title} {label}":
         label = f"{data[0]['name']} {label}".strip()
     layout = {

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.analysis.bag_run import CONTACTS, RECORD, BagStep
+from gdfe_ros.analysis.bag_run import CONTACTS, JOINTS, RECORD, BagStep
 from gdfe_ros.analysis.message_values import Values
 from gdfe_ros.recording.step import Begin
 
@@ -50,8 +50,8 @@ def balance_text(history: RunHistory) -> str:
     return f"closes to {most:.3g} J{part}"
 
 
-_FINE = 2048
-_SMALLEST = 1e-6
+_FINE, _SMALLEST = 2048, 1e-6
+"""Number of classes that are counted, and the initial range of strains."""
 
 
 class StrainHistogram:
@@ -102,7 +102,6 @@ class StrainHistogram:
         return self._times[seen], edges, (shares / np.maximum(self._counts.sum(axis=1), 1.0))[:, seen]
 
 
-JOINTS = "joint_states"
 COSTS = ("iterations", "substeps", "error_estimate", "wall_time")
 REST = (0.0,) * 6
 

@@ -14,6 +14,7 @@ from gdfe_ros.analysis.message_values import cloud_kind
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.middleware.ros_types import interface_class
 from gdfe_ros.untrusted.bounded_text import load_yaml, plain_lines
+from gdfe_ros.untrusted.real_number import is_number
 from gdfe_ros.untrusted.spelling import did_you_mean
 
 MOST_SHOWN = 16
@@ -96,7 +97,7 @@ def _check(kind: str, value: object, path: str) -> Any:
         good, convert = isinstance(value, int) and 0 <= value < 256, lambda number: bytes([number])
     else:
         limits = np.iinfo(kind if kind != "char" else "uint8")
-        good = isinstance(value, int) and not isinstance(value, bool) and limits.min <= value <= limits.max
+        good = is_number(value, int) and limits.min <= value <= limits.max
         convert = int
     if not good:
         raise GdfeError(f"{path} takes a {kind}, got {value!r}")
@@ -111,7 +112,7 @@ def _is_number(value: object) -> bool:
         except ValueError:
             return False
         return True
-    return isinstance(value, int | float) and not isinstance(value, bool)
+    return is_number(value)
 
 
 def _plain(value: Any) -> Any:

@@ -28,7 +28,7 @@ PATIENCE = 10.0
 SETTLING = 0.2
 """Longest time until a node has discovered a new subscription [s]."""
 GREETING = 0.5
-"""Time [s] within which a node publishes its present state to a new subscriber, after an older one that was stored."""
+"""Time [s] within which a node publishes its present state to a new subscriber; an older stored one may come first."""
 REFUSING = 0.5
 """Time [s] in which a node refuses a command that it received."""
 UNCHANGED = 4.0
@@ -42,7 +42,7 @@ _LONGEST = 300
 
 
 class Peer(LoneNode):
-    """A node that finds others."""
+    """A node that finds other nodes in the ROS graph, listens to their topics, and calls their services."""
 
     def __init__(self) -> None:
         super().__init__(f"gdfe_terminal_{os.getpid()}")
@@ -120,7 +120,11 @@ class Peer(LoneNode):
         yield from self._drain(received, topic, patience)
 
     def _drain(self, received: list[Any], topic: str, patience: float) -> Iterator[Any]:
-        """Yield what a subscription adds to ``received``, until nothing comes within ``patience`` [s]."""
+        """Yield each entry that a subscription appends to ``received``.
+
+        Raises:
+            GdfeError: no entry comes within ``patience`` [s].
+        """
         while self._wait(lambda: received, patience):
             yield received.pop(0)
         raise GdfeError(f"no message on {topic} within {patience:g} s")
@@ -200,7 +204,7 @@ class Peer(LoneNode):
         return self._await_settled(entries)
 
     def _await_settled(self, look: Callable[[], list[Any]]) -> list[Any]:
-        """Return a part of the graph once it has not changed for `WHOLE`, and what was found after the patience.
+        """Return a list of the graph once it has been constant for `WHOLE`, at the latest after the patience.
 
         Raises:
             GdfeError: there is no other node.

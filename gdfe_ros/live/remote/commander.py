@@ -65,7 +65,7 @@ class Commander:
         }
 
     def send(self, name: str, order: Order) -> None:
-        """Publish an order of ``name``.
+        """Publish an order for a handle or body ``name``, or for the actuators, loads and joints in the order.
 
         Raises:
             GdfeError: a number is not finite, a target is too far from rest, or the kind of order is not supported.
@@ -121,7 +121,7 @@ class Commander:
 
 
 def _answer(pending: Any, read: Callable[[Any], str]) -> Future[str]:
-    """Return a ``Future`` of what ``read`` makes of the response to a request."""
+    """Return a ``Future`` of the text that ``read`` returns for the response to a request."""
     answer: Future[str] = Future()
 
     def hear(done: Any) -> None:

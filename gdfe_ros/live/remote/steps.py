@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a page receives of a node: its place in the ROS graph, its diagnostics, and its steps."""
+"""Reception of a node's lifecycle state, diagnostics and steps for a page."""
 
 from __future__ import annotations
 

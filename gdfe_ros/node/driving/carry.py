@@ -41,7 +41,7 @@ def carry_motion(moving: Snapshot, fresh: Snapshot) -> Snapshot:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Correspondence:
-    """What each part of a new scene was in an old one; -1 marks what the old scene does not have.
+    """Old indices of the parts of a new scene; -1 marks a part that the old scene does not have.
 
     Attributes:
         vertices: (n,) old index of each vertex, those of rigid bodies included.
@@ -62,13 +62,13 @@ CHANGED = "bodies joined or left, and no step has been made since"
 def with_bodies_of(moving: Snapshot, fresh: Snapshot, same: Correspondence) -> Snapshot:
     """Return a snapshot that continues a motion in a scene that differs in its rigid bodies and soft bodies only.
 
-    What both scenes have continues. A new body is at rest in its rest pose, as in ``fresh``. If soft bodies came or
-    went, contacts with the soft bodies start without a force: the next step finds the forces.
+    Parts that are in both scenes continue their motion. A new body is at rest in its rest pose, as in ``fresh``.
+    If soft bodies came or went, contacts with the soft bodies start without a force: the next step finds the forces.
 
     Args:
         moving: snapshot in the old scene.
         fresh: snapshot in the new scene before its first step.
-        same: what the parts of the new scene were in the old one.
+        same: old indices of the parts of the new scene.
     """
     before, start = moving.state, fresh.state
     terms = {name: _continue(before.terms.get(name), own) for name, own in start.terms.items()}
@@ -99,7 +99,7 @@ def with_bodies_of(moving: Snapshot, fresh: Snapshot, same: Correspondence) -> S
 
 
 def _continue(old: Saved | None, own: Saved) -> Saved:
-    """Return the stored state of a term: the old one, or ``own`` with the old losses if it has other points now."""
+    """Return a term's old stored state; if its arrays changed their shapes, ``own`` with the old dissipated energy."""
     if old is None:
         return own
     if all(np.shape(old.get(name, array)) == np.shape(array) for name, array in own.items()):
@@ -108,7 +108,7 @@ def _continue(old: Saved | None, own: Saved) -> Saved:
 
 
 def _carry_viscosity(old: Saved, own: Saved, cells: NDArray[np.intp]) -> Saved:
-    """Return the stored strains of viscosity, each cell's with the cell; a new cell is undeformed."""
+    """Return the stored viscous strains at the new indices of their cells; a new cell is undeformed."""
     each = len(own["strain"]) // len(cells)
     rows = np.where(cells[:, None] < 0, -1, each * cells[:, None] + np.arange(each)).ravel()
     found = {name: _take(old[name], own[name], rows) for name in ("strain", "before")}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The command of each step, from the orders since the last one, at a rate at which steps converge."""
+"""Assembly of a step's command from the received orders, and a rate limit that lets the steps converge."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _HELD, _BACK = 200, 2000
 that converges needs 5 to 150 iterations.
 """
 _LEAST = 4
-"""Number of iterations that a step with fewer iterations counts as: near instability, other work takes more time."""
+"""A step counts as at least this number of iterations: near an instability, other work takes most of its time."""
 
 
 class _Phase(Enum):
@@ -163,13 +163,6 @@ class Slew:
         self.share *= 2.0 if self._leaping else 1.0
 
 
-class Settings(Protocol):
-    """Present parameter values by name, as in the node: `dt`, `velocity_timeout`, `slew_time`, `deadline`, ..."""
-
-    def __getitem__(self, name: str) -> Any:
-        """Return the present value of a parameter."""
-
-
 class Host(Protocol):
     """Owner of a simulation that is stepped.
 
@@ -183,7 +176,7 @@ class Host(Protocol):
     """
 
     simulation: Simulation
-    parameters: Settings | Mapping[str, Any]
+    parameters: Mapping[str, Any]
     refusals: RefusalLog
     last: Step | None
     log_time: int
@@ -227,7 +220,7 @@ class CommandAssembler:
         self._resting: Command | None = None
 
     def take_over(self, other: CommandAssembler, bodies: Collection[str]) -> None:
-        """Continue the velocities, trajectories and requests of another assembler; only ``bodies`` are teleported."""
+        """Continue the velocities, trajectories and resets of another assembler; only ``bodies`` stay teleported."""
         self._twists, self._courses, self._resting = other._twists, other._courses, other._resting
         self.slew = other.slew
         if self._resting is not None:
@@ -306,8 +299,8 @@ class CommandAssembler:
     def _move_targets(self, dt: float, last: Mapping[str, Pose]) -> dict[str, Pose]:
         """Return the targets after their velocity commands have acted for ``dt`` [s].
 
-        A velocity acts for ``velocity_timeout`` in all. It moves the target from the last target, even if the body has
-        not reached the last target.
+        A velocity acts for ``velocity_timeout`` in total. It continues from the last target, even if the body has not
+        reached this target.
         """
         poses = {}
         for name, (twist, left) in list(self._twists.items()):

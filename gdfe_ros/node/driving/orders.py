@@ -2,7 +2,7 @@
 """Orders to the simulation, made from command messages, and the inbox in which they wait for their step.
 
 The method ``without`` returns the part of an order that remains valid after a later order, or None. Orders of different
-handles or actuators do not affect each other. ``names`` are those of the commanded handle or body, or of the commanded
+handles or actuators do not affect each other. ``names`` are the names of the commanded items: a handle, a body, or
 actuators, loads and joints.
 """
 
@@ -38,7 +38,7 @@ class _ItemOrder:
 
 @dataclass(frozen=True)
 class PlaceOrder(_ItemOrder):
-    """A place of a handle or a body.
+    """An order with a pose of a handle or a rigid body.
 
     Attributes:
         name: name of the handle or body.
@@ -60,7 +60,7 @@ class PlaceOrder(_ItemOrder):
 class PoseOrder(PlaceOrder):
     """A target pose of a handle.
 
-    Many rotation vectors describe the same quaternion. The order uses the one closest to that of the last target.
+    Many rotation vectors describe the same quaternion. The order uses the vector closest to that of the last target.
     """
 
     def after(self, last: Pose) -> Pose:
@@ -214,10 +214,10 @@ def require_near(translation: tuple[float, float, float], size: float) -> None:
 
 
 def require_order(name: str, order: Order, size: float) -> None:
-    """Check that an order of ``name`` that was made elsewhere than in a topic can be carried out.
+    """Check an order that was not made from a command message, e.g. an order of the live page.
 
     Args:
-        name: name of the commanded item, for messages.
+        name: name of the commanded handle or body, for messages.
         order: given order.
         size: size of the body [m].
 
@@ -233,6 +233,7 @@ def require_order(name: str, order: Order, size: float) -> None:
 
 
 _LIMIT = 10_000
+"""Largest number of commands that wait for their step in lockstep."""
 
 
 class Inbox:

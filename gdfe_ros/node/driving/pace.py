@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""When steps are made, by the clock mode, and warnings that they end too late."""
+"""Choice of the time of each step in each clock mode, and warnings about late, long and failed steps."""
 
 from __future__ import annotations
 
@@ -49,12 +49,12 @@ class Timing:
 
 
 class _OwnPace:
-    """A pace without an external clock. A pace decides when to step.
+    """A pace, which decides when to make a step, without an external clock.
 
-    Each pace has three methods: `delay`, which returns the wall time to wait before the next step [s], 0 to step now,
-    None to wait for an event, given whether orders are ``pending``, and whether the state is ``settled``, i.e. stays
-    constant without new orders; `begin`, which records that a step begins now, and returns the simulation time that it
-    covers [s]; and `restart`, which ignores the wall time that has passed, e.g. in a pause.
+    Each pace has three methods. `delay` returns the wall time to wait before the next step [s]: 0 to step now, None to
+    wait for an event. It depends on whether orders are ``pending``, and on whether the state is ``settled``, i.e. stays
+    constant without new orders. `begin` records that a step begins now, and returns the simulation time that the step
+    covers [s]. `restart` ignores the wall time that has passed, e.g. in a pause.
 
     Args:
         timing: function that returns the present values of the parameters.
@@ -121,7 +121,7 @@ class WallPace(_OwnPace):
         return periods * timing.dt
 
     def _count_idle(self, timing: Timing, now: float, period: float) -> float:
-        """Return the idle time that a step covers [s]; time in which the process stood still is skipped and counted."""
+        """Return the idle time that a step covers [s]; time of a stopped process is left out and counts as overruns."""
         missed = now - self._last - timing.heartbeat
         if not timing.heartbeat or missed <= _STILL:
             return now - self._last
@@ -174,9 +174,7 @@ class ExternalPace:
         tell: function that receives a message about each jump of the clock.
     """
 
-    def __init__(
-        self, timing: Callable[[], Timing], now: Callable[[], int], tell: Callable[[str], object] = lambda text: None
-    ) -> None:
+    def __init__(self, timing: Callable[[], Timing], now: Callable[[], int], tell: Callable[[str], object]) -> None:
         self._timing, self._now, self._tell = timing, now, tell
         self.overruns, self.late, self.moment = 0, 0.0, 0
         self._idle = False
@@ -231,10 +229,7 @@ Pace = WallPace | FastPace | LockstepPace | ExternalPace
 
 
 def make_pace(
-    mode: ClockMode,
-    timing: Callable[[], Timing],
-    now: Callable[[], int],
-    tell: Callable[[str], object] = lambda text: None,
+    mode: ClockMode, timing: Callable[[], Timing], now: Callable[[], int], tell: Callable[[str], object]
 ) -> Pace:
     """Return the pace of a clock mode; ``now`` returns the node's time [ns], ``tell`` receives texts about jumps."""
     if mode is ClockMode.EXTERNAL:
@@ -287,7 +282,7 @@ class Lateness:
 
 
 class Solves:
-    """Watches the solves of a session: those that take long, that did not converge, or that have something to say."""
+    """Describes the solves of a session that take long, do not converge, or return a message."""
 
     def __init__(self) -> None:
         self._throttle, self._known = Throttle(), -1
@@ -296,9 +291,8 @@ class Solves:
     def look(self, last: Step | None) -> str | None:
         """Return the text of a warning if the last step did not converge, or has a message; else None.
 
-        Each step is reported once.
-        A step that a deadline ended is continued by the next one, and is not reported; nor is a state that was only
-        delivered, e.g. after a body has joined.
+        Each step is reported once. Two kinds are never reported: steps that a deadline ended, because the next step
+        continues them, and states that are only published, e.g. after a body has joined.
         """
         if last is None or last.first or last.record.step == self._known:
             return None

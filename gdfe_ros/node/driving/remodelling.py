@@ -84,7 +84,7 @@ def with_moduli(
 def take_over(old: Simulation, new: Simulation) -> None:
     """Continue the motion of ``old`` in ``new``, whose scene differs in its rigid bodies and soft bodies only.
 
-    The energy account continues: what a new or removed body adds to the energy counts as work.
+    In the energy account, the energy of added or removed bodies counts as work.
 
     Raises:
         OverlapError: a new body is inside of an obstacle or of another body; ``new`` is at rest.
@@ -108,7 +108,7 @@ def take_over(old: Simulation, new: Simulation) -> None:
 
 
 def _correspondence(old: Simulation, new: Simulation) -> Correspondence:
-    """Return what the vertices, cells, materials and handles of a new simulation were in an old one."""
+    """Return the old index of each vertex, cell, material and freely moving handle part of a new simulation."""
     before, after = parts_of(old.scene.mesh), parts_of(new.scene.mesh)
     vertices = [_indices(before.get(name), part, "first_vertex", part.mesh.n_vertices) for name, part in after.items()]
     cells = [_indices(before.get(name), part, "first_cell", part.mesh.n_cells) for name, part in after.items()]

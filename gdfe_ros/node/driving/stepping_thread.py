@@ -35,10 +35,10 @@ class StepFailure(GdfeError):
 
 
 _GRACE = 0.5
-"""A solve that must end is ended once it has taken longer than this time [s]; a shorter solve is completed."""
+"""A request to end a solve has an effect once the solve has taken longer than this time [s]."""
 _LONG = 0.1
-"""A step that takes longer than this time [s] is published without subscribers, too, and the step before it, meanwhile:
-later subscribers receive at once what the middleware stores. After shorter steps, the node itself tells them.
+"""If a step takes longer than this time [s], the step before it and its own result are published even without
+subscribers. The middleware stores them for later subscribers, which the node itself tells only after shorter steps.
 """
 _MOST_RETRIES = 20
 """Largest number of successive steps without a new command that continue an unconverged solve. Steps that a deadline
@@ -110,7 +110,7 @@ class SteppingThread:
         self._thread.start()
 
     def take_over(self, other: SteppingThread, bodies: Collection[str]) -> None:
-        """Continue the commands and counts of another stepper; of the free bodies only ``bodies`` exist."""
+        """Continue the commands and counts of another stepper; ``bodies`` are the names of all free bodies."""
         self.drive.take_over(other.drive, bodies)
         self._retries, self.count, self.rounds = other._retries, other.count, other.rounds
         self.solving, self.spent = other.solving, other.spent
@@ -355,7 +355,7 @@ class SteppingThread:
         return run.last
 
     def _try_step(self, command: Command, **given: Any) -> tuple[Command, StepResult]:
-        """Make a step; if its command is refused, report it and make the step without what was refused."""
+        """Make a step and return its command and result; a refused teleport, or a refused command, is left out."""
         run, step = self._run, self._simulation.step
         try:
             return command, step(command, **given)

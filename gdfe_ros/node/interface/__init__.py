@@ -166,8 +166,8 @@ PARAMETERS = (
         default=-1,
         least=-1,
         most=1_000_000_000,
-        meaning="for replays: end each solve at the same point as the recorded one (`cut_after` of its step "
-        "record), whatever the time; -1: never",
+        meaning="for replays: end each solve at the same point as the recorded one (`cut_after` of its step record), "
+        "whatever the time; -1: never",
     ),
     ParameterSpec(
         name="heartbeat",
@@ -178,14 +178,14 @@ PARAMETERS = (
     ParameterSpec(
         name="publish_clock",
         default=False,
-        meaning="publish /clock, stamp with simulation time, and with clocks wall and fast keep stepping while "
-        "nothing is commanded; only one node of a system may do this",
+        meaning="publish /clock, stamp with simulation time, and with clocks wall and fast keep stepping while nothing "
+        "is commanded; only one node of a system may do this",
         change=Changeable.INACTIVE,
     ),
     ParameterSpec(
         name="frame_id",
         default=FRAME,
-        meaning="frame of the rest shape (REP-105); the header of every output has it, except poses and wrenches of "
+        meaning="frame of the rest shape (REP-105); every output has it in its header, except poses and wrenches of "
         "handles and obstacles",
         change=Changeable.UNCONFIGURED,
     ),
@@ -279,7 +279,7 @@ def _own(name: str, meaning: str, *, kind: str = "Trigger") -> ServiceSpec:
 
 
 def _standard(kind: str, meaning: str, *, form: str = "srv") -> ServiceSpec:
-    """Return a standard service or action; its name is that of its type in lower case, with underscores."""
+    """Return a standard service or action; its name is ``kind`` in lower case with underscores."""
     name = re.sub("(?<=[a-z])(?=[A-Z])", "_", kind).lower()
     return ServiceSpec(name=f"~/{name}", type=f"simulation_interfaces/{form}/{kind}", meaning=meaning)
 
@@ -287,8 +287,8 @@ def _standard(kind: str, meaning: str, *, form: str = "srv") -> ServiceSpec:
 RESET = _own("reset", "go back to rest at time 0 and drop waiting commands")
 RESET_COMMANDS = _own(
     "reset_commands",
-    "drop waiting commands, velocities and trajectories; with the next step all targets, actuators and loads go "
-    "back to their initial values, and the body follows",
+    "drop waiting commands, velocities and trajectories; with the next step all targets, actuators and loads go back "
+    "to their initial values, and the body follows",
 )
 RESET_BODIES = _own(
     "reset_bodies",
@@ -296,13 +296,13 @@ RESET_BODIES = _own(
 )
 RESET_SHAPE = _own(
     "reset_shape",
-    "put the elastic body back to its rest shape and all commands back to those of rest; time continues, and "
-    "rigid bodies keep their places but lose their velocities. Not while a bag is written",
+    "put the elastic body back to its rest shape and all commands to their initial values; time continues, and rigid "
+    "bodies keep their places but lose their velocities. Not while a bag is written",
 )
 RESET_ARMS = _own(
     "reset_arms",
-    "put all arms back to their initial joint positions at once; what an arm holds moves with it and keeps its "
-    "shape. Time, loads, actuators and places of rigid bodies stay; velocities are the initial ones. Not while a "
+    "put all arms back to their initial joint positions at once; what an arm holds moves with it and keeps its shape. "
+    "Time, loads, actuators and places of rigid bodies stay; velocities return to their initial values. Not while a "
     "bag is written",
 )
 PAUSE = _own("pause", "true: pause the stepping; false: continue", kind="SetBool")
@@ -336,9 +336,8 @@ SIMULATE_STEPS = _standard(
 )
 SPAWN_ENTITY = _standard(
     "SpawnEntity",
-    "add a rigid body, from a URDF with one link (box, cylinder or sphere with a mass) or from YAML like an entry "
-    "of `bodies`; or a soft body, from a mesh with its material. The scene needs `dynamics`. Not while a bag is "
-    "written",
+    "add a rigid body, from a URDF with one link (box, cylinder or sphere with a mass) or from YAML like an entry of "
+    "`bodies`; or a soft body, from a mesh with its material. The scene needs `dynamics`. Not while a bag is written",
 )
 SPAWN_ENTITIES = _standard(
     "SpawnEntities", "as ~/spawn_entity for up to 100 bodies, one after another; each has a result of its own"
@@ -346,20 +345,20 @@ SPAWN_ENTITIES = _standard(
 DELETE_ENTITY = _standard("DeleteEntity", "remove a spawned body. Not while a bag is written")
 GET_ENTITIES = _standard(
     "GetEntities",
-    "list the rigid bodies and the soft bodies beside the scene's body; filters: an expression for names, "
-    "categories, tags (rigid, soft, spawned), a box or a sphere in the frame `frame_id`",
+    "list the rigid bodies and the soft bodies beside the scene's body; filters: an expression for names, categories, "
+    "tags (rigid, soft, spawned), a box or a sphere in the frame `frame_id`",
 )
 GET_ENTITY_STATE = _standard(
     "GetEntityState",
-    "answer a body's pose and velocity after the last step, in the frame `frame_id`; those of a soft body are its "
-    "mean ones",
+    "answer a body's pose and velocity after the last step, in the frame `frame_id`; for a soft body, its mean pose "
+    "and velocity",
 )
 GET_ENTITIES_STATES = _standard(
-    "GetEntitiesStates", "answer names and states, all after the same step, with the filters of ~/get_entities"
+    "GetEntitiesStates", "answer names and states of bodies, all after the same step; filters as for ~/get_entities"
 )
 SET_ENTITY_STATE = _standard(
     "SetEntityState",
-    "teleport a body with the next step; it is then without velocity, and a soft one keeps its deformation. A "
+    "teleport a body with the next step, to zero velocity; a soft body keeps its deformation. A request with a "
     "velocity is refused",
 )
 GET_ENTITY_INFO = _standard("GetEntityInfo", "answer category, description and tags of a body")
@@ -375,8 +374,8 @@ GET_NAMED_POSES = _standard(
 )
 LOAD_WORLD = _standard(
     "LoadWorld",
-    "replace the scene by another one, from a file or a text; the present one steps on while the new one is "
-    "prepared. The node is then active and paused at time 0",
+    "replace the scene by another one, from a file or a text; the present one steps on while the new one is prepared. "
+    "The node is then active and paused at time 0",
 )
 UNLOAD_WORLD = _standard("UnloadWorld", "as the transitions deactivate and cleanup")
 GET_CURRENT_WORLD = _standard("GetCurrentWorld", "answer name, file and description of the scene")
@@ -386,10 +385,9 @@ GET_AVAILABLE_WORLDS = _standard(
 FOLLOW_TRAJECTORY = ServiceSpec(
     name="~/follow_joint_trajectory",
     type="control_msgs/action/FollowJointTrajectory",
-    meaning="an action: a trajectory as on ~/trajectory, with feedback after each step. `position` in its "
-    "tolerances is the allowed distance between the trajectory and the commands in force, which rate limits may "
-    "hold back. A later command of one of its actuators ends it. After a cancellation the commands keep their "
-    "present values",
+    meaning="an action: a trajectory as on ~/trajectory, with feedback after each step. In its tolerances, `position` "
+    "is the allowed distance between the trajectory and the present commands, which rate limits may delay. A later "
+    "command of one of its actuators ends it. After a cancellation the commands keep their present values",
 )
 _ALL = [spec for spec in vars().values() if isinstance(spec, ServiceSpec)]
 SERVICES = tuple(spec for spec in _ALL if spec.type.startswith("std_srvs/"))

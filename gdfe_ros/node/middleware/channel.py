@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Publishers that also record their messages, the thread that publishes steps, and publishers of others beside ours."""
+"""Publishers that also record their messages, the thread that publishes steps, and searches for stray publishers."""
 
 from __future__ import annotations
 
@@ -85,10 +85,11 @@ class Channel:
         return step.first or step.stored or self.wanted
 
     def look_for_newcomers(self, *, thorough: bool = False) -> bool:
-        """Return whether there are new subscribers since the last call, or any that lack the last message.
+        """Return whether a subscriber is new since the last call, or lacks the last message.
 
-        The ROS graph is read for those with volatile durability if there are more subscribers than at the last call, if
-        it did not show all of them then, or, with ``thorough``, if there are any: one may have replaced another one.
+        The ROS graph shows which new subscribers have volatile durability. It is read if the number of subscribers has
+        grown, or if it showed too few of them at the last reading. With ``thorough`` it is read if there is any
+        subscriber, because a new one may have replaced another one.
         """
         if not self._repeated:
             return False
@@ -191,7 +192,7 @@ class UnmatchedTopics:
         self._told: set[str] = set()
 
     def look(self) -> None:
-        """Examine the graph once."""
+        """Report publishers that have appeared on topics of unknown names."""
         for topic, _ in self._node.get_topic_names_and_types():
             for section, before, after in self._patterns:
                 if topic.startswith(before) and topic.endswith(f"/{after}"):
@@ -230,7 +231,7 @@ class Doubles:
         self._node, self.found = node, ""
 
     def look(self) -> None:
-        """Examine the graph once."""
+        """Search the ROS graph once, and log new duplicates."""
         node, own = self._node, (self._node.get_name(), self._node.get_namespace())
         found = []
         name = node.get_fully_qualified_name()

@@ -50,9 +50,9 @@ _KEPT = 2
 _MOST_ENTRIES = 10_000
 """Largest number of entries in a list of a request; rclpy's answer for 500000 names of parameters takes 15 s."""
 _TRIM = getattr(ctypes.CDLL(None), "malloc_trim", None)
-"""Function of glibc that returns free memory to the system; None with another C library, which has no such pools."""
+"""Function of glibc that returns free memory to the system; None with other C libraries."""
 _BURST = 100
-"""Largest number of entries of the log of the same severity in five seconds."""
+"""Largest number of log entries of one severity in five seconds."""
 _PRIMARY = ("unconfigured", "inactive", "active")
 
 
@@ -82,7 +82,7 @@ class Faults:
 
 
 class ManagedNode(EventlessNode, LifecycleNode):
-    """A lifecycle node whose callbacks cannot end the process, and whose topics can go while it spins.
+    """A lifecycle node whose callbacks cannot end the process; topics can be destroyed while an executor spins it.
 
     Exceptions in callbacks are counted and logged; a service answers with the exception's text. With rclpy alone, such
     an exception ends the executor, even if it only reports a transition that the present state does not allow (rclpy
@@ -130,7 +130,7 @@ class ManagedNode(EventlessNode, LifecycleNode):
         return {name for name in self.given_parameters if not self.has_parameter(name) and not name.startswith(later)}
 
     def offer(self, offered: Mapping[ServiceSpec, Callable[[Any, Any], Any]]) -> None:
-        """Offer those services whose types are installed; `answer` says what their functions return."""
+        """Offer the services whose types are installed; see ``action`` of `answer` for their functions."""
         for spec, action in offered.items():
             if available(spec.type):
                 note = partial(self.faults.note, f"the service {spec.name}")
@@ -165,7 +165,7 @@ class ManagedNode(EventlessNode, LifecycleNode):
         return super().destroy_timer(timer)
 
     def turn(self) -> None:
-        """Release what was destroyed before the turn before the last one; to be called by a timer of this node.
+        """Free subscriptions and timers destroyed before the previous call; to be called by a timer of this node.
 
         EventsExecutor accesses subscriptions and timers by their addresses, which may be in its queue. The queue is in
         order: after two calls by a timer that were queued later, nothing refers to them.
@@ -183,10 +183,10 @@ class ManagedNode(EventlessNode, LifecycleNode):
 
     @staticmethod
     def collect() -> None:
-        """Free the memory of a dropped simulation, which is part of reference cycles, and return it to the system.
+        """Free the memory of a dropped simulation, and return it to the system.
 
-        Python would collect these only after many allocations, of which a node makes few, whatever the size of its
-        arrays. glibc would keep freed memory in pools of threads that have ended: 50 MB after 1000 changes of `grasp`.
+        A simulation has reference cycles, which Python collects only after many allocations; a node makes few. glibc
+        would keep freed memory in the pools of ended threads: 50 MB after 1000 replacements of the scene `grasp`.
         """
         gc.collect()
         if _TRIM is not None:
@@ -337,7 +337,7 @@ def _ignore(*_: Any) -> None:
 
 
 def _describe_excess(request: Any) -> str:
-    """Return what of a request is too large; empty if nothing is."""
+    """Return a text about a request that is too large, or has a list that is too long; else an empty text."""
     if size := unread_size(request):
         return f"it has {size} bytes; allowed: up to {LARGEST}"
     for name, kind in request.get_fields_and_field_types().items():

@@ -27,6 +27,7 @@ from gdfe_ros.node.middleware.managed import EventlessNode, Faults, ManagedNode
 _WAIT = 0.5
 """Longest wait of the executor [s]; a signal ends the wait at once."""
 _BAD_START = 2
+"""Exit status of a process whose nodes cannot be made, or whose arguments are unknown."""
 _START_ERRORS = (
     GdfeError,
     InvalidParameterTypeException,
@@ -58,7 +59,7 @@ def make_executor(context: rclpy.Context | None = None) -> Executor:
 
 
 class LoneNode:
-    """A ROS node with an executor in a ROS context of its own, beside which the process may have others.
+    """A ROS node with its own executor and its own ROS context; the process may have other contexts.
 
     Signals are not handled. As a context manager, it is closed at exit.
 

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Classes and QoS profiles of rclpy for the names in the interface; requests that are too large stay unread.
+"""Message classes and QoS profiles of the interface's topics and services, and a limit on the size of requests.
 
-rclpy makes Python objects of a whole request before it calls the service, and no other callback runs meanwhile: 12 s
-for 200000 parameters. Here, the class of the requests gets another conversion. It asks the type support of Fast DDS for
-the size of the received C structure first, and makes an empty request of those that are too large.
+rclpy converts a whole request to Python objects before it calls the service. This blocks all other callbacks: for 12 s
+with 200000 parameters. Therefore a request's class gets another conversion function here. It first asks the type
+support of Fast DDS for the size of the received C structure, and returns an empty request if this is too large.
 """
 
 from __future__ import annotations
@@ -51,13 +51,13 @@ def interface_class(type_name: str) -> type[Any]:
 
 
 def subscribe(node: Node, spec: TopicSpec, callback: Callable[[Any], None], name: str = "", **options: Any) -> Any:
-    """Subscribe to a topic with its type and quality of service; ``name`` replaces the one in its description."""
+    """Subscribe to a topic with the type and quality of service in ``spec``; ``name``, if given, replaces its name."""
     profile = qos_profile(spec.delivery)
     return node.create_subscription(interface_class(spec.type), name or spec.name, callback, profile, **options)
 
 
 def topic_info(spec: TopicSpec, name: str, role: str) -> TopicInfo:
-    """Return the description of a topic for a bag: full name, and name without the node's."""
+    """Return the description of a topic for a bag: full name, type, quality of service, and name within the node."""
     return TopicInfo(name=name, type=spec.type, qos=Qos.from_rclpy(qos_profile(spec.delivery)), role=role)
 
 
@@ -95,10 +95,10 @@ _CONVERSION = ctypes.PYFUNCTYPE(ctypes.py_object, ctypes.c_void_p)
 
 @cache
 def bound_request(kind: type) -> type:
-    """Return a class that rclpy can read in place of the class ``kind`` of a request, see the module.
+    """Return a class that rclpy reads in place of the request class ``kind``, see the module.
 
-    The results are requests of class ``kind``. One that was too large is an instance of a class derived from it, whose
-    attribute ``unread`` is its size [bytes].
+    The requests it reads are instances of ``kind``. A request that was too large is an empty instance of a subclass;
+    its attribute ``unread`` is the size [bytes].
 
     Raises:
         OSError, AttributeError, ValueError: the type support of Fast DDS is not installed for this package.
@@ -128,8 +128,8 @@ def bound_request(kind: type) -> type:
 def bound_service(kind: type, warn: Callable[[str], object]) -> Any:
     """Return the type ``kind`` of a service with a bounded request, for the attribute ``srv_type`` of a service.
 
-    Its service must exist already: only then the type support is loaded. Without the type support of Fast DDS, the
-    result is ``kind``, and ``warn`` receives a text.
+    The service must have been created before, which loads the type support. Without the type support of Fast DDS,
+    return ``kind``, and call ``warn`` with the reason.
     """
     try:
         return SimpleNamespace(Request=bound_request(kind.Request), Response=kind.Response)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Bodies that are spawned, deleted, listed, asked and put elsewhere while the node runs.
+"""Services that spawn, delete, list, query and teleport bodies while the node runs.
 
-To spawn or delete one, the scene is exchanged between two steps.
+To spawn or delete a body, the simulation is replaced between two steps.
 """
 
 from __future__ import annotations
@@ -81,7 +81,7 @@ class Entities:
         return things_of(self._node.require_session().scene, self._inner)
 
     def find(self, name: str) -> Thing:
-        """Return the entity of a name.
+        """Return the entity with a name.
 
         Raises:
             Refused: there is none.
@@ -128,7 +128,7 @@ class Entities:
         """Add the body of a request.
 
         Raises:
-            Refused, Refusal: the request has a defect that shows at once.
+            Refused, Refusal: the request has a defect that shows before its resource is read.
         """
         session, wanted = self._node.require_session(), EntityRequest(request)
         if session.scene.dynamics is None:
@@ -166,9 +166,9 @@ class Entities:
         return self.remove((name,))
 
     def remove(self, names: tuple[str, ...] | None = None, *, anew: bool = False) -> Future[Scene]:
-        """Remove spawned bodies; None: all that are spawned when the change begins.
+        """Remove the named spawned bodies; None: all bodies that are spawned when the change begins.
 
-        ``anew``: start again at rest at time 0.
+        ``anew``: restart the simulation at rest at time 0.
         """
         command_set = self._node.require_session().run.parameters.entries("command_set")
         gone: list[str] = []
@@ -191,7 +191,7 @@ class Entities:
 
 
 class EntityQueries:
-    """Answers requests about the bodies of a node's scene, and puts them elsewhere.
+    """Answers requests about the bodies of a node's scene, and teleports them.
 
     Args:
         node: node that offers the services.
@@ -239,7 +239,7 @@ class EntityQueries:
         return [each for each in chosen if has_tags(each.tags, filters.tags)]
 
     def _after_step(self, write: Callable[[list[Thing]], None], chosen: list[Thing], filters: Any) -> Future[None]:
-        """Let ``write`` answer after the present step, with those bodies of ``chosen`` that are within the bounds."""
+        """Call ``write`` after the present step, with the bodies of ``chosen`` that are within the filter's bounds."""
         session = self._node.require_session()
 
         def look() -> None:
@@ -290,12 +290,10 @@ class EntityQueries:
         return session.stepper.post(look)
 
     def _get_poses(self, request: Any, response: Any) -> None:
-        import simulation_interfaces.msg
-
         for name, kind, place in list_poses(self._node.require_session().scene):
             if not has_tags((kind,), request.tags):
                 continue
-            message = simulation_interfaces.msg.NamedPose(name=name, tags=[kind])
+            message = interface_class("simulation_interfaces/msg/NamedPose")(name=name, tags=[kind])
             message.description = f"rest pose of the {kind}" if kind != "probe" else "undeformed place"
             message.pose = pose_message(place.origin, place.turn.as_quat())
             response.poses.append(message)
@@ -315,13 +313,13 @@ MOST_WAITING = 20
 
 @dataclass(eq=False)
 class _Change:
-    """A requested change.
+    """A requested change of the scene.
 
     Attributes:
         make: function that returns the new scene from the present one.
         anew: whether the new simulation starts at rest at time 0; otherwise it continues the motion.
-        outcome: of the change: the new scene.
-        before: the scene from which it was built.
+        outcome: ``Future`` of the new scene.
+        before: scene from which the new one was built; None before that.
     """
 
     make: Callable[[Scene], Scene]
@@ -386,7 +384,7 @@ class SceneExchange:
         self._begin()
 
     def _exchange(self, change: _Change, built: Simulation | Exception) -> Scene | None:
-        """Carry out a change and return the new scene; None if the present scene is another one meanwhile."""
+        """Carry out a change and return the new scene; None if the session has another scene meanwhile."""
         if isinstance(built, Exception):
             raise built
         session = self._node.session

@@ -24,6 +24,7 @@ from gdfe_ros.node import interface
 from gdfe_ros.node.driving.remodelling import build_simulation
 from gdfe_ros.node.interface import ServiceSpec
 from gdfe_ros.node.middleware.managed import ManagedNode
+from gdfe_ros.node.middleware.ros_types import interface_class
 from gdfe_ros.node.parameters import NodeParameters
 from gdfe_ros.node.refusals import Refused, ResultCode
 from gdfe_ros.node.simulation_session import SimulationSession
@@ -81,8 +82,15 @@ class Services:
             interface.RESET: self._reset,
             interface.RESET_COMMANDS: lambda _: self._post(SimulationSession.reset_commands),
             interface.RESET_BODIES: lambda _: self._post(SimulationSession.reset_bodies),
-            interface.RESET_SHAPE: self._reset_shape,
-            interface.RESET_ARMS: self._reset_arms,
+            interface.RESET_SHAPE: lambda _: self._reset_part(
+                interface.RESET_SHAPE, Simulation.reset_shape, "the shape was reset", "at the rest shape"
+            ),
+            interface.RESET_ARMS: lambda _: self._reset_part(
+                interface.RESET_ARMS,
+                Simulation.reset_arms,
+                "the arms were reset",
+                "the arms are at their initial positions",
+            ),
             interface.PAUSE: self._pause,
             interface.STEP: self._step,
             interface.RECORD: self._record,
@@ -100,14 +108,6 @@ class Services:
     def _post(self, reset: Callable[[SimulationSession], str]) -> Future[str]:
         session = self._node.require_session()
         return session.stepper.post(partial(reset, session))
-
-    def _reset_shape(self, request: Trigger.Request) -> Future[str]:
-        reset = Simulation.reset_shape
-        return self._reset_part(interface.RESET_SHAPE, reset, "the shape was reset", "at the rest shape")
-
-    def _reset_arms(self, request: Trigger.Request) -> Future[str]:
-        reset, done = Simulation.reset_arms, "the arms are at their initial positions"
-        return self._reset_part(interface.RESET_ARMS, reset, "the arms were reset", done)
 
     def _reset_part(self, spec: ServiceSpec, reset: Callable[[Simulation], None], why: str, done: str) -> Future[str]:
         """Reset a part between two steps, as soon as possible; the answer is the text ``done`` and the time."""
@@ -201,7 +201,7 @@ def path_of(uri: str, suffixes: Collection[str], *, code: int) -> Path:
     """Return the path of a URI ``file:///path``, or of a path.
 
     Raises:
-        Refused: it is neither, or has another suffix; its code is ``code``.
+        Refused: the text is neither, or the suffix is not among ``suffixes``; the refusal has the result code ``code``.
     """
     scheme, path = _parts(uri)
     if scheme not in ("", "file") or path.suffix.lower() not in suffixes:
@@ -210,7 +210,7 @@ def path_of(uri: str, suffixes: Collection[str], *, code: int) -> Path:
 
 
 def files_in(sources: Sequence[str], suffixes: Collection[str]) -> tuple[list[Path], str]:
-    """Return the files of some folders, without their subfolders, and a text on the sources that cannot be listed."""
+    """Return the files in folders, without subfolders, and a text about sources that cannot be listed."""
     found: list[Path] = []
     wrong = [f"{len(sources) - _MOST_SOURCES} more than {_MOST_SOURCES}"] if len(sources) > _MOST_SOURCES else []
     for source in sources[:_MOST_SOURCES]:
@@ -234,14 +234,12 @@ def _parts(uri: str) -> tuple[str, Path]:
 
 def _list_spawnables(request: Any, response: Any) -> None:
     """List the bodies that can be spawned by URI."""
-    import simulation_interfaces.msg
-
     own = sorted((share_dir() / "config" / "bodies").glob("*.yaml"))
     others, wrong = files_in(request.sources, SPAWNED)
     for path in (*own, *others):
         text = read_text(path, most=LARGEST).partition("\n")[0].lstrip("# ") if path in own else ""
         uri = path.absolute().as_uri()
-        response.spawnables.append(simulation_interfaces.msg.Spawnable(uri=uri, description=text))
+        response.spawnables.append(interface_class("simulation_interfaces/msg/Spawnable")(uri=uri, description=text))
     response.result.error_message = wrong
 
 
@@ -325,14 +323,12 @@ class Worlds:
         return self._node.session
 
     def _get_available(self, request: Any, response: Any) -> None:
-        import simulation_interfaces.msg
-
         sources = getattr(request, "additional_sources", None) or getattr(request, "sources", ())
         others, wrong = files_in(sources, WORLDS)
         own = [share_dir() / "config" / "scenes" / f"{name}.yaml" for name in scene_names()]
         if not request.filter.tags:  # scenes have no tags
             for path in (*own, *others):
-                world = simulation_interfaces.msg.WorldResource(name=path.stem)
+                world = interface_class("simulation_interfaces/msg/WorldResource")(name=path.stem)
                 _resource(world).uri = path.absolute().as_uri()
                 response.worlds.append(world)
         if wrong and not getattr(request, "continue_on_error", True):

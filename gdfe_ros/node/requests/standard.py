@@ -85,7 +85,7 @@ class StandardServices:
     Args:
         node: node that offers the services.
         entities: the spawned bodies, which some requests remove.
-        worlds: the scenes that are loaded.
+        worlds: loader of scenes.
         quit: event that ends the process; None: this node cannot end it.
     """
 
@@ -228,6 +228,7 @@ def _end(goal: Any, *, succeeded: bool) -> None:
 
 
 _CODES = {Reason.UNKNOWN: Code.INVALID_JOINTS, Reason.STALE: Code.OLD_HEADER_TIMESTAMP}
+"""Result code of a refused trajectory; for any other reason it is INVALID_GOAL."""
 
 
 class TrajectoryAction:
@@ -311,7 +312,7 @@ class TrajectoryAction:
 
 
 def _tolerances(request: Any) -> Tolerances:
-    """Return a goal's tolerances of positions, which are commands here; a value of 0 or -1 sets no tolerance.
+    """Return the position tolerances of a goal, which limit commands here; a value of 0 or -1 sets no limit.
 
     Tolerances of velocities and accelerations are ignored.
 

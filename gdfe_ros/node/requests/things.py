@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Rigid and soft bodies as entities of ``simulation_interfaces``, the requests that state one, and filters of them."""
+"""Rigid and soft bodies as entities of ``simulation_interfaces``, requests to spawn one, and filters for lists."""
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ from gdfe_ros.errors import ArmError, SceneError
 from gdfe_ros.mesh.mesh import MeshPart
 from gdfe_ros.node.command_messages import require_pose
 from gdfe_ros.node.frames import Frames, Placement
+from gdfe_ros.node.middleware.ros_types import interface_class
 from gdfe_ros.node.refusals import Refused, ResultCode
 from gdfe_ros.node.requests.services import SPAWNED, path_of
 from gdfe_ros.scene.building.soft_bodies import parts_of
@@ -47,9 +48,9 @@ class Thing:
     """A rigid body, or a soft body beside the scene's body.
 
     Attributes:
-        name: its name.
+        name: name of the body.
         tags: ``rigid`` or ``soft``, and ``spawned`` if a request added it.
-        vertices: its vertices in the simulation's state.
+        vertices: ids of the body's vertices in the simulation's state.
         rigid: the rigid body; None for a soft one.
         part: the soft body's mesh; None for a rigid one.
         inner: placement in the entity's frame of the rigid body's own frame.
@@ -64,13 +65,13 @@ class Thing:
 
     @property
     def description(self) -> str:
-        """What it is, in a sentence."""
+        """Kind and size of the body, for users."""
         if self.part is not None:
             return f"a soft body of {self.part.mesh.n_cells} cells"
         return f"a rigid body of {self.rigid.mass:g} kg, {type(self.rigid.form).__name__.lower()}"
 
     def place(self, simulation: Simulation) -> Placement:
-        """Return the present placement of its frame; a soft body's is the rigid motion that fits its vertices best."""
+        """Return the present placement of the entity's frame; a soft body's is the best rigid fit to its vertices."""
         positions = simulation.state.positions + simulation.origin
         if self.rigid is not None:
             origin, axes = self.rigid.find_frame(positions)
@@ -86,7 +87,7 @@ class Thing:
         return Placement(self.part.at, Rotation.from_matrix(self.part.rotation))
 
     def motion(self, simulation: Simulation) -> EntityMotion:
-        """Return its present placement and velocity."""
+        """Return the body's present placement and velocity."""
         place, positions = self.place(simulation), simulation.state.positions[self.vertices] + simulation.origin
         velocities = simulation.stepper.velocities(simulation.state)[self.vertices]
         arms = positions - positions.mean(axis=0)
@@ -96,7 +97,7 @@ class Thing:
         return EntityMotion(place, linear, angular)
 
     def bounds(self, simulation: Simulation, frame: Placement) -> NDArray[np.float64]:
-        """Return lowest and highest corner (2, 3) [m] of the box around it, along the axes of ``frame``."""
+        """Return lowest and highest corner (2, 3) [m] of the box around the body, along the axes of ``frame``."""
         positions = simulation.state.positions + simulation.origin
         points = positions[self.vertices]
         if self.rigid is not None:
@@ -115,7 +116,7 @@ def rest_place(body: Obstacle) -> Placement:
 def things_of(scene: Scene, spawned: dict[str, Placement]) -> list[Thing]:
     """Return the entities of a scene: rigid bodies, then soft bodies beside the scene's body.
 
-    ``spawned`` are the names of spawned bodies, each with the placement in the entity's frame of the body's own frame.
+    ``spawned`` maps the name of each spawned body to the placement of the body's own frame in the entity's frame.
     """
     found = [
         Thing(
@@ -162,7 +163,7 @@ class EntityRequest:
         request: the request.
 
     Raises:
-        Refused: it asks for a namespace, or its resource is too large.
+        Refused: the request asks for a namespace, or its resource is too large.
 
     Attributes:
         pose: initial pose, with the frame in its header.
@@ -193,10 +194,10 @@ class EntityRequest:
             raise Refused(ResultCode.PARSE_ERROR, str(error)) from error
 
     def unique_name(self, entity: Entity, taken: set[str]) -> str:
-        """Return the name of the body.
+        """Return a name for the body that is not in ``taken``.
 
         Raises:
-            Refused: there is no name, it is no valid name, or it is taken and must not be changed.
+            Refused: there is no name, the name is invalid, or it is taken and must not be changed.
         """
         name = self._name or entity.name or ("body" if self._renames else "")
         if not NAME.fullmatch(name) or len(name) > LONGEST:
@@ -232,7 +233,7 @@ def _read(uri: str) -> str:
     """Return the text of the file at a URI ``file:///path`` or at a path.
 
     Raises:
-        Refused: it is neither, or the file cannot be read.
+        Refused: the text is neither, or the file cannot be read.
     """
     path = path_of(uri, SPAWNED, code=ResultCode.UNSUPPORTED_FORMAT)
     try:
@@ -243,7 +244,7 @@ def _read(uri: str) -> str:
 
 
 def inner_of(scene: Scene, name: str, outer: Placement) -> Placement:
-    """Return the placement of a new body's own frame in the frame ``outer`` in which it was spawned."""
+    """Return the placement of a new body's own frame in the frame ``outer``, in which the body was spawned."""
     body = next((each for each in scene.rigid_bodies if each.name == name), None)
     return Placement() if body is None else outer.inverse() @ rest_place(body)
 
@@ -256,7 +257,7 @@ def remark_on(scene: Scene, entity: Any) -> str:
 
 
 def names_of(scene: Scene) -> set[str]:
-    """Return the names of a scene that a body cannot have."""
+    """Return the names in a scene that a new body must not have."""
     items = (*scene.handles, *scene.actuators, *scene.loads, *scene.fibres)
     return {item.name for item in items} | set(parts_of(scene.mesh))
 
@@ -296,7 +297,7 @@ def name_filter(pattern: str) -> Callable[[str], object]:
     """Return a function that tells whether a name matches an expression.
 
     Raises:
-        Refused: it is no expression, or its search could take too long.
+        Refused: the pattern is no regular expression, or its search could take too long.
     """
     if why := _too_slow(pattern):
         raise Refused(ResultCode.UNSUPPORTED, f"filters.filter {pattern[:_LONGEST_FILTER]!r} {why}")
@@ -320,7 +321,7 @@ def require_bounds(bounds: Any) -> None:
 
 
 def _too_slow(pattern: str) -> str:
-    """Return why the search for an expression could take too long; empty if it cannot."""
+    """Return a text that says why the search for an expression could take too long; empty if it cannot."""
     if len(pattern) > _LONGEST_FILTER:
         return f"has {len(pattern)} characters; allowed: up to {_LONGEST_FILTER}"
     if _REPEATED_GROUP.search(pattern):
@@ -338,6 +339,4 @@ def pose_from_rest(thing: Thing, place: Placement) -> Pose:
 
 def new_message(sequence: str) -> Any:
     """Return a new message of the type of a field like ``sequence<simulation_interfaces/SpawnResult>``."""
-    import simulation_interfaces.msg
-
-    return getattr(simulation_interfaces.msg, sequence.rpartition("/")[2].rstrip(">"))()
+    return interface_class(f"simulation_interfaces/msg/{sequence.rpartition('/')[2].rstrip('>')}")()
