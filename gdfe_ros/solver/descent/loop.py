@@ -77,22 +77,27 @@ class Metric(NamedTuple):
 
 @kernel
 def precondition(metric, right, out):
-    """Write M^-1 ``right`` (3 r,) to ``out``."""
+    """Write the product of M^-1 and each row of ``right`` (k, 3 r) to the same row of ``out``."""
     if len(metric.kept.order) > 0:
         solve_kept(metric.kept, right, out)
     else:
-        apply_inverse(right, metric.coupling, out)
+        for k in range(len(right)):
+            apply_inverse(right[k], metric.coupling, out[k])
 
 
 @internal
 def apply_initial(status, metric, right, out):
-    """Write the product of the initial matrix' inverse and ``right`` (3 r,) to ``out``: that of M, or of A if wild."""
-    if status.wild == 1:
-        apply_inverse(right, metric.coupling, out)
-        for n in range(len(out)):
-            out[n] *= status.scale
-    else:
+    """Write the product of the initial matrix' inverse and each row of ``right`` (k, 3 r) to the same row of ``out``.
+
+    The matrix is M, or A if wild.
+    """
+    if status.wild == 0:
         precondition(metric, right, out)
+        return
+    for k in range(len(right)):
+        apply_inverse(right[k], metric.coupling, out[k])
+        for n in range(out.shape[1]):
+            out[k, n] *= status.scale
 
 
 @internal
@@ -100,7 +105,7 @@ def find_direction(work, metric):
     """Write the quasi-Newton direction, its slope [J] and its largest displacement [m]; return whether it descends."""
     status, d = work.status[0], work.direction
     begin_recursion(work)
-    apply_initial(status, metric, work.step, d)
+    apply_initial(status, metric, work.step.reshape((1, -1)), d.reshape((1, -1)))
     end_recursion(work, d)
     for n in range(len(d)):
         d[n] = -d[n]

@@ -24,7 +24,7 @@ from gdfe_ros.solver.matrix.elimination import (
 )
 from gdfe_ros.solver.matrix.panels import PANEL, TILE, dot_six, six
 from gdfe_ros.solver.matrix.rotation import make_unrotated
-from gdfe_ros.solver.matrix.substitution import Kept, Plan, solve_columns
+from gdfe_ros.solver.matrix.substitution import Kept, Plan, solve_unturned
 from gdfe_ros.solver.vectors import clear_part, copy_part
 
 
@@ -239,7 +239,7 @@ class Fronts:
 def unturned_solutions(kept: Kept, right: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the solutions (3 f + q, k) for right-hand sides (3 f + q, k), as in `solve_unturned`."""
     solutions = np.empty(right.shape[::-1])
-    solve_columns(kept, np.ascontiguousarray(right.T), solutions)
+    solve_unturned(kept, np.ascontiguousarray(right.T), solutions)
     return solutions.T
 
 

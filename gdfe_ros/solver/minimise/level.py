@@ -214,7 +214,7 @@ class TangentLevel:
 
     def solve(self, gradient: NDArray[np.float64], out: NDArray[np.float64]) -> None:
         """Write the product of K^-1 and ``gradient`` (3 r,) [N] to ``out`` (3 r,) [m]."""
-        solve_kept(self.kept, gradient, out)
+        solve_kept(self.kept, gradient[None], out[None])
 
     def _springs(self, x: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
         """Return the springs (m, n, 3) of all terms at ``x`` (n, 3) [m], and the term (m,) of each."""
