@@ -11,6 +11,7 @@ from typing import Any
 import yaml
 
 from benchmarks.loop.row import HONEST, Row, Target, Task, limit_ratio
+from benchmarks.provenance import ROOT
 from gdfe_ros.scene import load_scene
 
 ROWS = Path(__file__).with_name("timed.yaml")
@@ -71,36 +72,35 @@ def make_motion_rows() -> list[Row]:
     """Return the rows with half a second of motion in steps of 5 ms."""
     rows = []
     for given in _read_groups()["motion"]:
-        scene = given["scene"]
+        scene = load_scene(given["scene"])
         target = Target("after", given["least"], least=True) if "least" in given else Target("ratio", SLOWER)
         targets = target, Target("path over before", 1.1), Target("unconverged", 0)
         more = {"unit": "real time", "errors": "path", "fine": 1e-2, "turns": 5, "targets": targets}
-        task = _move(scene, load_scene(scene).program.duration, {"": (0.0, LASTS)}, dynamic=True)
-        rows.append(Row(group="motion", name=f"{scene}, motion", tasks=(task,), **more))
+        whole = {"duration": scene.program.duration, "phases": {"": (0.0, LASTS)}}
+        task = _move(given | whole, {"dynamics.step": STEP} if scene.dynamics else {"dynamics": {"step": STEP}})
+        rows.append(Row(group="motion", name=f"{given['scene']}, motion", tasks=(task,), **more))
     return rows
 
 
 def make_contact_rows() -> list[Row]:
-    """Return the rows with contact: not slower in any phase, and every step converged."""
-    more = {"unit": "real time", "turns": 3, "targets": (Target("ratio", SLOWER), Target("unconverged", 0))}
-    return [
-        Row(
-            group="contact",
-            name=given["scene"],
-            tasks=(_move(given["scene"], given["duration"], given["phases"]),),
-            **more,
-        )
-        for given in _read_groups()["contact"]
-    ]
+    """Return the rows with contact: not slower in any phase, every step converged, and what is wanted of a phase."""
+    rows = []
+    for given in _read_groups()["contact"]:
+        unit, targets = given.get("unit", "real time"), [Target("ratio", SLOWER), Target("unconverged", 0)]
+        for part, bounds in given.get("wanted", {}).items():
+            least = {"after": unit == "real time"}
+            targets += [Target(name, bound, least=least.get(name, False), part=part) for name, bound in bounds.items()]
+        moves = "file" in given or load_scene(given["scene"]).dynamics
+        task = _move(given, _mesh(given) | ({"dynamics.step": given.get("step", STEP)} if moves else {}))
+        more = {"unit": unit, "turns": given.get("turns", 3), "targets": tuple(targets)}
+        rows.append(Row(group="contact", name=given.get("name", given.get("scene")), tasks=(task,), **more))
+    return rows
 
 
-def _move(scene: str, duration: float, phases: Mapping[str, tuple[float, float]], *, dynamic: bool = False) -> Task:
-    """Return the task of a program of ``duration`` [s] in steps of `STEP`, of which those of ``phases`` [s] are made.
-
-    ``dynamic`` adds dynamics to a scene without them.
-    """
-    key: dict[str, Any] = {"dynamics": {"step": STEP}} if dynamic else {}
-    if load_scene(scene).dynamics:
-        key = {"dynamics.step": STEP}
-    parts = {name: tuple(round(end / STEP) for end in ends) for name, ends in phases.items()}
-    return Task(scene=scene, overrides=key, total=round(duration / STEP), parts=parts)
+def _move(given: Mapping[str, Any], overrides: Mapping[str, Any]) -> Task:
+    """Return the task of a program, given by its scene or file, its duration and its phases [s], all in equal steps."""
+    step = given.get("step", STEP)
+    parts = {name: tuple(round(end / step) for end in ends) for name, ends in given["phases"].items()}
+    text = (ROOT / given["file"]).read_text(encoding="utf-8") if "file" in given else ""
+    more = {"overrides": overrides, "total": round(given["duration"] / step), "parts": parts}
+    return Task(scene=given.get("scene", ""), text=text, **more)
