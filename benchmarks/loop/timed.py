@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +13,7 @@ from benchmarks.loop.row import HONEST, Row, Target, Task, limit_ratio
 from benchmarks.provenance import ROOT
 from gdfe_ros.scene import load_scene
 
-ROWS = Path(__file__).with_name("timed.yaml")
+GROUPS: dict[str, list[dict[str, Any]]] = yaml.safe_load(Path(__file__).with_name("timed.yaml").read_text("utf-8"))
 """What is played in the rows of each group, and what is to be reached."""
 SLOWER = 1.05
 """Ratio up to which a row counts as not slower; pairs on a loaded machine scatter by some hundredths."""
@@ -22,11 +21,6 @@ STEP = 0.005
 """Time step of motion and of contact [s]."""
 LASTS = 0.5
 """Simulated time of a robot in motion [s]."""
-
-
-@cache
-def _read_groups() -> dict[str, list[dict[str, Any]]]:
-    return yaml.safe_load(ROWS.read_text(encoding="utf-8"))
 
 
 def _mesh(given: Mapping[str, Any]) -> dict[str, list[int]]:
@@ -37,7 +31,7 @@ def _mesh(given: Mapping[str, Any]) -> dict[str, list[int]]:
 def make_cold_rows() -> list[Row]:
     """Return the rows with one cold step of a bar."""
     rows = []
-    for given in _read_groups()["cold"]:
+    for given in GROUPS["cold"]:
         task = Task(scene=given["scene"], overrides=_mesh(given))
         counts = {"repeats": given.get("repeats", 5), "turns": given.get("turns", 7)}
         more = {"errors": "each", "targets": limit_ratio(given["ratio"])}
@@ -48,7 +42,7 @@ def make_cold_rows() -> list[Row]:
 def make_stream_rows() -> list[Row]:
     """Return the rows with streams of stocky bars: not slower, at errors of at most 0.3."""
     rows = []
-    for given in _read_groups()["streams"]:
+    for given in GROUPS["streams"]:
         steps = given["steps"]
         task = Task(scene=given["scene"], overrides=_mesh(given), total=steps, parts={"": (0, steps)})
         fast = [Target("after", given["longest"])] if "longest" in given else []
@@ -61,7 +55,7 @@ def make_stream_rows() -> list[Row]:
 def make_robot_rows() -> list[Row]:
     """Return the rows with robots in steps of 10 ms."""
     rows = []
-    for given in _read_groups()["robots"]:
+    for given in GROUPS["robots"]:
         task = Task(scene=given["scene"], total=given["total"], parts={"": (0, given["steps"])})
         more = {"errors": "path", "targets": limit_ratio(given["ratio"])}
         rows.append(Row(group="robots", name=f"{given['scene']}, 10 ms", tasks=(task,), **more))
@@ -71,7 +65,7 @@ def make_robot_rows() -> list[Row]:
 def make_motion_rows() -> list[Row]:
     """Return the rows with half a second of motion in steps of 5 ms."""
     rows = []
-    for given in _read_groups()["motion"]:
+    for given in GROUPS["motion"]:
         scene = load_scene(given["scene"])
         target = Target("after", given["least"], least=True) if "least" in given else Target("ratio", SLOWER)
         targets = target, Target("path over before", 1.1), Target("unconverged", 0)
@@ -85,7 +79,7 @@ def make_motion_rows() -> list[Row]:
 def make_contact_rows() -> list[Row]:
     """Return the rows with contact: not slower in any phase, every step converged, and what is wanted of a phase."""
     rows = []
-    for given in _read_groups()["contact"]:
+    for given in GROUPS["contact"]:
         unit, targets = given.get("unit", "real time"), [Target("ratio", SLOWER), Target("unconverged", 0)]
         for part, bounds in given.get("wanted", {}).items():
             least = {"after": unit == "real time"}
