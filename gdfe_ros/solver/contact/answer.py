@@ -28,7 +28,7 @@ it, find the forces, and make the step.
 """
 ROUNDS = 8
 """Largest number of rounds in one step in which further points join; what is left enters the next step."""
-EXACT, ROUGH = 1e-7, 1e-3
+EXACT, ROUGH = 1e-6, 1e-3
 """Allowed violation of the laws, divided by the target of the minimisation, in a step as long as the target. It grows
 with the square of the step's length, up to the second number times this length: the first steps of a minimisation are
 wrong by more than that.

@@ -143,11 +143,13 @@ class ChamberTerm(EffortTerm):
             volume_curvature(*given, -pressure, found)
         return found
 
-    def springs(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+    def has_spring(self, positions: NDArray[np.float64]) -> bool:
+        """Return whether the volume is commanded."""
+        return self.updates
+
+    def spring(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return a commanded volume with its penalty k as a spring: k dV/dx dV/dx^T."""
-        if not self.updates:
-            return super().springs(positions)
-        return np.sqrt(self.reals[STIFFNESS]) * self._find_unit_forces(positions)[None]
+        return np.sqrt(self.reals[STIFFNESS]) * self._find_unit_forces(positions)
 
     def _volume(self, positions: NDArray[np.float64]) -> float:
         places = self.actuator.at(positions)

@@ -144,13 +144,17 @@ class Term:
         """
         return np.zeros((0, 3, 3))
 
-    def springs(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return springs (m, n, 3) [(N/m)^(1/2)] at ``positions`` (n, 3) [m], which couple what nothing else couples.
+    def has_spring(self, positions: NDArray[np.float64]) -> bool:
+        """Return whether the term couples vertices at ``positions`` (n, 3) [m] that are no neighbours, see `spring`."""
+        return False
 
-        Each is the square root of its stiffness times the derivative of its length. Springs have the same purpose as
-        `tangents`, but are few, and the term may have none in some solves. Equal numbers count as the same springs.
+    def spring(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the spring (n, 3) [(N/m)^(1/2)] by which a term couples vertices that are no neighbours.
+
+        It is the square root of its stiffness times the derivative of its length at ``positions`` (n, 3) [m]. It has
+        the same purpose as `tangents`.
         """
-        return np.zeros((0, *positions.shape))
+        raise NotImplementedError
 
     def fit(self, matrix: ConstantMatrix) -> None:
         """Set penalties in proportion to the body's stiffness, which the constant ``matrix`` gives."""
