@@ -91,18 +91,18 @@ def make_lines(row: Row, times: Mapping[str, Figures], errors: Sequence[Mapping[
         for name in {name: None for found in judged for name in found if name not in hidden}:
             if name not in line:
                 line[name] = [found.get(name) for found in judged]
-        lines.append(line | {"targets": _judge_targets(row, line)})
+        lines.append(line | {"targets": _judge_targets(row, part, line)})
     return lines
 
 
-def _judge_targets(row: Row, line: Figures) -> list[tuple[str, bool | None]]:
-    """Return each target of a row in words, with whether a line meets it; None if it is unknown."""
+def _judge_targets(row: Row, part: str, line: Figures) -> list[tuple[str, bool | None]]:
+    """Return each target of a row's part in words, with whether a line meets it; None if it is unknown."""
     figures = {name: value[-1] if isinstance(value, list) and value else value for name, value in line.items()}
     for name in ("path", "whole"):
         pair = line.get(name)
         if pair and len(pair) == 2 and pair[0]:
             figures[f"{name} over before"] = pair[1] / pair[0]
-    return [(target.words, target.met(figures)) for target in row.targets]
+    return [(target.words, target.met(figures)) for target in row.targets if target.part in (None, part)]
 
 
 def report_line(line: Figures) -> None:

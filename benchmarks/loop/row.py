@@ -59,11 +59,13 @@ class Target:
         figure: name of the figure, a key of the row's figures or ``ratio``.
         bound: its bound.
         least: whether the figure has to be at least the bound; otherwise at most.
+        part: part of the task that has to reach it; None for all parts.
     """
 
     figure: str
     bound: float
     least: bool = False
+    part: str | None = None
 
     @property
     def words(self) -> str:

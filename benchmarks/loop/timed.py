@@ -4,16 +4,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import cache
 from pathlib import Path
 from typing import Any
 
 import yaml
 
 from benchmarks.loop.row import HONEST, Row, Target, Task, limit_ratio
+from benchmarks.provenance import ROOT
 from gdfe_ros.scene import load_scene
 
-ROWS = Path(__file__).with_name("timed.yaml")
+GROUPS: dict[str, list[dict[str, Any]]] = yaml.safe_load(Path(__file__).with_name("timed.yaml").read_text("utf-8"))
 """What is played in the rows of each group, and what is to be reached."""
 SLOWER = 1.05
 """Ratio up to which a row counts as not slower; pairs on a loaded machine scatter by some hundredths."""
@@ -21,11 +21,6 @@ STEP = 0.005
 """Time step of motion and of contact [s]."""
 LASTS = 0.5
 """Simulated time of a robot in motion [s]."""
-
-
-@cache
-def _read_groups() -> dict[str, list[dict[str, Any]]]:
-    return yaml.safe_load(ROWS.read_text(encoding="utf-8"))
 
 
 def _mesh(given: Mapping[str, Any]) -> dict[str, list[int]]:
@@ -36,7 +31,7 @@ def _mesh(given: Mapping[str, Any]) -> dict[str, list[int]]:
 def make_cold_rows() -> list[Row]:
     """Return the rows with one cold step of a bar."""
     rows = []
-    for given in _read_groups()["cold"]:
+    for given in GROUPS["cold"]:
         task = Task(scene=given["scene"], overrides=_mesh(given))
         counts = {"repeats": given.get("repeats", 5), "turns": given.get("turns", 7)}
         more = {"errors": "each", "targets": limit_ratio(given["ratio"])}
@@ -47,7 +42,7 @@ def make_cold_rows() -> list[Row]:
 def make_stream_rows() -> list[Row]:
     """Return the rows with streams of stocky bars: not slower, at errors of at most 0.3."""
     rows = []
-    for given in _read_groups()["streams"]:
+    for given in GROUPS["streams"]:
         steps = given["steps"]
         task = Task(scene=given["scene"], overrides=_mesh(given), total=steps, parts={"": (0, steps)})
         fast = [Target("after", given["longest"])] if "longest" in given else []
@@ -60,7 +55,7 @@ def make_stream_rows() -> list[Row]:
 def make_robot_rows() -> list[Row]:
     """Return the rows with robots in steps of 10 ms."""
     rows = []
-    for given in _read_groups()["robots"]:
+    for given in GROUPS["robots"]:
         task = Task(scene=given["scene"], total=given["total"], parts={"": (0, given["steps"])})
         more = {"errors": "path", "targets": limit_ratio(given["ratio"])}
         rows.append(Row(group="robots", name=f"{given['scene']}, 10 ms", tasks=(task,), **more))
@@ -70,37 +65,36 @@ def make_robot_rows() -> list[Row]:
 def make_motion_rows() -> list[Row]:
     """Return the rows with half a second of motion in steps of 5 ms."""
     rows = []
-    for given in _read_groups()["motion"]:
-        scene = given["scene"]
+    for given in GROUPS["motion"]:
+        scene = load_scene(given["scene"])
         target = Target("after", given["least"], least=True) if "least" in given else Target("ratio", SLOWER)
         targets = target, Target("path over before", 1.1), Target("unconverged", 0)
         more = {"unit": "real time", "errors": "path", "fine": 1e-2, "turns": 5, "targets": targets}
-        task = _move(scene, load_scene(scene).program.duration, {"": (0.0, LASTS)}, dynamic=True)
-        rows.append(Row(group="motion", name=f"{scene}, motion", tasks=(task,), **more))
+        whole = {"duration": scene.program.duration, "phases": {"": (0.0, LASTS)}}
+        task = _move(given | whole, {"dynamics.step": STEP} if scene.dynamics else {"dynamics": {"step": STEP}})
+        rows.append(Row(group="motion", name=f"{given['scene']}, motion", tasks=(task,), **more))
     return rows
 
 
 def make_contact_rows() -> list[Row]:
-    """Return the rows with contact: not slower in any phase, and every step converged."""
-    more = {"unit": "real time", "turns": 3, "targets": (Target("ratio", SLOWER), Target("unconverged", 0))}
-    return [
-        Row(
-            group="contact",
-            name=given["scene"],
-            tasks=(_move(given["scene"], given["duration"], given["phases"]),),
-            **more,
-        )
-        for given in _read_groups()["contact"]
-    ]
+    """Return the rows with contact: not slower in any phase, every step converged, and what is wanted of a phase."""
+    rows = []
+    for given in GROUPS["contact"]:
+        unit, targets = given.get("unit", "real time"), [Target("ratio", SLOWER), Target("unconverged", 0)]
+        for part, bounds in given.get("wanted", {}).items():
+            least = {"after": unit == "real time"}
+            targets += [Target(name, bound, least=least.get(name, False), part=part) for name, bound in bounds.items()]
+        moves = "file" in given or load_scene(given["scene"]).dynamics
+        task = _move(given, _mesh(given) | ({"dynamics.step": given.get("step", STEP)} if moves else {}))
+        more = {"unit": unit, "turns": given.get("turns", 3), "targets": tuple(targets)}
+        rows.append(Row(group="contact", name=given.get("name", given.get("scene")), tasks=(task,), **more))
+    return rows
 
 
-def _move(scene: str, duration: float, phases: Mapping[str, tuple[float, float]], *, dynamic: bool = False) -> Task:
-    """Return the task of a program of ``duration`` [s] in steps of `STEP`, of which those of ``phases`` [s] are made.
-
-    ``dynamic`` adds dynamics to a scene without them.
-    """
-    key: dict[str, Any] = {"dynamics": {"step": STEP}} if dynamic else {}
-    if load_scene(scene).dynamics:
-        key = {"dynamics.step": STEP}
-    parts = {name: tuple(round(end / STEP) for end in ends) for name, ends in phases.items()}
-    return Task(scene=scene, overrides=key, total=round(duration / STEP), parts=parts)
+def _move(given: Mapping[str, Any], overrides: Mapping[str, Any]) -> Task:
+    """Return the task of a program, given by its scene or file, its duration and its phases [s], all in equal steps."""
+    step = given.get("step", STEP)
+    parts = {name: tuple(round(end / step) for end in ends) for name, ends in given["phases"].items()}
+    text = (ROOT / given["file"]).read_text(encoding="utf-8") if "file" in given else ""
+    more = {"overrides": overrides, "total": round(given["duration"] / step), "parts": parts}
+    return Task(scene=given.get("scene", ""), text=text, **more)

@@ -27,6 +27,7 @@ from numba.core.ccallback import CFunc
 from numba.core.compiler import CompileResult
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.compiler_machinery import AnalysisPass, register_pass
+from numba.core.errors import TypingError
 from numba.core.funcdesc import FunctionDescriptor
 from numba.core.imputils import fix_returning_optional, impl_ret_new_ref
 from numba.core.registry import CPUDispatcher
@@ -142,14 +143,14 @@ def names_in(module: llvm.ModuleRef) -> bytes:
 
 
 def resolve(link: CalledKernel) -> bool:
-    """Load or compile a kernel; return whether it still exists and has the symbol."""
-    try:
+    """Load or compile a kernel; return whether it still exists, takes these arguments and has the symbol."""
+    try:  # it may have changed while the file of the caller is the same
         found = getattr(import_module(link.module), link.name, None)
-    except ModuleNotFoundError:  # renamed since, while the file of the caller is the same
+        if not isinstance(found, LinkedDispatcher):
+            return False
+        found.compile(link.arguments)
+    except (ModuleNotFoundError, TypingError):
         return False
-    if not isinstance(found, LinkedDispatcher):
-        return False
-    found.compile(link.arguments)
     return link_of(found.overloads[link.arguments]).symbol == link.symbol
 
 

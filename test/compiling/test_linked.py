@@ -145,6 +145,31 @@ def test_a_function_of_a_user_calls_kernels_in_each_process(tmp_path: Path) -> N
         assert float(done.stdout) > 0.0
 
 
+FLAT = """
+from gdfe_ros.compiled import kernel
+{called}
+@kernel
+def total(values):
+    return long_sum({given})
+"""
+
+
+def test_a_caller_of_a_kernel_with_other_arguments_is_compiled_anew(tmp_path: Path) -> None:
+    """After a change of the arguments that a kernel takes, an unchanged caller of its callers still works."""
+    (tmp_path / "caller.py").write_text(CALLER)
+    (tmp_path / "part.py").write_text(PART.format(module="kernels").replace("long_sum", "total"))
+
+    def run(lines: str, given: str) -> str:
+        source = SOURCE.format(lines=lines, result="total").partition("@kernel")[0]
+        (tmp_path / "kernels.py").write_text(FLAT.format(called=source, given=given))
+        use = "import numpy as np, caller; print(caller.triple(np.arange(8.0)))"
+        return run_python(use, NUMBA_CACHE_DIR=tmp_path / "cache", PYTHONPATH=tmp_path).stdout
+
+    first = run(LINES, "values")
+    assert float(first) > 0.0
+    assert run(LINES.replace("values[", "values[0, "), "values.reshape((1, -1))") == first
+
+
 MEANWHILE = """
 import sys, time
 from pathlib import Path

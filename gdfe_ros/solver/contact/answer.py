@@ -28,10 +28,11 @@ it, find the forces, and make the step.
 """
 ROUNDS = 8
 """Largest number of rounds in one step in which further points join; what is left enters the next step."""
-EXACT = 1e-6
-"""Allowed violation of the laws, divided by the length of the last step, or by the target of the minimisation."""
-ROUGH = 1e-5
-"""The laws are solved again if their violation, divided by the length of the step that they give, exceeds this."""
+EXACT, ROUGH = 1e-6, 1e-3
+"""Allowed violation of the laws, divided by the target of the minimisation, in a step as long as the target. It grows
+with the square of the step's length, up to the second number times this length: the first steps of a minimisation are
+wrong by more than that.
+"""
 MOST_CHANGES = 30
 """Number of iterations in which surfaces touch other faces, while no step is half as long as the shortest one before,
 or in which the laws are violated, and by no less than half of the least violation before: with more, contact does not
@@ -233,13 +234,20 @@ def settle(problem, work, metric, field, known, count, size, target, allowed, fa
 
 
 @internal
+def allow(target, step):
+    """Return the allowed violation [m] of the laws in a ``step`` [m], see `EXACT`."""
+    ratio = max(1.0, step / target)
+    return target * ratio * min(EXACT * ratio, ROUGH)
+
+
+@internal
 def find_forces(problem, work, metric, field, known, tally, size, target):
     """Find the forces with which the step keeps the laws, and write that step.
 
     Return False if `Compliance.prepare` must be called first.
     """
     t, status, before, ready = tally[0], work.status[0], np.inf, -1
-    t.allowed = EXACT * max(target, min(status.before, status.step))
+    t.allowed = allow(target, min(status.before, status.step))
     while t.rounds < ROUNDS:
         if t.count and ready != t.count + (len(field.owner) + 1) * status.wild:
             if not find_compliance(work, metric, field, known, t.count):
@@ -256,7 +264,7 @@ def find_forces(problem, work, metric, field, known, tally, size, target):
         t.found, rough = chose, t.left > max(t.faint, ROUGH * max(target, status.step))
         if not ((rough and t.left < HALF * before) or entered):
             break
-        before, t.allowed = t.left, EXACT * max(target, status.step)
+        before, t.allowed = t.left, allow(target, status.step)
         if entered:
             t.count = 0
             for i in range(len(field.owner)):

@@ -73,13 +73,13 @@ def tangential_compliance(w, i):
 
 
 @internal
-def onto_disc(w, mu, f, p, i, press):
+def onto_disc(w, mu, f, slip, i, press):
     """Return the point of Coulomb's disc nearest to the trial friction force of point ``i`` (two numbers) [N].
 
-    The trial force is f_t - r p_t, and the disc has the radius mu times ``press`` [N].
+    The trial force is f_t - r p_t with the ``slip`` p_t (two numbers) [m]; the disc has the radius mu ``press`` [N].
     """
     n, k, limit = 3 * i, tangential_compliance(w, i), mu[i] * press
-    a, b = f[n + 1] - p[n + 1] / k, f[n + 2] - p[n + 2] / k
+    a, b = f[n + 1] - slip[0] / k, f[n + 2] - slip[1] / k
     trial = math.sqrt(a * a + b * b)
     share = limit / trial if trial > limit else 1.0
     return share * a, share * b
@@ -89,7 +89,7 @@ def onto_disc(w, mu, f, p, i, press):
 def violation(w, mu, f, p, i):
     """Return the violation of the laws [m] by point ``i`` at forces ``f`` and displacements ``p``."""
     n = 3 * i
-    k, (a, b) = tangential_compliance(w, i), onto_disc(w, mu, f, p, i, max(0.0, f[n]))
+    k, (a, b) = tangential_compliance(w, i), onto_disc(w, mu, f, (p[n + 1], p[n + 2]), i, max(0.0, f[n]))
     pressed = w[n, n] * abs(f[n] - max(0.0, f[n] - p[n] / w[n, n]))
     return max(pressed, k * abs(f[n + 1] - a), k * abs(f[n + 2] - b))
 
@@ -118,17 +118,13 @@ def sweep(w, mu, f, p):
     for i in range(len(mu)):
         n = 3 * i
         press = max(0.0, f[n] - p[n] / w[n, n])
-        change = press - f[n]
-        if change != 0.0:
-            f[n] = press
-            for j in range(len(p)):
-                p[j] += w[n, j] * change
-        a, b = onto_disc(w, mu, f, p, i, press)
+        d = press - f[n]
+        a, b = onto_disc(w, mu, f, (p[n + 1] + w[n, n + 1] * d, p[n + 2] + w[n, n + 2] * d), i, press)
         da, db = a - f[n + 1], b - f[n + 2]
-        if da != 0.0 or db != 0.0:
-            f[n + 1], f[n + 2] = a, b
+        if d != 0.0 or da != 0.0 or db != 0.0:
+            f[n], f[n + 1], f[n + 2] = press, a, b
             for j in range(len(p)):
-                p[j] += w[n + 1, j] * da + w[n + 2, j] * db
+                p[j] += w[n, j] * d + w[n + 1, j] * da + w[n + 2, j] * db
 
 
 @internal
@@ -289,9 +285,9 @@ def solve_laws(w, q, mu, f, tolerance, faint):
     while brisk:
         for _ in range(SWEEPS):
             sweep(w, mu, f, p)
-        found = residual(w, mu, f, p)
-        if found <= tolerance:
-            return found
+            found = residual(w, mu, f, p)
+            if found <= tolerance:
+                return found
         brisk, last = found < BRISK * last, found
     displace(w, q, f, p)
     least = newton(w, q, mu, f, p, best, tolerance, faint, RIDGE, MOST_NEWTON)

@@ -283,12 +283,12 @@ def find_compliance(work, metric, field, known, count):
 def add_history(work, metric, known, chosen, rows, blocks, counts, soft):
     """Add to W the change by the pairs of L-BFGS, and the points' springs."""
     status, memory = work.status[0], len(known.curvature)
-    for k in range(status.count):
-        at = (status.head - 1 - k) % memory
-        if known.curvature[at] == work.curvature[at]:
-            continue
-        known.curvature[at] = work.curvature[at]
-        apply_initial(status, metric, work.changes[at], known.images[at])
+    pairs = (status.head - 1 - np.arange(status.count)) % memory
+    new = pairs[known.curvature[pairs] != work.curvature[pairs]]
+    if len(new) > 0:
+        images = np.empty((len(new), len(work.u)))
+        apply_initial(status, metric, work.changes[new], images)
+        known.images[new], known.curvature[new] = images, work.curvature[new]
     if status.count > 0:
         add_pairs(work, known.images, chosen, rows, blocks, counts, known.w)
     for c in range(len(chosen)):

@@ -74,22 +74,27 @@ class Metric(NamedTuple):
 
 @kernel
 def precondition(metric, right, out):
-    """Write M^-1 ``right`` (3 r,) to ``out``."""
+    """Write the product of M^-1 and each row of ``right`` (k, 3 r) to the same row of ``out``."""
     if len(metric.kept.order) > 0:
         solve_kept(metric.kept, right, out)
     else:
-        apply_inverse(right, metric.coupling, out)
+        for k in range(len(right)):
+            apply_inverse(right[k], metric.coupling, out[k])
 
 
 @internal
 def apply_initial(status, metric, right, out):
-    """Write M^-1 ``right`` (3 r,) to ``out``, or a multiple of A^-1 ``right`` if A replaces M (see `WILD`)."""
-    if status.wild == 1:
-        apply_inverse(right, metric.coupling, out)
-        for n in range(len(out)):
-            out[n] *= status.scale
-    else:
+    """Write the product of M^-1 and each row of ``right`` (k, 3 r) to the same row of ``out``.
+
+    If A replaces M (see `WILD`), it is a multiple of the product with A^-1.
+    """
+    if status.wild == 0:
         precondition(metric, right, out)
+        return
+    for k in range(len(right)):
+        apply_inverse(right[k], metric.coupling, out[k])
+        for n in range(out.shape[1]):
+            out[k, n] *= status.scale
 
 
 @internal
@@ -97,7 +102,7 @@ def find_direction(work, metric):
     """Write the quasi-Newton direction, its slope [J] and its largest displacement [m]; return whether it descends."""
     status, d = work.status[0], work.direction
     begin_recursion(work)
-    apply_initial(status, metric, work.step, d)
+    apply_initial(status, metric, work.step.reshape((1, -1)), d.reshape((1, -1)))
     end_recursion(work, d)
     for n in range(len(d)):
         d[n] = -d[n]

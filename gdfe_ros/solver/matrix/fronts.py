@@ -18,7 +18,7 @@ from gdfe_ros.compiled import inlined, internal, kernel, vector_internal
 from gdfe_ros.solver.matrix.elimination import SLACK, dissect, find_elimination, least_degree, narrow_orders
 from gdfe_ros.solver.matrix.panels import PANEL, TILE, dot_six, six
 from gdfe_ros.solver.matrix.rotation import make_unrotated
-from gdfe_ros.solver.matrix.substitution import Kept, Plan, solve_columns
+from gdfe_ros.solver.matrix.substitution import Kept, Plan, solve_unturned
 from gdfe_ros.solver.vectors import Array, clear_part, copy_part
 
 
@@ -233,7 +233,7 @@ class Fronts:
 def unturned_solutions(kept: Kept, right: Array) -> Array:
     """Return the solutions (3 f + q, k) for right-hand sides (3 f + q, k), as in `solve_unturned`."""
     solutions = np.empty(right.shape[::-1])
-    solve_columns(kept, np.ascontiguousarray(right.T), solutions)
+    solve_unturned(kept, np.ascontiguousarray(right.T), solutions)
     return solutions.T
 
 

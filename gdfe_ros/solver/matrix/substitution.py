@@ -105,42 +105,36 @@ class Kept(NamedTuple):
 @vector_kernel
 def apply_free(inverse, right, out):
     """Write A_ff^-1 right to the first rows of ``out``, for three right-hand sides (f, 3), flat."""
-    solve_free(inverse, (0,), right, out)
+    solve_free(inverse, (0,), right.reshape((1, -1)), out.reshape((1, -1)))
 
 
 @vector_kernel
 def solve_kept(kept, right, out):
-    """Write the solution for the right-hand side ``right`` (3 f + q,) to ``out`` (3 f + q,)."""
-    count, frames, turned = len(kept.frames), kept.frames, np.empty(len(right))
-    for i in range(count):
-        r0, r1, r2 = right[3 * i], right[3 * i + 1], right[3 * i + 2]
-        for j in range(3):
-            turned[3 * i + j] = frames[i, j] * r0 + frames[i, 3 + j] * r1 + frames[i, 6 + j] * r2
-    for i in range(3 * count, len(right)):
-        turned[i] = right[i]
+    """Write the solution for each row of ``right`` (k, 3 f + q) to the same row of ``out`` (k, 3 f + q)."""
+    count, frames, turned = len(kept.frames), kept.frames, right.copy()
+    for k in range(len(right)):
+        for i in range(count):
+            r0, r1, r2 = right[k, 3 * i], right[k, 3 * i + 1], right[k, 3 * i + 2]
+            for j in range(3):
+                turned[k, 3 * i + j] = frames[i, j] * r0 + frames[i, 3 + j] * r1 + frames[i, 6 + j] * r2
     solve_unturned(kept, turned, out)
-    for i in range(count):
-        r0, r1, r2 = out[3 * i], out[3 * i + 1], out[3 * i + 2]
-        for j in range(3):
-            out[3 * i + j] = frames[i, 3 * j] * r0 + frames[i, 3 * j + 1] * r1 + frames[i, 3 * j + 2] * r2
+    for k in range(len(right)):
+        for i in range(count):
+            r0, r1, r2 = out[k, 3 * i], out[k, 3 * i + 1], out[k, 3 * i + 2]
+            for j in range(3):
+                out[k, 3 * i + j] = frames[i, 3 * j] * r0 + frames[i, 3 * j + 1] * r1 + frames[i, 3 * j + 2] * r2
 
 
 @vector_kernel
 def solve_unturned(kept, right, out):
     """Solve as `solve_kept` does, but without the rotations since the factor was taken."""
     solve_free(kept, (0, 1, 2), right, out)
-    if len(kept.schur):
-        solve_rigid(kept.harmonic, kept.schur, right, out)
-    if len(kept.springs):
-        connect(kept.springs, kept.reach, kept.inner, out)
-    clear_fixed(kept.fixed, out)
-
-
-@vector_kernel
-def solve_columns(kept, right, out):
-    """Do `solve_unturned` for each row of ``right`` (k, 3 f + q)."""
     for k in range(len(right)):
-        solve_unturned(kept, right[k], out[k])
+        if len(kept.schur):
+            solve_rigid(kept.harmonic, kept.schur, right[k], out[k])
+        if len(kept.springs):
+            connect(kept.springs, kept.reach, kept.inner, out[k])
+        clear_fixed(kept.fixed, out[k])
 
 
 @vector_internal
@@ -181,34 +175,40 @@ def connect(springs, reach, inner, out):
 
 @vector_internal
 def solve_free(factor, axes, right, out):
-    """Write the solution for ``right`` (3 f,) of the free vertices to ``out`` (3 f,).
+    """Write the solution for each row of ``right`` (k, 3 f) of the free vertices to ``out`` (k, 3 f).
 
     A vertex has as many rows of the factor as ``axes`` has numbers: three, or one for x, y and z alike.
     """
     order, size = factor.order, len(axes)
-    x = np.empty((3 // size, size * len(order)))
-    for i in range(len(order)):
-        for axis in range(3):
-            x[axis // size, size * i + axis % size] = right[3 * order[i] + axis]
-    solve_ordered(factor.values, factor.plan, axes, x, np.empty_like(x))
-    for i in range(len(order)):
-        for axis in range(3):
-            out[3 * order[i] + axis] = x[axis // size, size * i + axis % size]
+    width = 3 // size
+    x = np.empty((width * len(right), size * len(order)))
+    for k in range(len(right)):
+        for i in range(len(order)):
+            for axis in range(3):
+                x[width * k + axis // size, size * i + axis % size] = right[k, 3 * order[i] + axis]
+    solve_ordered(factor.values, factor.plan, axes, x, np.empty((width, size * len(order))))
+    for k in range(len(right)):
+        for i in range(len(order)):
+            for axis in range(3):
+                out[k, 3 * order[i] + axis] = x[width * k + axis // size, size * i + axis % size]
 
 
 @vector_internal
 def solve_ordered(values, plan, axes, x, local):
     """Replace each row of ``x`` (k, s f), in the order of elimination, by the solution for it.
 
-    A vertex has s rows of the factor, as many as ``axes`` has numbers; k is 3 / s. ``local`` (k, w) is scratch for the
-    rows of any supernode.
+    A vertex has s rows of the factor, as many as ``axes`` has numbers; 3 / s rows of ``x`` are solved together, and all
+    of them before the next supernode is read. ``local`` (3 / s, w) is scratch for the rows of any supernode.
     """
+    width = len(local)
     for node in range(len(plan.first) - 1):
-        rows = plan.rows[plan.row_start[node] : plan.row_start[node + 1]]
-        reduce_node(values, plan.value_start[node], rows, axes, plan.first[node], plan.first[node + 1], x, local)
+        at, rows = plan.value_start[node], plan.rows[plan.row_start[node] : plan.row_start[node + 1]]
+        for k in range(0, len(x), width):
+            reduce_node(values, at, rows, axes, plan.first[node], plan.first[node + 1], x[k : k + width], local)
     for node in range(len(plan.first) - 2, -1, -1):
-        rows = plan.rows[plan.row_start[node] : plan.row_start[node + 1]]
-        expand_node(values, plan.value_start[node], rows, axes, plan.first[node], plan.first[node + 1], x, local)
+        at, rows = plan.value_start[node], plan.rows[plan.row_start[node] : plan.row_start[node + 1]]
+        for k in range(0, len(x), width):
+            expand_node(values, at, rows, axes, plan.first[node], plan.first[node + 1], x[k : k + width], local)
 
 
 @inlined

@@ -134,9 +134,9 @@ class TangentLevel:
             FloatingPointError: not even the constant matrix has a factor.
         """
         motion = rigid_motion(u, problem.frame, self._unknowns)
-        slopes, owners = self._springs(x)
+        owners = self._find_owners(x)
         here = {"positions": x.copy(), "stages": self._stages(), "owners": owners}
-        here["springs"] = generalise(slopes, self._unknowns, motion)
+        here["springs"] = generalise(self._springs(x, owners), self._unknowns, motion)
         tangent = self._assembly.blocks([self._stiffen(problem, x), *(term.tangents(x) for term in self._terms)])
         tangent += self._even
         self._assembly.fix(tangent, self._constant)
@@ -194,9 +194,10 @@ class TangentLevel:
 
         Only the springs are new; the factor of the tangent stays.
         """
-        slopes, owners = self._springs(x)
+        owners = self._find_owners(x)
         if np.array_equal(owners, tangent.owners):
             return tangent
+        slopes = self._springs(x, owners)
         self.turn(x)
         frames, free = self.kept.frames.reshape(-1, 3, 3), self._unknowns.free
         slopes[:, free] = np.einsum("vij,kvi->kvj", frames, slopes[:, free])
@@ -213,15 +214,15 @@ class TangentLevel:
 
     def solve(self, gradient: Array, out: Array) -> None:
         """Write the product of K^-1 and ``gradient`` (3 r,) [N] to ``out`` (3 r,) [m]."""
-        solve_kept(self.kept, gradient, out)
+        solve_kept(self.kept, gradient[None], out[None])
 
-    def _springs(self, x: Array) -> tuple[Array, NDArray[np.int32]]:
-        """Return the springs (m, n, 3) of all terms at ``x`` (n, 3) [m], and the term (m,) of each."""
-        found = [term.springs(x) for term in self._terms]
-        owners = np.repeat(
-            np.arange(len(found), dtype=np.int32), np.array([len(each) for each in found], dtype=np.int32)
-        )
-        return np.concatenate([np.zeros((0, *x.shape)), *found]), owners
+    def _find_owners(self, x: Array) -> NDArray[np.int32]:
+        """Return the numbers (m,) of the terms that have a spring at ``x`` (n, 3) [m]."""
+        return np.array([number for number, term in enumerate(self._terms) if term.has_spring(x)], dtype=np.int32)
+
+    def _springs(self, x: Array, owners: NDArray[np.int32]) -> Array:
+        """Return the springs (m, n, 3) of the terms ``owners`` (m,) at ``x`` (n, 3) [m]."""
+        return np.array([self._terms[number].spring(x) for number in owners]).reshape(-1, *x.shape)
 
     def _load(self, tangent: Tangent) -> bool:
         """Factor a tangent; return whether it is positive definite."""

@@ -182,7 +182,7 @@ class Minimiser:
 
     def precondition(self, task: Task, gradient: Array, step: Array) -> None:
         """Write the product of M^-1 and ``gradient`` (3 r,) [N] to ``step`` (3 r,) [m]."""
-        precondition(self.metric(task.active), gradient, step)
+        precondition(self.metric(task.active), gradient[None], step[None])
 
     def follow_arc(self, task: Task, step: Array) -> Array:
         """Return the step (3 r,) [m] to the end of the arc that begins with ``step``, shortened as in `arc`."""

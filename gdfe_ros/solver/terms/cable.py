@@ -191,13 +191,15 @@ class CableTerm(EffortTerm):
         signed = np.concatenate([-weights[:-1], weights[1:]], axis=1)
         return spread(signed, bent)
 
-    def springs(self, positions: Array) -> Array:
-        """Return one spring for a taut cable with a stiffness or penalty k, with the tangent k dL/dx dL/dx^T."""
+    def has_spring(self, positions: Array) -> bool:
+        """Return whether the cable is taut, and has a stiffness or a penalty."""
         numbers = self.reals
-        if not numbers[STIFFNESS] or not cable_tension(cable_length(positions, numbers, self.integers), numbers):
-            return super().springs(positions)
-        slope = np.zeros((1, *positions.shape))
-        pull(positions, numbers, self.integers, np.sqrt(numbers[STIFFNESS]), slope[0])
+        return bool(numbers[STIFFNESS] and cable_tension(cable_length(positions, numbers, self.integers), numbers))
+
+    def spring(self, positions: Array) -> Array:
+        """Return the cable as a spring: its stiffness or penalty k gives k dL/dx dL/dx^T."""
+        slope = np.zeros_like(positions)
+        pull(positions, self.reals, self.integers, np.sqrt(self.reals[STIFFNESS]), slope)
         return slope
 
     def begin(self, commands: Mapping[str, float], saved: Saved, positions: Array, ratio: float) -> None:

@@ -144,11 +144,13 @@ class ChamberTerm(EffortTerm):
             volume_curvature(*given, -pressure, found)
         return found
 
-    def springs(self, positions: Array) -> Array:
-        """Return one spring for a commanded volume, with the tangent k dV/dx dV/dx^T of its penalty k."""
-        if not self.updates:
-            return super().springs(positions)
-        return np.sqrt(self.reals[STIFFNESS]) * self._find_unit_forces(positions)[None]
+    def has_spring(self, positions: Array) -> bool:
+        """Return whether the volume is commanded."""
+        return self.updates
+
+    def spring(self, positions: Array) -> Array:
+        """Return a commanded volume with its penalty k as a spring: k dV/dx dV/dx^T."""
+        return np.sqrt(self.reals[STIFFNESS]) * self._find_unit_forces(positions)
 
     def _volume(self, positions: Array) -> float:
         places = self.actuator.at(positions)

@@ -145,14 +145,17 @@ class Term:
         """
         return np.zeros((0, 3, 3))
 
-    def springs(self, positions: Array) -> Array:
-        """Return springs (m, n, 3) [(N/m)^(1/2)] at ``positions`` (n, 3) [m], which couple vertices that are far apart.
+    def has_spring(self, positions: Array) -> bool:
+        """Return whether the term couples vertices at ``positions`` (n, 3) [m] that are no neighbours, see `spring`."""
+        return False
 
-        Each is the square root of a stiffness times the derivative of a length. Springs have the same purpose as
-        `tangents`, but are few, and a term may have none in some solves. If a term has as many springs as before, they
-        count as the same springs.
+    def spring(self, positions: Array) -> Array:
+        """Return the spring (n, 3) [(N/m)^(1/2)] by which a term couples vertices that are no neighbours.
+
+        It is the square root of its stiffness times the derivative of its length at ``positions`` (n, 3) [m]. It has
+        the same purpose as `tangents`.
         """
-        return np.zeros((0, *positions.shape))
+        raise NotImplementedError
 
     def fit(self, matrix: ConstantMatrix) -> None:
         """Set penalties in proportion to the body's stiffness, which the constant ``matrix`` gives."""

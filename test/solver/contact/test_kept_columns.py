@@ -42,6 +42,6 @@ def test_the_tangents_inverse_is_that_of_solutions(tip: str) -> None:
     for place in range(0, len(entries), 7):
         unit, solved = np.zeros(3 * count + len(kept.schur)), np.empty(3 * count + len(kept.schur))
         unit[entries[place]] = 1.0
-        solve_unturned(kept, unit, solved)
+        solve_unturned(kept, unit[None], solved[None])
         expected = solved[entries]
         np.testing.assert_allclose(found[:, place], expected, rtol=0, atol=1e-12 * np.abs(found).max())
