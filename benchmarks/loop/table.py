@@ -86,8 +86,7 @@ def _write_remarks(line: Mapping[str, Any]) -> str:
     for name in ("bent", "silent", "told", "unconverged", "unjudged", "saddles", "elsewhere", "cut", "whole"):
         values = line.get(name)
         if values and any(value for value in values):
-            label = "unstable" if name == "told" else name
-            words.append(f"{label} {_write_pair(values)}{' s' * (name == 'whole')}")
+            words.append(f"{'unstable' if name == 'told' else name} {_write_pair(values)}{' s' * (name == 'whole')}")
     judged, checks, failed = line.get("judged"), line.get("checks"), line.get("unverified")
     if judged and line["unit"] == "s":
         words.append(f"judged {_write_pair(judged)}")
