@@ -3,34 +3,54 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from gdfe_ros import Command, Pose, Simulation, load_scene
+from gdfe_ros.results.step_result import StepResult
 from test.written import advance
 
 SCENE = Path(__file__).parents[2] / "data" / "three_pneunets.yaml"
-CLOSED, BEGINS, ENDS = 0.8, 0.9, 1.4
-"""Times [s] at which the fingers are closed, and at which the lift begins and this test ends."""
+CLOSED, BEGINS = 0.8, 0.9
+"""Times [s] at which the fingers are closed, and at which the lift begins."""
+MASS, GRAVITY = 4.0 / 3.0 * np.pi * 0.026**3 * 300.0, 9.81
 
 
-@pytest.mark.parametrize("scheme", ["bdf2", "generalised_alpha"])
-def test_the_force_on_a_lifted_ball_is_its_weight(scheme: str) -> None:
-    """With steps of 10 ms the mean force is the weight to 1 %, no step is without contact, and every step converges."""
-    given = {"dynamics.step": 0.01, "dynamics.scheme": scheme}
-    simulation, forces = Simulation(load_scene(str(SCENE), overrides=given)), []
-    weight = 4.0 / 3.0 * np.pi * 0.026**3 * 300.0 * 9.81
-    for time in np.arange(0.01, ENDS + 0.005, 0.01):
+def lift_ball(scheme: str, step: float, until: float) -> Iterator[tuple[float, StepResult, Simulation]]:
+    """Close the fingers on the ball and lift it; yield the time of each step [s], its result, and the simulation."""
+    given = {"dynamics.step": step, "dynamics.scheme": scheme}
+    simulation = Simulation(load_scene(str(SCENE), overrides=given))
+    for time in np.arange(step, until + 0.5 * step, step):
         pressure = 25e3 * min(time / CLOSED, 1.0)
         lifted = 0.05 * max(time - BEGINS, 0.0) / 0.6
         command = Command(
             handles={"palm": Pose(translation=(0.0, 0.0, lifted))},
             actuators=dict.fromkeys(("front", "left", "right"), pressure),
         )
-        result = advance(simulation, command, dt=0.01)
-        if time > 0.999:
-            forces.append(result.reactions["ball"][2])
-    assert np.mean(forces) == pytest.approx(-weight, rel=0.01)  # of the ball on the fingers
+        yield time, advance(simulation, command, dt=step), simulation
+
+
+@pytest.mark.parametrize(
+    ("scheme", "step"),
+    [("bdf2", 0.005), ("bdf2", 0.01), ("bdf2", 0.02), ("generalised_alpha", 0.01), ("newmark", 0.01)],
+)
+def test_the_force_on_a_lifted_ball_is_its_weight(scheme: str, step: float) -> None:
+    """The mean force is the weight to 1 %, no step is without contact, and every step converges."""
+    forces = [result.reactions["ball"][2] for time, result, _ in lift_ball(scheme, step, 1.4) if time > 0.999]
+    assert np.mean(forces) == pytest.approx(-MASS * GRAVITY, rel=0.01)  # of the ball on the fingers
     assert np.abs(forces).min() > 1e-9
+
+
+@pytest.mark.parametrize("scheme", ["bdf2", "generalised_alpha", "newmark"])
+def test_the_force_on_a_ball_is_its_change_of_momentum(scheme: str) -> None:
+    """In each long step, the published force on the lifted ball times the step is its momentum's change and weight."""
+    step, before = 0.02, 0.0
+    for time, result, simulation in lift_ball(scheme, step, 1.1):
+        speed = float(simulation.state.terms["(inertia)"]["velocity"][-4:, 2].mean())  # of the ball's four vertices
+        if time > BEGINS:
+            change = MASS * (speed - before + GRAVITY * step)
+            assert -result.reactions["ball"][2] * step == pytest.approx(change, abs=1e-5 * MASS * GRAVITY * step)
+        before = speed
