@@ -155,7 +155,7 @@ class Term:
         It is the square root of its stiffness times the derivative of its length at ``positions`` (n, 3) [m]. It has
         the same purpose as `tangents`.
         """
-        raise NotImplementedError
+        return np.zeros_like(positions)
 
     def fit(self, matrix: ConstantMatrix) -> None:
         """Set penalties in proportion to the body's stiffness, which the constant ``matrix`` gives."""
