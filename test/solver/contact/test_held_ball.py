@@ -46,7 +46,7 @@ def test_the_force_on_a_lifted_ball_is_its_weight(scheme: str, step: float) -> N
 
 @pytest.mark.parametrize("scheme", ["bdf2", "generalised_alpha", "newmark"])
 def test_the_force_on_a_ball_is_its_change_of_momentum(scheme: str) -> None:
-    """In each long step, the published impulse on the lifted ball is its change of momentum, to the solve's accuracy."""
+    """In each long step, the published impulse on the lifted ball is its change of momentum, to the solve accuracy."""
     step, before = 0.02, 0.0
     for time, result, simulation in lift_ball(scheme, step, 1.1):
         speed = float(simulation.state.terms["(inertia)"]["velocity"][-4:, 2].mean())  # of the ball's four vertices
