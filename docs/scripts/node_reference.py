@@ -41,7 +41,7 @@ def markdown() -> str:
 
 
 def _topic(spec: TopicSpec) -> Sequence[str]:
-    return f"`{spec.name.replace('{', '<').replace('}', '>')}`", f"`{spec.type}`", spec.meaning, spec.delivery.value
+    return f"`{spec.name.replace('{', '<').replace('}', '>')}`", f"`{spec.type}`", spec.meaning, spec.delivery.words
 
 
 def _parameter(spec: ParameterSpec) -> Sequence[str]:

@@ -63,7 +63,7 @@ def _compile_all(jobs: int) -> Iterator[str]:
 
 
 def _compile_surfaces() -> str:
-    """Compile the kernels for surface files of bodies and obstacles, which no shipped scene uses; return a name."""
+    """Compile the kernels for surface files, because no shipped scene has one; return a name to display."""
     from gdfe_ros.mesh import bar
     from gdfe_ros.mesh.meshing.voxels import CutCubes, fill_surface
     from gdfe_ros.mesh.outside import carry_skin

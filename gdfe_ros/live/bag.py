@@ -64,7 +64,7 @@ class StepBag:
         return self._recorder.path
 
     def record(self, role: str, data: bytes, log_time: int) -> None:
-        """Record a message of a topic, whose name is without the node's name, with a log time [ns]."""
+        """Record a message with a log time [ns]; ``role`` is the topic without the node's name."""
         self._recorder.record(f"{self._prefix}{role}", data, log_time)
 
     def write(self, step: Step) -> None:

@@ -24,8 +24,8 @@ class Torsion(str, Enum):
     CELL = "cell"
     """Each cell resists torsion as a separate bar: exact with one cell across a bar, 14 % too stiff with two cells."""
     SECTION = "section"
-    """Each cell resists torsion as part of a cross-section with the counted number of cells. This is exact for square
-    bars one to four cells across.
+    """Each cell resists torsion as part of a section that is as many cells wide as the shortest row through the cell.
+    This is exact for square bars one to four cells across.
     """
 
 

@@ -243,7 +243,7 @@ class NodeSession(ShownRun):
         self._led = {**self._led, **record.handles}
 
     def _take(self, state: PublishedState) -> None:
-        """Pass the view of a received step to ``told``."""
+        """Store a received state, and show it on the page."""
         self.state = state
         self._told(view_of(state, self._scene))
 

@@ -54,7 +54,7 @@ def with_moduli(
 ) -> Simulation:
     """Return a new simulation with other moduli.
 
-    Without dynamics, it is in equilibrium at the present commands. With dynamics, it continues the present motion.
+    Without dynamics, it is solved at the present commands. With dynamics, it continues the present motion.
 
     Args:
         old: present simulation; it is not changed.

@@ -22,26 +22,15 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 from gdfe_ros.node.interface import Delivery, TopicSpec
 from gdfe_ros.recording.bag_info import Qos, TopicInfo
 
-_PROFILES = {
-    # Transient local: subscribers that request it miss no step during discovery; others are not affected.
-    Delivery.STATE: (ReliabilityPolicy.RELIABLE, DurabilityPolicy.TRANSIENT_LOCAL, 10),
-    # A late subscriber needs the present cloud only, and ten clouds of a large body are many bytes.
-    Delivery.CLOUD: (ReliabilityPolicy.RELIABLE, DurabilityPolicy.TRANSIENT_LOCAL, 1),
-    Delivery.COMMAND: (ReliabilityPolicy.RELIABLE, DurabilityPolicy.VOLATILE, 1000),
-    Delivery.LATCHED: (ReliabilityPolicy.RELIABLE, DurabilityPolicy.TRANSIENT_LOCAL, 1),
-    Delivery.EVENT: (ReliabilityPolicy.RELIABLE, DurabilityPolicy.VOLATILE, 100),
-    Delivery.CLOCK: (ReliabilityPolicy.BEST_EFFORT, DurabilityPolicy.VOLATILE, 1),
-    # The same as in tf2_ros.
-    Delivery.TRANSFORMS: (ReliabilityPolicy.RELIABLE, DurabilityPolicy.VOLATILE, 100),
-    # The leader's publisher may be reliable or not.
-    Delivery.FOLLOWED: (ReliabilityPolicy.BEST_EFFORT, DurabilityPolicy.VOLATILE, 10),
-}
-
 
 def qos_profile(delivery: Delivery) -> QoSProfile:
     """Return rclpy's QoS profile for a kind of delivery."""
-    reliability, durability, depth = _PROFILES[delivery]
-    return QoSProfile(reliability=reliability, durability=durability, history=HistoryPolicy.KEEP_LAST, depth=depth)
+    return QoSProfile(
+        reliability=ReliabilityPolicy.RELIABLE if delivery.reliable else ReliabilityPolicy.BEST_EFFORT,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL if delivery.local else DurabilityPolicy.VOLATILE,
+        history=HistoryPolicy.KEEP_LAST,
+        depth=delivery.depth,
+    )
 
 
 def interface_class(type_name: str) -> type[Any]:

@@ -47,7 +47,7 @@ def build_program(draft: Draft, scene: Scene, report: Defects) -> Program:
 
 
 def _require_tracks(section: str, draft: Draft, scene: Scene, report: Defects) -> None:
-    """Report the tracks of a section that are empty, out of order, or of unknown or immovable items."""
+    """Report the tracks of a section that are empty, out of order, too late, or of unknown or immovable items."""
     noun, example = _TRACKS[section]
     names, complete = report.names(section), True
     if section == "joints":
