@@ -149,8 +149,8 @@ SPACING = 1e-5
 and rounding errors are then both about 1e-10.
 """
 NUMBERS, WIDTH = 21, 24
-"""Length of z and r, and of a row of H and of K. The last three numbers of a row of H are zero, so that rows fill whole
-registers.
+"""Length of z and r; length of a row of H and of a row of K. The last three numbers of a row of H are zero, so that the
+rows fill whole registers.
 """
 SAVED = ROWS
 """Row with the unchanged value of the entry of F that is varied."""

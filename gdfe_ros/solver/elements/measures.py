@@ -21,9 +21,9 @@ LEAST_SCALE, MOST_SCALE = 0.25, 4.0
 that soften much. With the upper bound, the constant matrix stays a good preconditioner for elements that stiffen much.
 """
 LEAST_CURVE_SCALE = 0.8
-"""Lower bound for the law of measured curves, whose tangent modulus decreases most. In the scene tensile_curve at 100 %
-elongation, corners fold with the bound 0.25 (least volume ratio -1.56 after 999 iterations) and with 0.5 (-1.05). With
-0.8 no corner folds (0.26 after 211 iterations).
+"""Lower bound for the law of measured curves, because its tangent modulus decreases most. In the scene tensile_curve at
+100 % elongation, corners fold with the bound 0.25 (least volume ratio -1.56 after 999 iterations) and with 0.5 (-1.05).
+With 0.8 no corner folds (0.26 after 211 iterations).
 """
 
 
@@ -111,9 +111,9 @@ def softened_scale(tangent, table, k):
 def update_hourglass_scales(x, elements, shape, material, table, scale):
     """Set the scale (m,) of ``elements`` to their `softened_scale`; return the largest change.
 
-    Bending and torsion inside an element soften with its modulus, as its shape factor does (Algorithm 1). The scale is
-    constant during a minimisation. It is updated between minimisations until it no longer changes, so that the result
-    does not depend on the load path.
+    The hourglass stiffness, for bending and torsion inside an element, changes with the element's modulus, like the
+    shape factor in Algorithm 1 of the paper. The scale is constant during a minimisation. It is updated between
+    minimisations until it no longer changes, so that the result does not depend on the load path.
     """
     worst = 0.0
     for e in elements:

@@ -18,9 +18,9 @@ Array = NDArray[np.float64]
 def touching_points(
     x: Array, pairs: tuple[NDArray, NDArray, Array, Array], presses: Array, shears: Array, slips: NDArray[np.bool_]
 ) -> Touch:
-    """Return the contact forces at all points that touch; a face's force is distributed to its corners.
+    """Return the contact forces at all points that touch; the force on a face is distributed to its corners.
 
-    The indices in the result are those of points, not of vertices.
+    The indices in the result are indices of points, not of vertices.
 
     Args:
         x: (n + p, 3) [m] positions of the points.
@@ -63,7 +63,7 @@ def touching_points(
 
 @kernel
 def frames(x, quads):
-    """Return the frames (k, 3, 3) of faces (k, 4) at positions (n, 3) [m]. Columns are axes, the third the normal."""
+    """Return the frames (k, 3, 3) of faces (k, 4) at positions (n, 3) [m]; columns are axes, the third the normal."""
     axes = np.empty((len(quads), 3, 3))
     for k in range(len(quads)):
         u, v = face_at(x, quads[k], 0.5, 0.5)[1], area_vector(x, quads[k])
