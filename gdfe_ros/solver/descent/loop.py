@@ -163,7 +163,7 @@ def is_exhausted(status):
 
 @internal
 def choose(problem, work, metric, size, most):
-    """Write the next step's direction; return 2 if it descends, 1 if not, 0 if the matrix has served ``most`` times."""
+    """Write the next direction; return 2 if the energy falls along it, 1 if not, 0 after ``most`` uses of M."""
     status = work.status[0]
     if status.since >= most:
         status.ended = Outcome.WORN

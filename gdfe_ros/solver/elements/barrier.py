@@ -90,7 +90,7 @@ def edge_at(points, c, k):
 
 @inlined
 def add_edge(slopes, c, k, share, derivative):
-    """Add ``share`` times the ``derivative`` (3,) by an edge to the derivatives ``slopes`` (n, 3) by the points."""
+    """Convert ``share`` times the ``derivative`` (3,) by an edge to derivatives by points; add them to ``slopes``."""
     nodes, weights = (HEX_EDGES[c, k], HEX_WEIGHTS) if len(slopes) == 8 else (TET_EDGES[c, k], TET_WEIGHTS)
     for a in range(3):
         for i in range(3):

@@ -50,7 +50,7 @@ def gradient_over(x, shape, e, corners):
 
 @inlined
 def patterns(b, row, lane):
-    """Return the sums of one coordinate over the corners with seven sign patterns: xi, eta, zeta, and four modes."""
+    """Return signed sums of a coordinate over the corners, with seven sign patterns: xi, eta, zeta, and four modes."""
     i = row * LANES + lane
     x0, x1, x2, x3 = b[i], b[i + LANES], b[i + 2 * LANES], b[i + 3 * LANES]
     x4, x5, x6, x7 = b[i + 4 * LANES], b[i + 5 * LANES], b[i + 6 * LANES], b[i + 7 * LANES]

@@ -112,9 +112,9 @@ def load_parameters(b, elements, material, pressure, scale, table):
 
 @inlined
 def hourglass_rows(b):
-    """Write a block's hourglass forces [N]. Turn its rows of stress P and energy density into V P [N m] and energy [J].
+    """Write a block's hourglass forces [N]; replace its stress P and energy density by V P [N m] and energy [J].
 
-    Both include the hourglass part.
+    Both results include the hourglass part.
     """
     for lane in range(LANES):
         volume = b[(GEOMETRY + VOLUME) * LANES + lane]

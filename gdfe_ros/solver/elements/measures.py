@@ -83,7 +83,7 @@ def update_pressures(x, elements, shape, material, table, pressure):
 
 @inlined
 def equivalent_strain(f, c, j, table, k):
-    """Return eps_eq of Eq. 5 with nu = 0.5; the linear law uses the element's own nu."""
+    """Return the equivalent strain (Eq. 5 of the paper) with Poisson's ratio 0.5, or the law's own if linear."""
     first = squared_norm(f)
     s = stretch_sum(first, squared_norm(c), j)
     nu = table.parameters[k, POISSON] if table.law[k] == Law.LINEAR else 0.5
@@ -92,7 +92,7 @@ def equivalent_strain(f, c, j, table, k):
 
 @inlined
 def strain_state(x, shape, e, table, k):
-    """Return eps_eq, J, secant and tangent modulus [Pa] of element ``e``, which has material ``k``."""
+    """Return equivalent strain, volume ratio J, secant and tangent modulus [Pa] of element ``e``, of material ``k``."""
     f = mean_gradient(x, shape, e)
     c = cofactor(f)
     strain = equivalent_strain(f, c, determinant(f, c), table, k)

@@ -181,7 +181,7 @@ def load_block(b, x, shape, blocks, block, material, table):
 
 @inlined
 def place_of(number):
-    """Return the offset of the row with the component ``number`` = 3 node + axis; rows are sorted by axis."""
+    """Return the offset of the row for component ``number`` = 3 node + axis; rows are sorted by axis, then node."""
     return 10 * (number % 3) + number // 3
 
 

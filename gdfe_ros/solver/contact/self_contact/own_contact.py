@@ -111,9 +111,10 @@ class OwnContact(ContactTerm):
         return super().near and not self._clear
 
     def room(self, positions: NDArray[np.float64]) -> float:
-        """Return how far [m] vertices may move from ``positions`` (n, 3) [m] before parts come near; 0 while any press.
+        """Return the distance [m] that vertices may move from ``positions`` (n, 3) [m] before parts are near others.
 
-        Two parts approach each other by at most twice the motion of both relative to their mean.
+        It is 0 while any pair presses. The distance between two parts shrinks by at most twice the largest displacement
+        relative to the mean displacement.
         """
         if self.acts:
             return 0.0
@@ -216,7 +217,7 @@ class OwnContact(ContactTerm):
         return text
 
     def _set_reach(self, x: NDArray[np.float64], deepest: float) -> None:
-        """Set the search distance at the points ``x`` (n + p, 3) [m]; some may have been ``deepest`` [m] inside."""
+        """Set the search distance for points ``x`` (n + p, 3) [m]; ``deepest`` [m] is the last penetration depth."""
         size = self._body.size
         reach = min(REACH * size + 2.0 * self.pairs.motion(x, self._seen), FARTHEST * size)
         self._reach, self._seen = max(reach, CLEAR * max(deepest, self._least)), x
@@ -242,10 +243,10 @@ class OwnContact(ContactTerm):
         self.lay_out(positions, self.hold_forces(self._presses[chosen], self._shears[chosen]))
 
     def _slip_before(self) -> NDArray[np.float64]:
-        """Return the vectors (k, 3) [m] from the second member of each pair to the first, in the last state.
+        """Return the last state's vectors (k, 3) [m], along the planes, from the second to the first members of pairs.
 
-        They do not turn with the faces. All slips are then projections of one displacement field, so that vertex on
-        vertex, each in the other's pair, do not contradict.
+        The vectors do not turn with the faces. All slips are then projections of one displacement field. Two vertices
+        that touch each other, each in a pair of its own, therefore have consistent slips.
         """
         return slips_of(self._from, self._firsts, self._corners, self._now.weights, self._now.normal)
 

@@ -237,7 +237,7 @@ class Inside:
         return find_near(np.stack([places, places], axis=1), cells, self._tested, self._material.near, within)
 
     def tell(self, x: NDArray[np.float64], bound: float) -> tuple[float, str]:
-        """Return the largest penetration depth [m], and a sentence with parts, depth and place; 0 and empty if none."""
+        """Return the largest penetration depth [m] and a sentence with parts, depth and place; 0 and "" if none."""
         depths, cells = self._find(x, bound)
         deepest = int(depths.argmax())
         if not depths[deepest] > 0.0:
@@ -246,7 +246,7 @@ class Inside:
         return depth, self.sentence(own[0], other, x[own].mean(axis=0), depth)
 
     def sentence(self, vertex: int, within: int, place: NDArray[np.float64], depth: float) -> str:
-        """Return a sentence about a vertex that lies inside of the part of another vertex, deepest at ``place`` [m]."""
+        """Return a sentence: a vertex is inside of the part of the vertex ``within``, deepest at ``place`` (3,) [m]."""
         own, other = (self._meant.owner(self._points.vertices[point]) for point in (vertex, within))
         where = ", ".join(f"{value:.4g}" for value in place + self._meant.origin)
         inside = f"{depth:.3g} m inside of {'itself' if own == other else other}"
