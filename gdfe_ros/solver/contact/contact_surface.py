@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Points whose positions are weighted sums of vertices: vertices and skin points of a body, and points of rigid bodies.
-"""
+"""Points that are weighted sums of vertices: vertices and skin points of a body, and points of rigid bodies."""
 
 from __future__ import annotations
 

@@ -106,7 +106,7 @@ class Solve:
 
     @property
     def interrupted(self) -> bool:
-        """Whether the solve continues an earlier one: on a later part of a divided load path, or after a cut."""
+        """Whether the solve continues an earlier one, which a cut or a part of a divided load path has ended."""
         return self.problem.begins > 0.0 or self._resumed is not None
 
     @classmethod

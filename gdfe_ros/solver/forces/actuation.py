@@ -177,7 +177,7 @@ class Actuation:
         return None
 
     def unreachable(self, base: Array, commands: Mapping[str, float]) -> str:
-        """Return a message if a cable's commanded length is below the distance of its fixed points; otherwise "".
+        """Return a message if a cable's commanded length is below the distance of its fixed points; empty if not.
 
         ``base`` (n, 3) [m] has the commanded positions of the handles.
         """
@@ -248,7 +248,7 @@ def tell_limit_point(actuator: Actuator, last: Mapping[str, float], commands: Ma
 
 
 def past_limit(actuators: Sequence[Actuator], last: Mapping[str, float], commands: Mapping[str, float]) -> str:
-    """Return the advice after a jump to command extents instead of the efforts that have changed; otherwise ""."""
+    """Return a remedy for a jump: to command extents instead of the efforts that have changed; empty if none has."""
     found = [
         f"`command: {each.mode.extent}` for {each.name!r}"
         for each in actuators

@@ -246,7 +246,7 @@ class GripTerm(UpdatedTerm):
         return np.full(self.multipliers.shape, self.reals[STIFFNESS])
 
     def potential(self, positions: Array, command: float) -> tuple[float, float]:
-        """Return the potential [J] of falling forces, and its derivative with respect to the command; else zeros."""
+        """Return the potential [J] of an opening grip's forces, and its derivative by the command; else zeros."""
         if self._hold is not Hold.FADES:
             return 0.0, 0.0
         found = float(np.vdot(self.own_multipliers, self._gaps(positions)))

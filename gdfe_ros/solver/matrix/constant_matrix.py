@@ -182,9 +182,9 @@ def assemble(shape: ShapeOperators, weight: Array, hourglass: Array, count: int 
 
 
 def scatter(blocks: Array, nodes: NDArray[np.int32], count: int | None = None) -> sparse.coo_matrix:
-    """Return the sum (n, n) of ``blocks`` (k, c, c), each between the vertices of one row of ``nodes`` (k, c).
+    """Return the sum (n, n) of ``blocks`` (k, c, c), each between the vertices in a row of ``nodes`` (k, c).
 
-    ``count`` is the number n of vertices; None stands for the largest index in ``nodes`` plus 1.
+    ``count`` is the number n of vertices; None stands for the largest index plus 1.
     """
     corners = nodes.shape[1]
     rows, columns = np.repeat(nodes, corners, axis=1).ravel(), np.tile(nodes, (1, corners)).ravel()

@@ -37,7 +37,7 @@ def gather(blocks, parts, begin, end, front, width):
 
 @vector_internal
 def extend(update, start, stride, size, places, ends, front, width):
-    """Add a child's update matrix, upper triangle, to the vertices ``places`` (p,) of the front.
+    """Add the upper triangle of a child's update matrix to the rows and columns of ``places`` (p,) in a front.
 
     The first row of the update matrix begins at ``start``, and each further one ``stride`` entries later. Consecutive
     places are added as one piece of a row. ``ends`` is scratch: the index at which the piece of each vertex ends.

@@ -107,7 +107,7 @@ def vertex_rotations(x, before, shape, rows, held, sums, out):
 
 @internal
 def add_gradients(x, before, shape, sums):
-    """Write, for each vertex, the sum of its elements' deformation gradients from ``before`` to ``x`` to ``sums``."""
+    """Sum the deformation gradients, from ``before`` to ``x``, of each vertex' elements; write to ``sums`` (n, 9)."""
     for i in range(len(sums)):
         clear_part(sums[i], 0, 9)
     for e in range(len(shape.cells)):

@@ -282,7 +282,10 @@ def multiply_columns(new, every, out):
 
 @internal
 def add_products(every, new, first, last, left, right, some, out):
-    """Add the products of three or six rows, from ``first`` up to ``last``, to some columns and rows of ``out``."""
+    """Add products in the rows from ``first`` up to ``last``, three or six, to a part of ``out``.
+
+    The part has ``some`` rows, and the columns from ``left`` up to ``right``.
+    """
     full = last - first == PANEL
     beside = first + 3 if full else first
     a, b, c = every[first, left:right], every[first + 1, left:right], every[first + 2, left:right]

@@ -118,7 +118,7 @@ class Assembly:
         return (self._block_rows < self.free) & (self.indices < self.free)
 
     def by_members(self, blocks: Array) -> sparse.bsr_matrix:
-        """Return the columns (3 f + 3 b, 3 b) of handles' vertices in the matrix with ``blocks`` (k, 3, 3)."""
+        """Return the columns (3 f + 3 b, 3 b) of handles' vertices of the matrix that has the ``blocks`` (k, 3, 3)."""
         shape = 3 * (self.free + self.members), 3 * self.members
         return sparse.bsr_matrix((blocks[self._pulled], *self._pulled_pattern), shape=shape)
 

@@ -164,7 +164,7 @@ class Minimiser:
                 return done
 
     def _follow_terms(self, task: Task) -> None:
-        """Take a new tangent if the stage of a term has changed; otherwise connect the present springs to it."""
+        """Evaluate a new tangent if the stage of a term has changed; otherwise update the springs of the old one."""
         work = task.active.workspace
         if self.level.is_outdated(self.tangent) and (self.tangent is not None or self.level.fits):
             self._adopt(task, self.level.take(task.problem, work.u, work.x))

@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Penetration of the body into itself: points of its surface inside foreign cells, and their depth; no pairs are used.
-"""
+"""Penetration of the body into itself: points of its surface inside foreign cells, and their depth, without pairs."""
 
 from __future__ import annotations
 
@@ -237,7 +236,7 @@ class Inside:
         return find_near(np.stack([places, places], axis=1), cells, self._tested, self._material.near, within)
 
     def tell(self, x: NDArray[np.float64], bound: float) -> tuple[float, str]:
-        """Return the largest penetration depth [m] and a sentence with parts, depth and place; 0 and "" if none."""
+        """Return the largest penetration depth [m] and a sentence with parts, depth and place; 0 and empty if none."""
         depths, cells = self._find(x, bound)
         deepest = int(depths.argmax())
         if not depths[deepest] > 0.0:
