@@ -61,14 +61,14 @@ TALLY = np.dtype(
         ("count", np.int64),  # number of points that take part in it
         ("rounds", np.int64),  # number of times that its forces were found
         ("changed", np.int64),  # whether points that press touch other faces than in the last step
-        ("changes", np.int64),  # iterations in which they did
-        ("in_vain", np.int64),  # iterations in which no forces kept the laws
-        ("idle", np.float64),  # iterations in which no step was half as long as the shortest one before
-        ("nearest", np.float64),  # that shortest one [m]
+        ("changes", np.int64),  # number of iterations in which they do
+        ("in_vain", np.int64),  # number of iterations in which the laws are violated
+        ("idle", np.float64),  # number of iterations since a step was half as long as the shortest before
+        ("nearest", np.float64),  # length of this shortest step [m]
         ("left", np.float64),  # largest violation of the laws in the last step [m]
-        ("least", np.float64),  # least one so far [m]
-        ("allowed", np.float64),  # violation that is aimed at [m]
-        ("faint", np.float64),  # violation that counts as nothing [m]
+        ("least", np.float64),  # least violation so far [m]
+        ("allowed", np.float64),  # allowed violation [m]
+        ("faint", np.float64),  # negligible violation [m]
         ("inertia", np.float64),  # of forces and steps
         ("gone", np.float64),  # bound of the motion of any vertex since points were chosen [m]
         ("room", np.float64),  # motion after which points are chosen again [m]
@@ -80,7 +80,7 @@ TALLY = np.dtype(
 
 @internal
 def holds(held, i):
-    """Return whether point ``i`` holds a force."""
+    """Return whether point ``i`` has a force."""
     return held[i, 0] != 0.0 or held[i, 1] != 0.0 or held[i, 2] != 0.0
 
 
@@ -117,7 +117,7 @@ def exchange_loads(problem, work, field):
 
 @internal
 def curve(work, field):
-    """Add the change of the gradient by contact forces that turned in the last step to the newest pair of L-BFGS.
+    """Correct the newest pair of L-BFGS for the contact forces that turned in the last step.
 
     A force turns where its point moves along a curved surface. The pairs thus contain the curvature of the surfaces.
     """

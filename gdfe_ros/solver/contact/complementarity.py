@@ -8,7 +8,7 @@ since the step began. Within one quasi-Newton step they depend linearly on all f
 
 With any r > 0 they are equivalent to the equations of Alart and Curnier (1991),
 
-    f_n = max(0, f_n - r p_n),      f_t = the point of the disc |t| <= mu f_n nearest to f_t - r p_t,
+    f_n = max(0, f_n - r p_n),      f_t = the point of the disc |t| <= mu f_n nearest to f_t - r p_t.
 
 A semismooth Newton method solves these equations. Each iteration classifies the points as free, sticking or slipping,
 and solves one linear system in the forces of the touching points. Block Gauss-Seidel sweeps over the points give the

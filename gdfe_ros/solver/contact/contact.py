@@ -29,8 +29,8 @@ point entered. Contact pushes the point back across this plane, and not out of t
 """
 REACH = 0.05
 """Points take part in contact if their distance from the obstacle, divided by the body's size, is below this number.
-Distances are computed again after the body has moved by half of this number times its size. If all points are farther
-away than that, the distances are computed again only after a motion that may bring a point within this distance.
+Distances are computed again after the body has moved by half of this number times its size. If all points are outside
+of this distance, they are computed again only after a motion that may bring a point within it.
 """
 
 
@@ -47,7 +47,7 @@ class Contact(ContactTerm):
     """
 
     OTHERS = 12
-    """Rotation and origin of the obstacle's frame."""
+    """Count of the numbers of the obstacle's frame: rotation and origin."""
 
     def __init__(
         self,
@@ -100,14 +100,14 @@ class Contact(ContactTerm):
         return bool(self._distances.min(initial=0.0) < -FAINT * self._body.size)
 
     def fit(self, matrix: ConstantMatrix) -> None:
-        """Take the stiffnesses of the points from the constant matrix' diagonal."""
+        """Compute the stiffness of each point from the constant matrix' diagonal."""
         self._scale = 1.0 / self._points.compliance(self._body, matrix.assembled.diagonal())
 
     def leave_out(self, held: Sequence[tuple[str, NDArray[np.int32]]]) -> None:
         """Leave out points that a grip holds in their places: otherwise the forces of grip and contact would add up.
 
         Args:
-            held: name of an obstacle or rigid body, and the vertices that keep their places on it.
+            held: pairs of the name of an obstacle or rigid body, and the vertices that a grip holds on it.
         """
         own = [vertices for name, vertices in held if name == self._touched.name]
         carriers = self._points.carriers
@@ -161,7 +161,8 @@ class Contact(ContactTerm):
     def keep_places(self, kept: Saved) -> None:
         """Write the anchors of the points that stick.
 
-        Points that slip store none: in the next step, their anchors are their positions at its start.
+        Points that slip have no stored anchor: in the next step, their anchors are their positions at the start of that
+        step.
         """
         sticks = kept["slips"][self._chosen] == 0.0
         kept["anchor"][self._chosen[sticks]] = self._pack_anchors()[sticks]

@@ -112,7 +112,7 @@ class BodyPoints(CarriedPoints):
 
         These are the points of all cells that share a vertex with the chosen cell.
 
-        ``cells`` (m, c) are all cells, each with its vertices.
+        ``cells`` (m, c) are the vertices of all cells.
         """
         own, every = incidence(chosen, self.count), incidence(cells, self.count)
         skin = incidence(self.carriers[self.count :], self.count)

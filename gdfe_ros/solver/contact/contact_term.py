@@ -47,11 +47,11 @@ class ContactTerm(Term):
         vertices, friction, restitution: the arguments.
         stencils: the near points with their contact forces. Places and axes are as in the last call of `look`. During a
             minimisation, the arrays are views of the field of all contacts (`HeldLoads.field`).
-        shape: what the points touch, for the kernels.
+        shape: the touched surface, for the kernels.
         on_body: whether the points of the term belong to the elastic body; False for self-contact.
         faces: the faces (q, 4) that correct gaps, and the areas (q, 4) [m^2] of their Gauss points.
         held_mass: mass [kg] of a rigid body that the elastic body touches, else 0.
-        valid: relative displacement [m] for which the stencils of the points hold.
+        valid: largest relative displacement [m] for which the stencils of the points are valid.
         changed: whether points that press touched other faces after the last call of `follow` than before it.
     """
 
@@ -85,7 +85,7 @@ class ContactTerm(Term):
 
     @property
     def near(self) -> bool:
-        """Whether any point or pair is near what it can touch."""
+        """Whether any point or pair is near a surface that it can touch."""
         return len(self._chosen) > 0
 
     @property
@@ -95,7 +95,7 @@ class ContactTerm(Term):
 
     @property
     def acts(self) -> bool:
-        """Whether any point or pair holds a force."""
+        """Whether any point or pair has a contact force."""
         return bool(self.stencils.held[:, 0].any())
 
     @property

@@ -53,11 +53,11 @@ def add_entries(values, rows, columns, out):
 class KeptColumns(ABC):
     """The part of C between all rows that have been requested.
 
-    C is K^-1 of the free rows, plus G S^-1 G^T for the rigid rows, minus W (1 + G W)^-1 W^T for springs (`Kept`).
+    C is K^-1 of the free rows, plus H S^-1 H^T for the rigid rows, minus W (1 + G W)^-1 W^T for springs (`Kept`).
 
     Args:
         count: number f of free rows.
-        rigid: (3 f, q) displacements of the free rows that each rigid row causes, times -1.
+        rigid: (3 f, q) matrix H: displacements of the free rows that each rigid row causes, times -1.
         schur: (q, q) inverse of the Schur complement S of the rigid rows.
         fixed: components of rows that are constant.
 

@@ -29,12 +29,12 @@ def incidence(cells: NDArray[np.int32], count: int) -> sparse.csr_matrix:
 
 
 def make_ragged(rows: sparse.csr_matrix) -> Ragged:
-    """Return the columns in each of m rows."""
+    """Return the column indices of the entries in each of m rows."""
     return rows.indptr.astype(np.int64), rows.indices.astype(np.int64)
 
 
 class KeptPairs:
-    """Pairs from a search within a distance plus a margin. It is repeated after a motion that exceeds the margin.
+    """Pairs from a search within a distance plus a margin. A motion that exceeds the margin repeats the search.
 
     Args:
         find: function of positions (n, 3) [m] and a distance [m] that returns the pairs within it.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Cell types, each with the functions that it implements.
+"""Cell types, and the functions that implement each of them.
 
 A kernel that calls one of the functions in `CellKernels` is compiled once for each cell type. Numba infers the cell
 type from the type of the operators, and inserts the function of that cell type, without a cost at run time. A third

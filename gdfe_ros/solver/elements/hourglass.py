@@ -102,7 +102,7 @@ def edge_direction(f, axis):
 
 @inlined
 def turning(t, q, d, inverse):
-    """Return dE / d(F d_i), which acts through the unit direction ``d`` of F d_i; ``t`` (4) are dE / d(d . q_k)."""
+    """Return dE/d(F d_i); E depends on F d_i by its unit direction ``d`` alone, and ``t`` (4) are dE/d(d . q_k)."""
     m = along(1.0, combine(t[0], q[0], t[1], q[1], t[2], q[2]), t[3], q[3])
     return scale_vector(along(1.0, m, -dot(m, d), d), inverse)
 

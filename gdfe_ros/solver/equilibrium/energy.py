@@ -144,7 +144,7 @@ class EquilibriumSolver:
 
     @property
     def remarks(self) -> list[str]:
-        """Remarks on the accuracy of solves: for a body without a tangent from the beginning, the reason."""
+        """Remarks on the accuracy of solves: a message if the tangent is too expensive to be used at first."""
         level = self.minimiser.level
         if level.affordable:
             return []

@@ -101,12 +101,12 @@ class Solve:
 
     @property
     def aim(self) -> float:
-        """Tolerance of the last minimisation."""
+        """Tolerance of the final minimisation."""
         return self.problem.tolerance if self._moving else min(self.problem.tolerance, self.LINEAR)
 
     @property
     def interrupted(self) -> bool:
-        """Whether the solve continues an earlier one, which a cut or a part of a divided load path has ended."""
+        """Whether the solve continues an earlier one: the previous part of a load path, or a solve that was cut."""
         return self.problem.begins > 0.0 or self._resumed is not None
 
     @classmethod
@@ -186,7 +186,7 @@ class Solve:
         return self._solution()
 
     def _first_tolerance(self, *, updates: bool) -> float:
-        """Return the tolerance of the first minimisation; a resumed solve starts with the tolerance of the last one."""
+        """Return the tolerance of the first minimisation; a resumed solve uses that of the interrupted one."""
         if self._resumed is not None:
             return max(self._resumed.tolerance, self.aim)
         return max(self.FIRST_TOLERANCE, self.aim) if updates and not self._predicted.ratio else self.aim

@@ -6,9 +6,9 @@ four vertices x_a, and c_i = 0. On a handle or an obstacle, the weights are zero
 With the gaps d_i = x_i - q_i, the energy is sum_i l_i . d_i + s/2 |d_i|^2: the augmented Lagrangian of d_i = 0 with the
 multipliers l_i [N] and the penalty s [N/m].
 
-If the command rises from 0, the grip takes hold: it stores the places that the points have at the beginning of the
-step. If the command falls, the grip lets go: the penalty is removed, and the last forces l_i fall in proportion to the
-command. At 0 they are zero.
+If the command rises from 0, the grip closes: it stores the places of the points at the beginning of the step. If the
+command falls, the grip opens: the penalty is removed, and the last forces l_i fall in proportion to the command. At the
+command 0 the forces are zero.
 """
 
 from __future__ import annotations

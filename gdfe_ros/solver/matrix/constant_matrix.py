@@ -45,8 +45,8 @@ class Factor:
         points: (f, 3) positions of its vertices [m].
 
     Attributes:
-        inverse: the inverse for the kernels. The matrix of a body that nothing holds may be indefinite by rounding. The
-            inverse then is that of the matrix plus a small multiple of its largest diagonal entry on the diagonal.
+        inverse: the inverse for the kernels. The matrix of a body that nothing holds may be indefinite by rounding. A
+            small multiple of the largest diagonal entry is then added to the diagonal before the inversion.
     """
 
     COARSE_FROM = 4_000_000

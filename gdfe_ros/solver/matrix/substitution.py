@@ -80,7 +80,7 @@ class Kept(NamedTuple):
         springs: (m, 3 f + q) rows G.
         reach: (m, 3 f + q) rows of W^T.
         inner: (m, m) inverse of 1 + G W.
-        frames: (f, 9) rotations of the vertices since the factor was taken; the factor follows them.
+        frames: (f, 9) rotations of the vertices since the factor was computed; solutions follow them.
         fixed: (k,) int64 components that are constant (`Unknowns.fixed`); the factor does not couple them to other
             components.
     """
@@ -128,7 +128,7 @@ def solve_kept(kept, right, out):
 
 @vector_kernel
 def solve_unturned(kept, right, out):
-    """Solve as `solve_kept` does, but without the rotations since the factor was taken."""
+    """Solve as `solve_kept` does, but without the rotations since the factor was computed."""
     solve_free(kept, (0, 1, 2), right, out)
     for k in range(len(right)):
         if len(kept.schur):

@@ -174,7 +174,7 @@ class Minimiser:
     def _touching(
         self, task: Task, metric: Metric, minimum: tuple[float, float, bool, int], limit: int, *, begins: bool
     ) -> int:
-        """Do `descend` with contact: in each step, the contact forces are found that satisfy the laws of contact."""
+        """Do `descend` with contact: each step includes contact forces that satisfy the laws of contact."""
         problem, work = task.problem, task.active.workspace
         key = (None,) if self.tangent is None else (self.tangent.blocks, self.tangent.springs)
         if begins:

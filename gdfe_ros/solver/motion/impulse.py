@@ -9,8 +9,8 @@ satisfies the laws at the points that press:
 
     L_n >= 0,  v_n + e v_0 >= 0,  L_n (v_n + e v_0) = 0,  |L_t| <= mu L_n, against the slip,
 
-with the restitution e. v_0 <= 0 is a normal speed of approach: the speed at the beginning of the step, or the speed
-without L if it is smaller. The published forces are L / h.
+with the restitution e. v_0 <= 0 is the normal velocity of approach at the beginning of the step, or that without L if
+it is slower. The published forces are L / h.
 """
 
 from __future__ import annotations

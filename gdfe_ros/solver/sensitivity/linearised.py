@@ -168,8 +168,8 @@ class Linearised:
     """
 
     EXACT, STIFF = 1e-8, 1e-10
-    """Relative tolerances of the linear solve, without and with incompressible elements. With them, small errors of
-    positions cause large errors of reactions.
+    """Relative tolerances of the linear solve, without and with incompressible elements. With incompressible elements,
+    small errors of positions cause large errors of reactions.
     """
     SPACING, NEARER, TURN = 1e-6, 1e-8, 1e-6
     """Displacements in finite differences, divided by the body's size: for terms without friction; for terms with
@@ -241,7 +241,7 @@ class Linearised:
         return self._sum(self._corner_forces(elastic(table), operators, self.scale if scale is None else scale))
 
     def _corner_forces(self, table: MaterialTable, operators: Operators | None, scale: Array) -> Array:
-        """Return dE/dx (m, c, 3) [N] of the elements with `elastic` materials; None for the operators of the state."""
+        """Return dE/dx (m, c, 3) [N] of elements with an `elastic` ``table``; operators None: those of the state."""
         force, energies, found = self.no_forces(), np.zeros(len(self.body.material)), operators or self.end.operators
         given = self.body.material, self.volumes.pressures(table), scale, table, self._watch.watched
         evaluate(self.x, found.shape, found.blocks, *given, force, energies, None)

@@ -110,7 +110,7 @@ class Trail:
         return found
 
     def _history(self, own: VariedInputs, parameter: Parameter, column: Carried) -> Pair | None:
-        """Return the inputs of two solves from varied initial states; None if the state before does not vary."""
+        """Return the inputs of two solves from varied initial states; None if the initial state has no derivative."""
         kept = column.terms[inertia.NAME]
         h, size = own.start.terms[inertia.NAME]["h"][0] or 1.0, self._stepper.body.size
         ways = (np.abs(kept["velocity"]).max(initial=0.0) * h, np.abs(kept["acceleration"]).max(initial=0.0) * h * h)

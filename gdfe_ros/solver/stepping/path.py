@@ -37,7 +37,7 @@ def count_increments(
         targets: pose of every handle.
         poses: present poses of the handles.
         size: size of the body [m].
-        together: names of handles that move nearly as one rigid body, and whose motion hardly deforms it.
+        together: names of handles that move nearly as one rigid body, and whose motion hardly deforms the body.
     """
     most = 1.0
     for name, target in targets.items():
@@ -197,7 +197,7 @@ class Attempt:
         path: the load path at the state before the attempt, with the iterations of the attempt counted.
         solution: result of the solve.
         jumps: whether the body jumped to another equilibrium.
-        unstable: actuator that lost its stability; None for none.
+        unstable: actuator that lost its stability; None if no actuator did.
         spent: whether no iterations or no time are left for another attempt.
         patient: whether a folded shape is accepted if a limit or the deadline ended the solve. This is the case while
             the number of iterations for this command, including earlier unfinished steps, is below the solver's

@@ -3,13 +3,12 @@
 
 A dead load has forces of constant magnitude and direction, and the energy E = -s sum_v f_v . (x_v - X_v).
 
-A follower pressure p acts on faces of the body, normal to the deformed faces.
-
-Node a of the faces gets the force p f_a, with f_a = int N_a n dA over the deformed faces. Let V be the volume of the
-cones from the faces to a fixed point, V = 1/3 int x . n dA. Then f_a = dV/dx_a + b_a, where b_a is not zero only at
-nodes on open edges of the faces. The first part has the energy -p V. The second part has none: with open edges, the
-work of a pressure depends on the path. The forces p b_a, with the energy -p b_a . x_a, are therefore constant in each
-minimisation. They are updated between minimisations until they agree with the present positions.
+A follower pressure p acts normal to the deformed faces. Node a of the faces gets the force p f_a, with f_a = int N_a n
+dA over the deformed faces. Let V be the volume of the cones from the faces to a fixed point, V = 1/3 int x . n dA. Then
+f_a = dV/dx_a + b_a, where b_a is not zero only at nodes on open edges of the faces. The first part has the energy -p V.
+The second part has none: with open edges, the work of a pressure depends on the path. The forces p b_a, with the energy
+-p b_a . x_a, are therefore constant in each minimisation. They are updated between minimisations until they agree with
+the present positions.
 """
 
 from __future__ import annotations

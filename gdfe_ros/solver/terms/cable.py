@@ -177,9 +177,10 @@ class CableTerm(EffortTerm):
         return np.concatenate([corners[:-1], corners[1:]], axis=1)
 
     def tangents(self, positions: Array) -> Array:
-        """Return the tangent t / l (I - d d^T) [N/m] of each segment, by which a taut cable resists bending.
+        """Return the tangents of the segments (k, 6 c, 6 c) [N/m], by which a taut cable resists bending.
 
-        t is the tension, l the segment's length and d its direction.
+        They are t / l (I - d d^T), with the tension t, the segment's length l and its direction d, distributed to the
+        vertices that carry both ends.
         """
         weights, corners = self._points()
         points = np.einsum("ia,iak->ik", weights, positions[corners]) + self._anchors

@@ -115,7 +115,7 @@ class Term:
         wanders: whether updates do not settle, so that the increment should be shorter.
         delicate: whether the term's forces change within tiny displacements, as at the onset of slip.
         exact: whether `tangents`, `spring` and `stiffness` are the whole second derivative of the term's energy.
-        stage: a number; when it changes, the kept tangent is taken anew, because `tangents` have changed much.
+        stage: a number; when it changes, the kept tangent is evaluated anew, because `tangents` have changed much.
         unbounded: whether a command can leave the energy without a lower bound, such as a pressure beyond its limit
             point.
         conservative: whether the forces have a potential; without one, the stability of an equilibrium is not known.

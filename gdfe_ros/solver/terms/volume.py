@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compiled volume between faces and a point, with its derivatives, and the integrals N_a n dA over the faces.
+"""Compiled volume between faces and a point, with its derivatives, and the integrals of N_a n over the faces.
 
 The volume of the cones from the faces to an apex is V = 1/3 int x . n dA, with x relative to the apex. It is a sum of
 triple products u . (v x w) over integration points, with u = sum_a n_a x_a, v = sum_a g_a x_a and w = sum_a h_a x_a.

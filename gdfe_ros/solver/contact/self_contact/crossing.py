@@ -12,8 +12,8 @@ from gdfe_ros.solver.contact.self_contact.closest import write_pair
 PARALLEL = 0.1
 """Least sine of the angle between two edges that touch. Vertices and faces carry the contact of parallel edges."""
 BESIDE = 0.1
-"""Edges alone can touch if both components of the contact direction along the normals of an edge's faces are at least
-this (see `between`). If a component is between this number and its negative, the rims of two flat faces may cross.
+"""Only the edges can touch at a crossing if the result of `between` for each of them is at least this. If a result lies
+between this number and its negative, the rims of two flat faces may cross.
 """
 ENDS = 1e-3
 """Edges touch up to this fraction of their length beyond their ends. Nothing then passes between two edges in a row."""
@@ -33,8 +33,8 @@ of only one of them.
 def crossing_edges(x, last, pairs, surface, areas, reach, before, found):
     """Find the edges that cross each sharp edge; each of them occupies one of the `SEATS` seats of this edge.
 
-    An edge that already had a seat keeps this seat. Another edge gets a free seat or, if there is none, the seat of the
-    farthest edge, if it is nearer than that.
+    An edge that already had a seat keeps this seat. Another edge gets a free seat. If there is none, it gets the seat
+    of the farthest edge, unless that is nearer.
 
     Args:
         x: (n, 3) [m] positions.
@@ -91,7 +91,7 @@ def least_between(x, pairs, ends, most):
 
 @inlined
 def seat(before, found, first, j, known):
-    """Return the seat for edge ``j``: its previous seat if ``known``, otherwise the best seat if it had none; or -1."""
+    """Return the seat for edge ``j``: the one it had if ``known``, else the best one if it had none; or -1."""
     best = -1
     for k in range(first, first + SEATS):
         if before[k] == j:

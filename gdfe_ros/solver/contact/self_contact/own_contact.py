@@ -28,7 +28,7 @@ REACH, FARTHEST = 0.02, 0.25
 relative to the surface's mean displacement. The second number times the body's size limits this sum.
 """
 DEEPEST = 1e-4
-"""Largest penetration depth, divided by the body's size, at the end of a step."""
+"""Largest penetration depth, divided by the body's size, that is accepted at the end of a step."""
 CLEAR = 1.5
 """Least search distance, divided by the larger of two depths of penetration: in the last accepted state, and at the
 last search.
@@ -99,7 +99,7 @@ class OwnContact(ContactTerm):
         self._deepest = 2.0 * far
 
     def _take_forces(self, saved: Saved, x: NDArray[np.float64]) -> None:
-        """Take the forces of all pairs from a stored state, turned with their faces at the points ``x``."""
+        """Set the forces of all pairs to those of a stored state, turned with their faces at the points ``x``."""
         some = np.flatnonzero(saved["face"] >= 0.0)
         axes = frames(x, self.pairs.carriers(some, saved["face"][some].astype(np.int64)))
         self._presses, self._shears, self._normals = saved["press"].copy(), saved["shear"].copy(), saved["normal"]

@@ -227,7 +227,7 @@ class Inside:
         return depth, cell
 
     def _middles(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the tested points (k, 3) [m]."""
+        """Return the positions (k, 3) [m] of the tested points."""
         return 0.25 * np.einsum("kai->ki", x[self._tested])
 
     def _find_cells(self, x: NDArray[np.float64], within: float) -> NDArray[np.int64]:
