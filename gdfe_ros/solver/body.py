@@ -158,7 +158,7 @@ class Growths:
         return bool(self.growths)
 
     def at(self, commands: Mapping[str, float], last: Operators) -> Operators:
-        """Return the operators at these commands; ``last`` itself if they are unchanged."""
+        """Return the operators at these commands; ``last`` itself if the growth is the same."""
         if not self.growths:
             return last
         stretch = self._stretch(commands)

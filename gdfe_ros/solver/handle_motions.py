@@ -68,7 +68,7 @@ class HandleMotions:
         that differ by whole turns are different.
         """
         pairs = [(poses[name], targets[name]) for name in self._bound]
-        # Plain floats are faster than numpy, and every step comes here.
+        # Plain floats are faster than numpy, and every step calls this method.
         turns = [[b - a for a, b in zip(old.rotation, new.rotation, strict=True)] for old, new in pairs]
         if not (turns and any(turns[0]) and all(math.dist(turn, turns[0]) <= self.APART for turn in turns)):
             return {}

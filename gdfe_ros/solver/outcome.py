@@ -145,7 +145,7 @@ class Deadline:
 
     @property
     def interruption(self) -> Deadline:
-        """A deadline that ignores the clock; its queries are counted as queries of this deadline."""
+        """A deadline that ignores the clock. Its queries count as queries of the present deadline, too."""
         return Deadline(interrupted=lambda: self.has_passed(by_clock=False))
 
     @classmethod

@@ -224,7 +224,7 @@ class Dynamics(CheckedKeys):
 
     @property
     def slow_share(self) -> float:
-        """Fraction of the instantaneous modulus that remains in slow motion, to which the material's law applies."""
+        """Modulus that remains in slow motion (that of the material's law), divided by the instantaneous modulus."""
         return 1.0 - sum(branch.share for branch in self.prony)
 
 

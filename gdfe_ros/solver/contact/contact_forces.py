@@ -30,8 +30,9 @@ from gdfe_ros.solver.matrix.unknowns import Unknowns
 Product = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 
 NEARLY, SLIGHT = 5e-2, 5e-10
-"""Negligible violation of the laws, divided by the target of the minimisation, and divided by the body's size. It is
-accepted if no smaller violation can be reached, for example, because forces of redundant points are not unique.
+"""A violation of the laws is negligible if it is at most the first number times the target of the minimisation, or at
+most the second number times the body's size (with self-contact, `FAINT` times its size). It is accepted if no smaller
+violation can be reached, for example, because forces of redundant points are not unique.
 """
 LISTED = 5
 """Number of vertices that a message names."""

@@ -93,12 +93,15 @@ class KeptColumns(ABC):
         self.between[constant], self.between[:, constant] = 0.0, 0.0
 
     def _order(self, rows: Numbers) -> Numbers:
-        """Return the order in which to find free ``rows``."""
+        """Return free ``rows`` in the order in which their entries are computed."""
         return rows
 
     @abstractmethod
     def _find(self, new: Numbers, first: int) -> None:
-        """Write K^-1 between all known rows and ``new`` free ones, whose places begin with ``first``, to `between`."""
+        """Write the entries of K^-1 between all known rows and ``new`` free rows to `between`.
+
+        The places of the new rows begin with ``first``.
+        """
 
 
 class ConstantColumns(KeptColumns):
@@ -178,7 +181,7 @@ class HalvedColumns(KeptColumns):
         self.between[: 3 * first, 3 * first : size] = self.between[3 * first : size, : 3 * first].T
 
     def _halve(self, entries: Numbers) -> Iterator[tuple[int, Array]]:
-        """Yield each supernode on the paths of up to `GROUP` ``entries``, and its part (k, n) of their columns of Y."""
+        """Yield each supernode on the paths of ``entries`` (at most `GROUP`), and its rows (k, n) of their columns."""
         kept, path = self._kept, np.zeros(len(self._kept.plan.parent), dtype=np.bool_)
         for node in np.unique(self._node[entries // 3]):
             while node >= 0 and not path[node]:

@@ -34,7 +34,7 @@ def make_ragged(rows: sparse.csr_matrix) -> Ragged:
 
 
 class KeptPairs:
-    """Pairs from a search within a distance plus a margin. A motion that exceeds the margin repeats the search.
+    """Pairs from a search within a distance plus a margin. The search is repeated only after larger motions.
 
     Args:
         find: function of positions (n, 3) [m] and a distance [m] that returns the pairs within it.

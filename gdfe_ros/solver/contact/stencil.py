@@ -26,8 +26,8 @@ from gdfe_ros.solver.contact.gap import nearness
 from gdfe_ros.solver.terms.term import as_arrays, term_kernel
 
 LOADS = 6
-"""Count of a vertex' numbers in the loads: the gradient of its dead load's energy [N], and the position [m] where this
-energy is 0. The energies then are as small as the steps.
+"""Count of each vertex' numbers in the loads: the gradient [N] of the energy of its dead load, and the position [m]
+where this energy is 0. The position is renewed before each step, so that energies stay as small as steps.
 """
 
 
@@ -253,7 +253,7 @@ def measure_gap(stencils, surfaces, t, i, p):
     if a == 0.0 and b == 0.0 and c == 0.0:
         return g, nx, ny, nz
     ex, ey, ez = in_world(frame, a, b, c)
-    # Where the surface pushes the point out on the plane's side itself, it serves.
+    # If the surface itself pushes the point out on the plane's side, the surface is used.
     if nx * ex + ny * ey + nz * ez > 0.0 and not stencils.fixed[i]:
         return g, nx, ny, nz
     u = in_frame(frame, p[0] - frame[ORIGIN], p[1] - frame[ORIGIN + 1], p[2] - frame[ORIGIN + 2])

@@ -55,7 +55,9 @@ def decompose_motion(x, end, shape, e):
 
 @internal
 def pull_to_arc(x, end, shape, weight, force):
-    """Write the right-hand side of A c to ``force`` (m, c, 3) [N], for a step from ``x`` to ``end`` (n, 3) [m].
+    """Write the right-hand side of the equation for c (see the module) to ``force`` (m, c, 3) [N].
+
+    The step leads from ``x`` to ``end`` (n, 3) [m].
 
     Return the largest rotation [rad] of an element, to first order.
     """

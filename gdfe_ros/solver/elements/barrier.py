@@ -108,8 +108,8 @@ def edges_at(points, shape, e, c):
 def least_corners(x, shape, elements, out):
     """Write the least volume ratio det F over the corners of each of ``elements`` (k,) to ``out`` (m,).
 
-    The value is NaN if one of the ratios is NaN. The mean gradient does not show a folded corner, because hourglass
-    patterns do not contribute to it.
+    The value is NaN if one of the ratios is NaN. A folded corner does not show in the mean deformation gradient,
+    because hourglass patterns do not contribute to this gradient.
     """
     points = np.empty((shape.cells.shape[1], 3))
     for e in elements:

@@ -36,7 +36,7 @@ class Blocks(NamedTuple):
         element: (b, LANES) int32 element of each lane.
         used: (b,) int32 number of lanes in use; the other lanes repeat the first lane.
         law: (b,) int32 law of the block's elements.
-        parallel: (b,) bool, whether all elements of the block are parallelepipeds; not if they are tetrahedra.
+        parallel: (b,) bool, whether all elements of the block are parallelepipeds; False for tetrahedra.
         geometry: (b * g * LANES,) float64, the g rows of each block (`CellType.geometry`); a row has one number for
             each lane.
     """

@@ -54,7 +54,7 @@ KERNELS = {ShapeOperators: _of(hexahedra), TetOperators: _of(quadratic_tetrahedr
 
 
 def _of_cell_type(name: str) -> Callable:
-    """Return a function for kernels that calls the function ``name`` of the cell type of its arguments."""
+    """Return a function for kernels. It calls the function ``name`` of the cell type to which its arguments belong."""
 
     def call(*arguments):
         return getattr(_kernels([type(each) for each in arguments]), name)(*arguments)

@@ -195,10 +195,10 @@ def hourglass_columns(b, reduced):
 
 @vector_internal
 def congruence(reduced, operator, half, out):
-    """Write G^T H G (24 x 24) of H (21 x 24) and G (7 x 8) to ``out``; ``half`` (21 x 24) and (24,) is scratch.
+    """Write G^T H G (24 x 24) of H (21 x 24) and G (7 x 8) to ``out``; ``half`` is scratch.
 
-    All arrays are flat. Loops count in unsigned numbers, because a possibly negative index costs a test in each
-    iteration.
+    ``half`` has 21 x 24 + 24 numbers. All arrays are flat. Loops count in unsigned numbers, because a possibly negative
+    index costs a test in each iteration.
     """
     row = half[NUMBERS * WIDTH :]
     for turn in range(2):

@@ -29,7 +29,7 @@ With 0.8 no corner folds (0.26 after 211 iterations).
 
 @kernel
 def corner_ratios(x, shape):
-    """Return the least volume ratio at a corner of each element (m,) at ``x`` (n, 3) [m]; NaN if one of them is NaN."""
+    """Return the least volume ratio (m,) at a corner of each element at ``x`` (n, 3) [m]; NaN if one ratio is NaN."""
     ratios = np.empty(len(shape.cells))
     least_corners(x, shape, np.arange(len(ratios)), ratios)
     return ratios
@@ -37,7 +37,7 @@ def corner_ratios(x, shape):
 
 @kernel
 def least_volume_ratio(x, shape):
-    """Return the least volume ratio at any corner of any element at ``x`` (n, 3) [m]; NaN if one of them is NaN."""
+    """Return the least volume ratio at any corner of any element at ``x`` (n, 3) [m]; NaN if any ratio is NaN."""
     return corner_ratios(x, shape).min()
 
 

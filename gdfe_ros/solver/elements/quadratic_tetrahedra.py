@@ -147,7 +147,7 @@ def mean_volume_rows(b, elements, material, pressure, table):
 
 @inlined
 def add_mean_stress(b, weight):
-    """Add the stress by the mean volume to P at an integration point; multiply P and energy by the row ``weight``."""
+    """Add the stress of the mean volume's term to P at an integration point; multiply P and energy by the weight."""
     for lane in range(LANES):
         c, w = cofactor(load9(b, GRADIENT, lane)), b[weight * LANES + lane]
         p, s = load9(b, STRESS, lane), b[SLOPE * LANES + lane]

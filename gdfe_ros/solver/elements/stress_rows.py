@@ -53,9 +53,9 @@ from gdfe_ros.solver.elements.blocks import (
 )
 
 UNIQUE = 1e-6
-"""If the rotation R of an element is nearly not unique, its closed form loses digits. The squared norm |F - lam R|^2 is
-therefore computed from the invariants of F if the measure of uniqueness (see `rotation_from_stretch_sum`) is at most
-this.
+"""If the rotation R of an element is hardly determined, its closed form loses digits. If the measure of its uniqueness
+(see `rotation_from_stretch_sum`) is at most this, the squared norm |F - lam R|^2 is therefore computed from the
+invariants of F.
 """
 SWEEPS = 12
 """Limit of Jacobi sweeps. Three to five are enough for finite numbers; NaN ends the sweeps at once."""

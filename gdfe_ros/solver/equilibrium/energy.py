@@ -116,7 +116,7 @@ class EquilibriumSolver:
             level.solve(load, found)
             least = float(found @ load) / float(found @ self._weigh(found))
             load = self._weigh(found / np.abs(found).max())
-        if least >= SINGULAR:  # else the handles let the body turn or move as a whole
+        if least >= SINGULAR:  # otherwise the body can turn or move as a whole
             level.first_shift, self.minimiser.rest = least, tangent
             level.keep(tangent)
 

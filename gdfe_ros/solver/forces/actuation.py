@@ -35,7 +35,9 @@ from gdfe_ros.solver.terms.term import Term, TermTable
 from gdfe_ros.solver.vectors import NEGLIGIBLE, Array
 
 TERMS = {Cable: CableTerm, Chamber: ChamberTerm, Grip: GripTerm}
-"""Dict from each class of actuators to its term, in the order of the sum of energies. A growth has no term."""
+"""Dict from each class of actuators to its class of terms, in the order in which energies are summed. Growths have no
+terms.
+"""
 
 
 class Actuation:

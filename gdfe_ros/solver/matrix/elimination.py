@@ -254,8 +254,8 @@ equal coordinates.
 def narrow_orders(graph: sparse.csr_matrix, points: Array) -> list[NDArray[np.int64]]:
     """Return orders (f,) of the vertices with a small bandwidth.
 
-    The first is by cross-sections along the longest principal axis, the second is reverse Cuthill-McKee. For straight
-    bodies, the first has half the bandwidth of the second.
+    The first order follows the cross-sections along the longest principal axis; the second is reverse Cuthill-McKee.
+    For straight bodies, the first order has half the bandwidth of the second.
 
     Args:
         graph: (f, f), an entry for every two vertices that share an element.
@@ -272,8 +272,8 @@ def narrow_orders(graph: sparse.csr_matrix, points: Array) -> list[NDArray[np.in
 def least_degree(graph: sparse.csr_matrix) -> NDArray[np.int64]:
     """Return the minimum-degree order (f,) of SuperLU; it suits bodies that branch.
 
-    An incomplete factorisation that drops all entries is used: it has the same order as a complete one, at a small
-    fraction of the cost.
+    The order comes from an incomplete factorisation that drops all entries. A complete factorisation has the same order
+    at many times the cost.
     """
     links = sparse.csr_matrix((np.ones(len(graph.indices)), graph.indices, graph.indptr), shape=graph.shape)
     definite = (sparse.diags_array(np.diff(graph.indptr) + 1.0) - links).tocsc()

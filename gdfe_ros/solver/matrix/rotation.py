@@ -65,7 +65,7 @@ def left_jacobian_transposed(turn, moment):
 
 
 UNIQUE = 0.05
-"""A vertex counts as not rotated if its rotation is nearly not unique: if the measure of uniqueness (see
+"""A vertex counts as not rotated if its rotation is hardly determined: if the measure of its uniqueness (see
 `rotation_from_stretch_sum`) is below this. Without deformation the measure is 8 / 27^(1/2).
 """
 LEAST_TURN = 3e-3

@@ -160,5 +160,5 @@ class Tangent:
     latest: int = 0
 
     def overdue(self, cost: float) -> bool:
-        """Return whether a new tangent that costs as much as ``cost`` iterations lowers the mean cost of a solve."""
+        """Return whether a new tangent, at the cost of ``cost`` iterations, would lower the mean cost of a solve."""
         return self.latest * self.solves > cost + self.spent

@@ -137,7 +137,7 @@ class FreeMass:
             row[free] = np.arange(len(free))  # the last column is that of vertices that are not free
             right = np.zeros((len(new), len(free) + 1))
             right[np.arange(len(new)), row[new]] = 1.0
-            # Each one alone: its last bits would depend on those found together with it.
+            # One at a time: otherwise the last bits of a column would depend on the columns computed together with it.
             columns = np.array([np.append(factor.solve(each), 0.0) for each in right[:, :-1]])
             self._columns[axes[0]] = columns = np.concatenate([self._columns.get(axes[0], none), columns])
             soft = columns[:, row[self._known]]

@@ -83,7 +83,7 @@ class Accounts:
     def book(self, before: State, now: State, h: float) -> tuple[State, float]:
         """Return ``now`` with the ledger after an internal step of length ``h`` [s], and the energy [J] it created.
 
-        ``now`` comes with the ledger of ``before``, plus the work of obstacles on rigid bodies. The other work is
+        On entry, ``now`` has the ledger of ``before``, plus the work of obstacles on rigid bodies. The other work is
         computed by the trapezoidal rule, and its uncertainty (see `work_between`) is added to the bound. The work of
         growth is unknown: if growth changes, the bound restarts.
         """

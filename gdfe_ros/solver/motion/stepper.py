@@ -168,7 +168,7 @@ class MotionStepper:
         goal = Increment(poses=targets, commands=commands, **given)
         count = max(1, math.ceil(due / step - NEGLIGIBLE))
         march = self._follow(TimePath.over(began, goal, count, duration=due), observer)
-        # An earlier step has reported the time that was owed.
+        # An earlier step has already reported the owed time.
         ledger = replace_fields(march.state.ledger, owed=max(0.0, owed - march.simulated))
         return replace_fields(march, state=march.state.with_(ledger=ledger), simulated=max(0.0, march.simulated - owed))
 

@@ -335,7 +335,7 @@ class Linearised:
         return difference(*sides, 2.0 * step)
 
     def _turn_forces(self, unknowns: Array) -> Array:
-        """Return the change (3 q,) of the rigid rows' generalised forces by ``unknowns`` at constant vertex forces."""
+        """Return the change (3 q,) of generalised forces on rigid rows along ``unknowns`` at constant vertex forces."""
         step = self.TURN * self.body.size / max(np.abs(unknowns).max(initial=0.0), 1e-300)
         sides = [self.rigid_part(self.u + sign * unknowns, self.frame) for sign in (step, -step)]
         return difference(*sides, 2.0 * step)

@@ -111,7 +111,7 @@ def _cells_of(body: Body, points: BodyPoints, quads: NDArray[np.int32]) -> NDArr
 
 
 def flat_boundary(body: Body) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """Return the boundary faces of a body as quads (q, 4), as `flat_quads` does, and the cell of each one (q,)."""
+    """Return the boundary faces of a body as quads (q, 4), see `flat_quads`, and the cell (q,) of each face."""
     boundary = body.cell_type.boundary(body.cells)
     quads = flat_quads(boundary.quads)
     return quads, np.repeat(boundary.cells, len(quads) // max(len(boundary.quads), 1))
