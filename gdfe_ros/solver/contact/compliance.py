@@ -283,7 +283,7 @@ def find_compliance(work, metric, field, known, count):
 
 @internal
 def add_history(work, metric, known, chosen, rows, blocks, counts, soft):
-    """Add the change by the pairs of L-BFGS, and the compliances of the points' springs, to W."""
+    """Add the updates by the pairs of L-BFGS and the compliances of the points' springs to W."""
     status, memory = work.status[0], len(known.curvature)
     pairs = (status.head - 1 - np.arange(status.count)) % memory
     new = pairs[known.curvature[pairs] != work.curvature[pairs]]
@@ -299,7 +299,7 @@ def add_history(work, metric, known, chosen, rows, blocks, counts, soft):
 
 @internal
 def add_pairs(work, images, chosen, rows, blocks, counts, out):
-    """Add the change by the pairs of L-BFGS to W; ``images`` (memory, 3 r) are the products M^-1 y.
+    """Add the updates by the pairs of L-BFGS to W; ``images`` (memory, 3 r) are the products M^-1 y.
 
     For each pair, W changes by js u^T + jz v^T, with js = J s, jz = J z, u = rho (1 + rho y . z) js - rho jz and
     v = -rho js.

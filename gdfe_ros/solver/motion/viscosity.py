@@ -174,9 +174,9 @@ NAME = "(viscosity)"
 class Viscosity(Term):
     """Dashpot and Prony branches of a body in steps of one length.
 
-    A dashpot of viscosity eta has the stress eta dE/dt with the backward difference of second order,
-    dE/dt = 3/(2 h) (E - (4 E_n - E_(n-1))/3). A branch of modulus m and time tau has the stress m (E - V) with
-    dV/dt = (E - V)/tau by the trapezoidal rule.
+    A dashpot of viscosity eta has the stress eta dE/dt with the backward difference of second order, dE/dt = 3/(2 h) (E
+    - (4 E_n - E_(n-1))/3). A branch of modulus m and relaxation time tau has the stress m (E - V), with the viscous
+    strain V from dV/dt = (E - V)/tau by the trapezoidal rule.
 
     Args:
         body: the discretised body.

@@ -153,7 +153,7 @@ class CableTerm(EffortTerm):
         force, unknowns = self._pull(slice(None)), self._body.unknowns
         moving = np.concatenate([unknowns.free, unknowns.members])
         if np.abs(force[moving]).max(initial=0.0) <= NEGLIGIBLE:
-            # The segments of a cable that is straight between handles balance each other: use the most compliant segment.
+            # The segments of a cable that is straight between handles balance each other: use the most compliant one.
             stretches = [self._pull(slice(first, first + 2)) for first in range(len(self._anchored) - 1)]
             force = max(stretches, key=matrix.compliance)
         self.fit_penalty(matrix, force)

@@ -91,7 +91,11 @@ def least_between(x, pairs, ends, most):
 
 @inlined
 def seat(before, found, first, j, known):
-    """Return the seat for edge ``j``: the one it had if ``known``, else the best one if it had none; or -1."""
+    """Return the seat for edge ``j``, or -1 if there is none.
+
+    If ``known`` is True, it is the seat that the edge already had. Otherwise, for an edge without a seat, it is a free
+    seat or that of the farthest edge.
+    """
     best = -1
     for k in range(first, first + SEATS):
         if before[k] == j:

@@ -86,7 +86,7 @@ class Topology(NamedTuple):
 def _sharp_edges(
     rest: NDArray[np.float64], quads: NDArray[np.int32], normals: NDArray[np.float64]
 ) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
-    """Return the sides (e, 2) of two faces (q, 4) between which the surface is sharp and convex, and these faces."""
+    """Return the vertices (e, 2) of edges at which the surface is sharp and convex, and the faces (e, 2) of each."""
     sides = np.sort(np.stack([quads, np.roll(quads, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
     whole = sides[:, 0] != sides[:, 1]  # a triangle repeats its last corner
     sides, owner = sides[whole], np.repeat(np.arange(len(quads)), 4)[whole]
