@@ -53,8 +53,8 @@ class Actuation:
         body, actuators: the arguments.
         terms: all terms, loads first.
         table: all terms in the layout of the kernels.
-        strung: cables with two or more points on handles or in the world. Such a cable cannot be shorter than the
-            distance between these points.
+        strung: cables with a commanded length and two or more points on handles or in the world. Such a cable cannot be
+            shorter than the distance between these points.
         growths: the growths, which change the elements' rest shape.
         grips: the grips.
         neutral: dict from actuator or load name to the command without effect.
@@ -88,7 +88,7 @@ class Actuation:
         return any(term.updates for term in self.terms)
 
     def fit(self, matrix: ConstantMatrix) -> None:
-        """Choose the penalties of commanded lengths and volumes."""
+        """Set penalties and compliances of all terms in proportion to the body's stiffness (`Term.fit`)."""
         for term in self.terms:
             term.fit(matrix)
 
