@@ -178,7 +178,7 @@ class Stability:
         return _tell(found, stable=True, distance=distance / seen.value) if near else None
 
     def _leave(self, solve: Solve, found: Solution, task: Task, direction: Array) -> bool:
-        """Continue the solve at the point that `leave` finds along ``direction`` (3 r,); return whether it exists."""
+        """Move the solve to the point that `leave` finds along ``direction`` (3 r,); return False if there is none."""
         if (down := self.leave(task, direction)) is None:
             return False
         task.active.workspace.u[...], positions = down

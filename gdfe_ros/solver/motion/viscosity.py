@@ -275,7 +275,7 @@ class Viscosity(Term):
         return 0.0
 
     def _before(self, saved: Saved) -> Array:
-        """Return the strains one present step length before the last state, by linear extrapolation."""
+        """Return the strains one present step length before the last state, at the rate of the last step."""
         before, length = saved["h"][0], self._h
         if before == length:
             return saved["before"]

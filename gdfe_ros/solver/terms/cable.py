@@ -239,7 +239,7 @@ class CableTerm(EffortTerm):
 
     @property
     def strung(self) -> bool:
-        """Whether two or more points are on handles or in the world; commands below their distance are refused."""
+        """Whether the distance of two or more points on handles or in the world limits a commanded length."""
         return self.updates and int(self._anchored.sum()) > 1
 
     def shortest(self, base: Array) -> float:
