@@ -84,7 +84,7 @@ class Elimination(NamedTuple):
 
         Returns:
             For each entry (k,), its index among the graph's entries, and its row and column in the supernode's front;
-            then the offset of each supernode's entries (s,).
+            then the offset of each supernode's entries (s + 1,).
         """
         rank = np.argsort(self.order)
         row, column = rank[np.repeat(np.arange(graph.shape[0]), np.diff(graph.indptr))], rank[graph.indices]

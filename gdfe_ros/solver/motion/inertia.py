@@ -89,7 +89,10 @@ class FreeMass:
         ]
 
     def accelerate(self, forces: Array) -> Array:
-        """Return the acceleration (n, 3) [m/s^2] by forces (n, 3) [N]; zero for vertices that handles drive."""
+        """Return the acceleration (n, 3) [m/s^2] of free vertices and rigid bodies by forces (n, 3) [N].
+
+        Rows of all other vertices are zero.
+        """
         acceleration = np.zeros_like(forces)
         for axes, free, factor in self._parts:
             own = free if len(axes) == 3 else np.ix_(free, axes)

@@ -43,8 +43,8 @@ class TimePath(Path):
     def repeats(self, failure: Failure) -> bool:
         """Return whether this step would only repeat ``failure``.
 
-        A step of a driven body repeats it only with the same duration and length of internal steps. Any other step
-        repeats it if its internal steps are at least as long.
+        Its poses and commands must be those of the failure. A driven body must also have the same duration and length
+        of internal steps; for any other body, internal steps that are at least as long are enough.
         """
         goal = self.goal.poses, self.goal.commands
         if goal != (failure.poses, failure.commands):
