@@ -118,9 +118,9 @@ class Simulation(SceneReadings):
             raise
 
     def reset_arms(self) -> None:
-        """Put all arms back to their initial joint positions at once; bodies that they hold move along, in their shape.
+        """Put all arms back to their initial joint positions at once.
 
-        Time, loads and actuators stay, rigid bodies keep their places, and all velocities are the initial ones.
+        Soft bodies that the arms hold move along and keep their shapes. Time, loads and actuators stay, rigid bodies keep their places, and all velocities are the initial ones.
 
         Raises:
             CommandError: the scene has no arms, or another handle holds what an arm holds; the state is unchanged.

@@ -37,7 +37,7 @@ class Difference(Enum):
 
 @dataclass(frozen=True)
 class Place:
-    """One number of a field that differs.
+    """A number that differs between two runs: its step, its index, and the difference.
 
     Attributes:
         key: key of the step.

@@ -65,7 +65,7 @@ class Columns:
         self._frames |= frames
 
     def frame(self, column: str) -> str:
-        """Return the name of the coordinate frame of a column's number; empty for numbers that have none."""
+        """Return the name of the coordinate frame of a column's numbers; empty for numbers without a frame."""
         if column.rpartition(".")[2] not in _COMPONENTS:
             return ""
         return next((frame for topic, frame in self._frames.items() if column.startswith(f"{topic}.")), "")

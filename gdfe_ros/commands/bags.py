@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The commands ``gdfe export``, for ParaView, numpy or a spreadsheet, ``recover``, for cut-off bags, and ``report``."""
+"""The commands for bags: ``gdfe export``, ``gdfe recover`` and ``gdfe report``.
+
+``export`` writes files for ParaView, numpy or a spreadsheet. ``recover`` repairs cut-off bags. ``report`` writes a page.
+"""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``gdfe replay`` repeats a recorded run, ``gdfe compare`` takes a second recorded run; both compare every array."""
+"""``gdfe replay`` compares a recorded run with its repetition, ``gdfe compare`` with a second recorded run."""
 
 from __future__ import annotations
 

@@ -99,7 +99,7 @@ def describe_stop(results: list[StepResult], *, beyond: bool = False) -> str:
 
 
 def _is_withdrawn(simulation: Simulation, last: StepResult) -> bool:
-    """Return whether a failed step returned an equilibrium whose commands have not yet reached the program's."""
+    """Return whether a failed step returned an equilibrium at commands that fall short of the program's commands."""
     program = simulation.scene.program
     if last.converged or program is None or not 0.0 <= last.error_estimate <= simulation.settings.tolerance:
         return False

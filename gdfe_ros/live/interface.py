@@ -122,7 +122,7 @@ class ShownRun(Protocol):
         """Path of the bag that is being written, or None."""
 
     def watch(self, wanted: bool) -> None:
-        """Inform the run whether there are viewers; a run that needs not know it does nothing."""
+        """Inform the run whether there are viewers; by default, do nothing."""
 
     def doing(self) -> tuple[str, bool]:
         """Return a text about the run's activity, and whether it is a problem; empty while it only makes steps."""

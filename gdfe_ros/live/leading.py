@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Feedback control that moves a probe to the position to which a viewer drags it, by means of the shown states."""
+"""Feedback control that moves a probe to the position to which a viewer drags it; the shown states are the feedback."""
 
 from __future__ import annotations
 

@@ -192,7 +192,7 @@ class Inputs:
         return {name: f"{each}{'' if each.key in self._heard else ', not heard yet'}" for name, each in leaders}
 
     def unheard(self) -> list[str]:
-        """Return a text for each command topic with best-effort publishers, whose messages do not reach the node."""
+        """Return a text for each command topic with best-effort publishers; their messages do not reach the node."""
         node, found = self._run.node, []
         for subscription in self._subscriptions.values():
             topic = subscription.topic_name

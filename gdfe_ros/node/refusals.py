@@ -262,7 +262,7 @@ def fail(response: Any, error: BaseException) -> Any:
 
 
 def answer_after(work: Future[Any], respond: Callable[[Future[Any]], Any]) -> Future[Any]:
-    """Return a ``Future`` of the response that ``respond`` makes of ``work`` when this is done."""
+    """Return a ``Future`` of the response that ``respond`` makes of ``work``, once ``work`` is done."""
     answer: Future = Future()
     work.add_done_callback(lambda done: answer.set_result(respond(done)))
     return answer

@@ -118,7 +118,7 @@ class SimNode(SessionNode):
             self.collect()
 
     def destroy_node(self) -> None:
-        """Do `close`, and destroy the node: its threads and topics would keep it in the ROS graph."""
+        """Close and destroy the node. Without `close`, its threads and topics would keep it in the ROS graph."""
         self.close()
         super().destroy_node()
 
@@ -193,7 +193,7 @@ class SimNode(SessionNode):
         return session
 
     def _await_connections(self, known: Mapping[str, int]) -> None:
-        """Wait until the new topics are connected to as many endpoints as the old ones, at most `_RECONNECTION`."""
+        """Wait, at most `_RECONNECTION`, until the new topics have as many connected endpoints as the old ones had."""
         end = time.monotonic() + _RECONNECTION
         while time.monotonic() < end:
             now = self.session.connections()

@@ -85,7 +85,7 @@ class Qos:
 
     @classmethod
     def from_rosbag2(cls, entry: Mapping[str, Any]) -> Qos:
-        """Return the profile from a mapping as in metadata.yaml, version 9.
+        """Return the profile from a mapping in the form of metadata.yaml, version 9.
 
         Raises:
             RecordingError: a policy is not one of the names that ROS 2 has written since Jazzy.
@@ -98,7 +98,7 @@ class Qos:
             ) from error
 
     def to_rosbag2(self) -> dict[str, Any]:
-        """Return the profile as a mapping as in metadata.yaml, version 9."""
+        """Return the profile as a mapping in the form of metadata.yaml, version 9."""
         return {
             "history": self.history,
             "depth": self.depth,

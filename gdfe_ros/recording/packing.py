@@ -51,7 +51,7 @@ class Cdr:
         self.put_text(frame_id)
 
     def make_room(self, size: int, count: int) -> int:
-        """Append ``count`` zeros of a ``size`` [B], aligned; return the offset of the first one."""
+        """Append ``count`` aligned zeros of ``size`` [B] each; return the offset of the first one."""
         self.data += bytes((STAMP_AT - len(self.data)) % size)
         self.data += bytes(size * count)
         return len(self.data) - size * count
@@ -74,7 +74,7 @@ class Packer:
     """Serialises tables of numbers into messages of a topic.
 
     Args:
-        kind: columns of the tables, one of those in `gdfe_ros.recording.message_tables`, but not `JOINTS`.
+        kind: columns of the tables: a dtype of `gdfe_ros.recording.message_tables` other than `JOINTS`.
         frame_id: frame in the header.
         count: rows of each table.
     """

@@ -37,7 +37,7 @@ from gdfe_ros.untrusted.bounded_text import load_yaml
 from gdfe_ros.untrusted.regular_file import read_text
 
 _LARGEST_DEFINITION = 200_000
-"""Largest size of a type's definition [bytes]; a parser of 16 MB takes a minute."""
+"""Largest size of a type's definition [bytes]; to parse 16 MB takes a minute."""
 DAMAGE = (*UNREADABLE, yaml.YAMLError)
 """Exceptions that may occur while a damaged file, or a damaged text in it, is read."""
 

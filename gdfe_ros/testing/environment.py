@@ -329,10 +329,9 @@ PRESSURE = 10.0
 def default_space(scene: Scene, *, goal: bool) -> Box:
     """Return the space of probe positions [m], commands, efforts [N] or [Pa] and, if there is one, the goal [m].
 
-    Positions lie within `NEAR` or `FAR` extents of the undeformed body; a command within the actuator's range. The
-    effort of an actuator whose effort is commanded lies within this range. Else the tension of a cable is below the
-    stiffest material's initial modulus times the squared extent of the body, and a pressure below `PRESSURE` times the
-    modulus.
+    Positions lie within `NEAR` or `FAR` extents of the undeformed body; commands, and efforts that are commanded,
+    within the actuators' ranges. Other tensions of cables are below the stiffest material's initial modulus times the
+    squared extent of the body. Other pressures are below `PRESSURE` times this modulus.
     """
     mesh = scene.mesh
     reach = (NEAR if is_held(scene) else FAR) * mesh.extent

@@ -219,7 +219,9 @@ def _require_plain(data: Any) -> None:
 
 
 def parse_xml(text: str) -> ElementTree.Element:
-    """Return the outermost element of an XML text without a document type, whose entities could expand without end.
+    """Return the outermost element of an XML text.
+
+    A document type is refused, because its entities could expand without end.
 
     Raises:
         ValueError: the text is not XML, has a document type, or is too large.
@@ -286,7 +288,7 @@ class Throttle:
 _LONGEST_ENTRY = 20_000
 """Largest number of characters of an entry of the log."""
 _LONGEST_TEXT, _LONGEST_LIST = 4096, 1_000_000
-"""Largest number of characters of a text parameter, as of a path, and of all texts in a list."""
+"""Largest number of characters of a text parameter, such as a path, and of all texts in a list."""
 
 
 def shorten(text: str, most: int) -> str:

@@ -105,7 +105,7 @@ def path_inside(folder: Path, name: str) -> Path:
         name: name of the entry: a name that follows `NAME_PATTERN`, and possibly a suffix such as a date.
 
     Raises:
-        ValueError: the name does not follow the rule, and could lead out of the folder.
+        ValueError: the name has another form, and could lead out of the folder.
     """
     if not _PART.match(name):
         raise ValueError(f"the name {name[:80]!r} cannot be a part of a path; allowed: {NAME_RULE}")

@@ -152,7 +152,7 @@ class Peer(LoneNode):
         return future.result()
 
     def arrivals(self, topic: str, *, patience: float) -> Iterator[float]:
-        """Yield the time [s] of the arrival of each message of a topic, which is not decoded.
+        """Yield the arrival time [s] of each message of a topic, without decoding the message.
 
         Args:
             topic: name of the topic; the publishers determine its type.
@@ -169,7 +169,7 @@ class Peer(LoneNode):
         yield from self._drain(times, topic, patience)
 
     def nodes(self) -> list[str]:
-        """Return the full names of the other nodes, sorted; a name of two nodes is there twice.
+        """Return the full names of the other nodes, sorted; a name that two nodes have is listed twice.
 
         Raises:
             GdfeError: there is no other node.
@@ -204,7 +204,7 @@ class Peer(LoneNode):
         return self._await_settled(entries)
 
     def _await_settled(self, look: Callable[[], list[Any]]) -> list[Any]:
-        """Return a list of the graph once it has been constant for `WHOLE`, at the latest after the patience.
+        """Return a list of the graph once it has been constant for `WHOLE`, or after `PATIENCE` at the latest.
 
         Raises:
             GdfeError: there is no other node.
@@ -286,7 +286,7 @@ class _Unchanged:
         span: time without a change [s].
 
     Attributes:
-        last: list at the last look.
+        last: the list when it was last read.
     """
 
     def __init__(self, look: Callable[[], list[Any]], span: float) -> None:
@@ -294,7 +294,7 @@ class _Unchanged:
         self.last, self._since = list[Any](), time.monotonic()
 
     def whole(self) -> bool:
-        """Look again, and return whether there are entries that have not changed for the time."""
+        """Read the list again; return whether it has entries, and has not changed for ``span``."""
         if (now := self._look()) != self.last:
             self.last, self._since = now, time.monotonic()
         return bool(self.last) and time.monotonic() - self._since > self._span

@@ -135,8 +135,8 @@ def _answer(pending: Any, read: Callable[[Any], str]) -> Future[str]:
 
 
 LOST = 1.0
-"""Orders are repeated after this wall time without a step [s]. If an order or the record of a step is lost, a node that
-waits for commands makes no step.
+"""The player repeats its orders after this wall time without a step [s]. Without this, a lost order or step record
+would stop a node that waits for commands.
 """
 
 
@@ -195,7 +195,7 @@ class Player:
             self._give(programme, record.time + record.dt)
 
     def remind(self) -> None:
-        """Repeat the last orders if no step has followed for a while."""
+        """Repeat the last orders if no step has followed within `LOST`."""
         programme = self._programme
         if programme is not None and monotonic() - self._given > LOST:
             self._give(programme, self._next)

@@ -248,7 +248,7 @@ class NodeSession(ShownRun):
         self._told(view_of(state, self._scene))
 
     def _note_pause(self, paused: bool) -> None:
-        """Store whether the node is paused, because the node's next report comes later."""
+        """Store at once whether the node is paused; the node's own report comes up to a second later."""
         self._report = replace(self._report, paused=paused)
 
     def _spin(self) -> None:

@@ -59,7 +59,8 @@ def with_moduli(
     Args:
         old: present simulation; it is not changed.
         moduli: Young's modulus [Pa] of each material that changes.
-        interrupted: as in ``Simulation.step``, for the solve for the new equilibrium.
+        interrupted: function that is called repeatedly. If it returns True, the solve for the new equilibrium ends
+            early.
 
     Raises:
         GdfeError: without dynamics, a grip holds something.
@@ -87,7 +88,7 @@ def take_over(old: Simulation, new: Simulation) -> None:
     In the energy account, the energy of added or removed bodies counts as work.
 
     Raises:
-        OverlapError: a new body is inside of an obstacle or of another body; ``new`` is at rest.
+        OverlapError: a new body is inside of an obstacle or of another body; ``new`` stays in its initial state.
     """
     fresh = new.snapshot()
     new.restore(with_bodies_of(old.snapshot(), fresh, _correspondence(old, new)))

@@ -46,7 +46,7 @@ class EventlessNode(Node):
 
 
 _KEPT = 2
-"""Number of turns (`ManagedNode.turn`) for which a destroyed subscription or timer stays in memory."""
+"""Number of calls of `ManagedNode.turn` for which a destroyed subscription or timer stays in memory."""
 _MOST_ENTRIES = 10_000
 """Largest number of entries in a list of a request; rclpy's answer for 500000 names of parameters takes 15 s."""
 _TRIM = getattr(ctypes.CDLL(None), "malloc_trim", None)
@@ -124,13 +124,17 @@ class ManagedNode(EventlessNode, LifecycleNode):
     def list_unknown_parameters(self) -> set[str]:
         """Return the names of parameters that were given at start and are not declared.
 
-        Parameters of rclpy are excluded, and moduli, which are declared when a scene is configured.
+        Parameters of rclpy are excluded. Young's moduli are excluded, too, because they are declared with the scene.
         """
         later = ("materials.", "qos_overrides.", "start_type_description_service", "use_sim_time")
         return {name for name in self.given_parameters if not self.has_parameter(name) and not name.startswith(later)}
 
     def offer(self, offered: Mapping[ServiceSpec, Callable[[Any, Any], Any]]) -> None:
-        """Offer the services whose types are installed; see ``action`` of `answer` for their functions."""
+        """Offer the services whose types are installed.
+
+        Args:
+            offered: dict from service to the function that carries out a request (``action`` of `refusals.answer`).
+        """
         for spec, action in offered.items():
             if available(spec.type):
                 note = partial(self.faults.note, f"the service {spec.name}")
@@ -167,8 +171,8 @@ class ManagedNode(EventlessNode, LifecycleNode):
     def turn(self) -> None:
         """Free subscriptions and timers destroyed before the previous call; to be called by a timer of this node.
 
-        EventsExecutor accesses subscriptions and timers by their addresses, which may be in its queue. The queue is in
-        order: after two calls by a timer that were queued later, nothing refers to them.
+        The queue of EventsExecutor contains addresses of subscriptions and timers. The executor processes the queue in
+        order. Once two later calls by a timer are processed, no address of a destroyed object is left in the queue.
         """
         self._turns += 1
         released = False
@@ -185,8 +189,9 @@ class ManagedNode(EventlessNode, LifecycleNode):
     def collect() -> None:
         """Free the memory of a dropped simulation, and return it to the system.
 
-        A simulation has reference cycles, which Python collects only after many allocations; a node makes few. glibc
-        would keep freed memory in the pools of ended threads: 50 MB after 1000 replacements of the scene `grasp`.
+        A simulation has reference cycles. Python collects them only after many allocations, and a node makes few
+        allocations. glibc would keep freed memory in the pools of ended threads: 50 MB after 1000 replacements of the
+        scene `grasp`.
         """
         gc.collect()
         if _TRIM is not None:

@@ -319,7 +319,7 @@ class _Change:
         make: function that returns the new scene from the present one.
         anew: whether the new simulation starts at rest at time 0; otherwise it continues the motion.
         outcome: ``Future`` of the new scene.
-        before: scene from which the new one was built; None before that.
+        before: scene from which the new one was built; None until it is built.
     """
 
     make: Callable[[Scene], Scene]

@@ -250,7 +250,7 @@ class TrajectoryAction:
             unread = 0
 
             async def execute(self, taken_data: Any) -> None:
-                """Respond to requests, as rclpy does."""
+                """Note whether a goal was too large, and respond to requests as rclpy does."""
                 self.unread = unread_size(taken_data["goal"][1]) if "goal" in taken_data else 0
                 await super().execute(taken_data)
 
@@ -312,7 +312,7 @@ class TrajectoryAction:
 
 
 def _tolerances(request: Any) -> Tolerances:
-    """Return the position tolerances of a goal, which limit commands here; a value of 0 or -1 sets no limit.
+    """Return the position tolerances of a goal, as tolerances of commands; a value of 0 or -1 sets no limit.
 
     Tolerances of velocities and accelerations are ignored.
 
