@@ -28,7 +28,7 @@ def face_values(mesh: HexMesh, values: NDArray[np.float64]) -> NDArray[np.float6
 
     The faces of cells have the values of their cells. A skin has many faces for each cell, and values of cells would
     jump between faces. Therefore each vertex of the mesh gets the mean value of its cells. Points of the skin are
-    interpolated between vertices, and limited to the range of ``values``. A face has the mean value of its points.
+    interpolated between vertices. A face has the mean value of its points, limited to the range of ``values``.
     """
     outside = mesh.outside
     if not outside.skin:

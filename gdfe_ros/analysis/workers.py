@@ -26,7 +26,7 @@ milliseconds per batch. If the workers use all cores, these milliseconds reduce 
 _SHARE = 4
 """Least number of batches per thread into which the remaining tasks are divided, so that all threads end together."""
 PATIENCE = 600.0
-"""Time [s] without any worker after which the tasks fail on this machine. With a user's scheduler, they wait."""
+"""If there is no worker on this machine for this time [s], the tasks fail. With a user's own scheduler, they wait."""
 _POLL = 0.02
 _LOOK = 1.0
 """While no batch is completed, the workers are checked at this interval [s]."""

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The commands for bags: ``gdfe export``, ``gdfe recover`` and ``gdfe report``.
 
-``export`` writes files for ParaView, numpy or a spreadsheet. ``recover`` repairs cut-off bags. ``report`` writes a page.
+``export`` writes files for ParaView, numpy or a spreadsheet. ``recover`` repairs truncated bags. ``report`` writes an
+HTML page.
 """
 
 from __future__ import annotations

@@ -25,12 +25,12 @@ _resolve = BaseFunction.get_call_type
 _optimise, _finish = codegen.CPUCodeLibrary._optimize_final_module, codegen.CPUCodeLibrary._finalize_final_module
 _set_environment = codegen.JITCPUCodegen.set_env
 _found: dict[tuple[Any, ...], tuple[BaseFunction, Any]] = {}
-"""Functions and signatures by the function's id and the types of the arguments."""
+"""Functions and signatures by the ids of function and context, and the types of the arguments."""
 _hashes: dict[type, int] = {}
 _hash = TargetConfig.__hash__
 _defaults: dict[type, list[tuple[str, Any]]] = {}
 _depth = [0]
-"""Number of `quick` blocks that this process is in; each holds numba's lock of the compiler."""
+"""1 inside a `quick` block of this process, else 0; nested blocks do not change it. Numba's compiler lock guards it."""
 
 
 def flags_equal(self: TargetConfig, other: object) -> bool:

@@ -66,7 +66,10 @@ class Gate:
         return Response(HTTPStatus.FORBIDDEN, "Forbidden", headers, body)
 
     def mark(self, response: Response, port: int) -> None:
-        """Put the token into a cookie of an admitted response; pages of other servers can neither read nor embed it."""
+        """Put the token into a cookie of an admitted response.
+
+        No script can read the cookie. No page can embed the response, or receive its address as a referrer.
+        """
         response.headers["Set-Cookie"] = f"{_cookie(port)}={self.token}; Path=/; HttpOnly; SameSite=Strict"
         response.headers["Referrer-Policy"] = "no-referrer"
         response.headers["X-Frame-Options"] = "DENY"

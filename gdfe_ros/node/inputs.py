@@ -249,7 +249,7 @@ class Inputs:
                     self._pursuits.remove(pursuit)
 
     def take_over(self, other: Inputs) -> None:
-        """Take over trajectories of action clients, stored stamps, and the list of heard topics from other inputs."""
+        """Take over from other inputs: action clients' trajectories, stored stamps, and the keys of heard inputs."""
         self._pursuits, other._pursuits = other._pursuits, []
         self.freshness, self._heard = other.freshness, other._heard & self._inputs.keys()
 

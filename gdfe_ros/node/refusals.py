@@ -63,7 +63,7 @@ class RefusalLog:
 
     Args:
         warn: function that receives the text of a warning.
-        tell: function that receives the source and the refusal of each refused command at once; None: not called.
+        tell: function that receives the source and the refusal of each refused command; None: not called.
         noun: noun for a refused item in the warnings.
     """
 

@@ -144,7 +144,8 @@ def topic_of(channel: Channel, schema: Schema) -> TopicInfo:
     """Return the topic that MCAP's channel and schema records describe; of several QoS profiles, use the first.
 
     Raises:
-        ValueError: the definition of the type is too large.
+        ValueError: the definition of the type is too large, or the QoS profiles are no list of mappings.
+        RecordingError: a policy of the QoS profile has an unknown name.
     """
     if len(schema.data) > _LARGEST_DEFINITION:
         text = (

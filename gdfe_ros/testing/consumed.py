@@ -38,7 +38,8 @@ class Consumed:
         run: recorded run.
 
     Attributes:
-        inputs: command topics that the run uses, relative to the node's name; each step of the replay waits for all.
+        inputs: command topics that the run uses, relative to the node's name; each step of the replay waits for a
+            message on each of them.
         puts: topics that teleport rigid bodies; their messages are sent before the messages of ``inputs``.
         inexact: number of targets so far that no quaternion reproduces bitwise.
     """

@@ -255,7 +255,8 @@ def make_env(scene: str | Path | Scene, *, overrides: Mapping[str, Any] | None =
             and ``render_mode`` of `SoftRobotEnv`.
 
     Raises:
-        GdfeError: the scene has no actuators, an actuator has no range, or probes are needed and missing.
+        GdfeError: the scene has no actuators, an actuator has no range, probes are needed and missing, or an option is
+            out of range.
 
     Example:
         >>> env = make_env("tendon_finger")
@@ -329,9 +330,10 @@ PRESSURE = 10.0
 def default_space(scene: Scene, *, goal: bool) -> Box:
     """Return the space of probe positions [m], commands, efforts [N] or [Pa] and, if there is one, the goal [m].
 
-    Positions lie within `NEAR` or `FAR` extents of the undeformed body; commands, and efforts that are commanded,
-    within the actuators' ranges. Other tensions of cables are below the stiffest material's initial modulus times the
-    squared extent of the body. Other pressures are below `PRESSURE` times this modulus.
+    Positions lie within `NEAR` or `FAR` extents of the undeformed body. Commands lie within the actuators' ranges, and
+    commanded efforts within the range that is extended to 0. Other tensions of cables and forces of grips are below the
+    stiffest material's initial modulus times the squared extent of the body; for grips, `FASTEST` times the mass of the
+    rigid bodies is added. Other pressures are below `PRESSURE` times this modulus.
     """
     mesh = scene.mesh
     reach = (NEAR if is_held(scene) else FAR) * mesh.extent

@@ -72,7 +72,7 @@ def moment_of(message: Any) -> Moment:
 
 
 class StepMessages:
-    """Collects the messages of steps until all of one step have arrived.
+    """Collects the messages of steps until all messages of one step have arrived.
 
     Older steps are then dropped. They are incomplete if a slow subscriber has lost a message.
 

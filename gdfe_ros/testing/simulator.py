@@ -111,7 +111,8 @@ class Simulator:
                 command.
             OverlapError: a rigid body would overlap something at the pose to which it is teleported; the step was made
                 without the teleport.
-            GdfeError: ``inputs`` were given, or the node ended or did not respond.
+            GdfeError: ``inputs`` were given, the node takes no commands for an item, several bodies are teleported in a
+                scene without other inputs, or the node ended or did not respond.
         """
         command = command or Command()
         if not self._own:

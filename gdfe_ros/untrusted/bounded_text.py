@@ -297,7 +297,7 @@ def shorten(text: str, most: int) -> str:
 
 
 def plain_entry(text: object) -> str:
-    """Return a text as one entry of the log: lines after the first are indented, so that they look like no entry."""
+    """Return a text as one entry of the log: further lines are indented, so that none of them looks like an entry."""
     return "\n    ".join(map(_escape, without_middle(str(text), _LONGEST_ENTRY).split("\n")))
 
 

@@ -28,9 +28,9 @@ PATIENCE = 10.0
 SETTLING = 0.2
 """Longest time until a node has discovered a new subscription [s]."""
 GREETING = 0.5
-"""Time [s] within which a node publishes its present state to a new subscriber; an older stored one may come first."""
+"""Time [s] within which a node publishes its present state to a new subscriber; a stored older state may come first."""
 REFUSING = 0.5
-"""Time [s] in which a node refuses a command that it received."""
+"""Longest time [s] until a node refuses a command that it has received."""
 UNCHANGED = 4.0
 """If the discovered graph lacks a name and has not changed for this time [s], the name is reported as missing."""
 WHOLE = 1.0

@@ -214,7 +214,7 @@ def require_near(translation: tuple[float, float, float], size: float) -> None:
 
 
 def require_order(name: str, order: Order, size: float) -> None:
-    """Check an order that was not made from a command message, e.g. an order of the live page.
+    """Check a pose or actuator order that was not made from a command message, e.g. an order of the live page.
 
     Args:
         name: name of the commanded handle or body, for messages.

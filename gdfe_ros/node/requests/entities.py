@@ -77,7 +77,7 @@ class Entities:
         self._inner.clear()
 
     def all(self) -> list[Thing]:
-        """Return the entities of the present scene; raise `Refused` if there is none."""
+        """Return the entities of the present scene; raise `Refused` if the node has no scene."""
         return things_of(self._node.require_session().scene, self._inner)
 
     def find(self, name: str) -> Thing:

@@ -105,7 +105,7 @@ class StandardServices:
         self._offer_action()
 
     def stop_at_start(self) -> None:
-        """Answer that the simulation is stopped, not paused, as long as it stays at time 0."""
+        """Report the state stopped, instead of paused, as long as the simulation stays at time 0."""
         self._at_start = True
 
     def _features(self, request: Any, response: Any) -> None:
@@ -121,7 +121,10 @@ class StandardServices:
         response.state.state = int(self._state())
 
     def _state(self) -> _State:
-        """Return the simulation state; stopped means not active, or paused at time 0 by a request to stop."""
+        """Return the state of the simulation.
+
+        Stopped means not active, or paused at time 0 after a request to stop or to load a scene.
+        """
         session, label = self._node.session, self._node.lifecycle_state
         if session is None:
             if label == "configuring" or self._worlds.loading:
@@ -170,7 +173,7 @@ class StandardServices:
         return self._restart(session, spawned=bool(scope & _SPAWNED))
 
     def _restart(self, session: SimulationSession, *, spawned: bool) -> Future[Any]:
-        """Go back to rest at time 0; ``spawned``: without the spawned bodies."""
+        """Restart the simulation at rest at time 0; if ``spawned``, remove the spawned bodies."""
         if spawned and self._entities.any_spawned:
             return self._entities.remove(anew=True)
         return session.stepper.post(session.reset, urgent=True)
