@@ -91,7 +91,6 @@ def quiet_imports(name: str, status: int, *, always: Sequence[signal.Signals] = 
 
     The process ends without cleanup; therefore the block must not have open resources.
 
-
     A signal that is ignored at the start, as SIGHUP is by ``nohup``, stays ignored, except those in ``always``.
     KeyboardInterrupt is not sufficient: libraries that look for optional packages catch it and continue. A dependency
     that is too old, and an extra that is not installed, also end the process, with a message of one line.

@@ -35,7 +35,7 @@ _OTHERS = frozenset({"topology", "scene", "contact_names", "markers", "contact_m
 """Topics of the node that are published less or more often than once per step."""
 
 StepKey = tuple[int, int]
-"""Stamp [ns] of a step, and the number of earlier steps of the run with the same stamp."""
+"""Simulation time at the end of a step [ns], and the number of earlier steps of the run with the same time."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -51,7 +51,7 @@ class Place:
 
     @property
     def stamp(self) -> float:
-        """Stamp of the step [s]."""
+        """Simulation time at the end of the step [s]."""
         return self.key[0] * 1e-9
 
 

@@ -177,10 +177,11 @@ def write_npz(steps: Iterable[BagStep], scene: Scene, path: Path) -> int:
     """Write the t steps of a run and return t.
 
     Keys: ``time`` (t,) [s]; ``X`` (n, 3) undeformed vertices [m]; ``cells`` (m, 8 or 4); ``positions`` (t, n, 3)
-    float32 [m]; ``eps_eq, J, omega, tangent, energy_density`` (t, m) float32; ``<topic>/<field>`` (t, k) for all other
-    topics. If a topic has no message in a step, its row is NaN. ``contacts/<field>`` (p,) contains the contact points
-    of all steps, and ``contacts/row`` (p,) the index of each point's step. ``joint_names`` (k,) are the names of the
-    entries of joint states. ``units`` is JSON text: dict from array to SI unit, for arrays with a single unit.
+    float32 [m]; ``eps_eq, J, omega, tangent, energy_density`` (t, m) float32; ``record/<field>`` (t, 1) for the step
+    records; ``<topic>/<field>`` (t, k) for all other topics. If a topic has no message in a step, its row is NaN.
+    ``contacts/<field>`` (p,) contains the contact points of all steps, and ``contacts/row`` (p,) the index of each
+    point's step. ``joint_names`` (k,) are the names of the entries of joint states. ``units`` is JSON text: dict from
+    array to SI unit, for arrays with a single unit.
 
     Raises:
         OSError: the file cannot be written.

@@ -179,7 +179,7 @@ class _Queue:
         return started
 
     def take(self, future: Future) -> Iterator[tuple[int, Any, Exception | None]]:
-        """Yield the tasks of a completed batch as in `run_tasks`; if its worker died, repeat its tasks one by one."""
+        """Yield the tasks of a completed batch as `run_tasks` does; if the batch failed, repeat them one by one."""
         numbers = self._running.pop(future)
         try:
             results, seconds = future.result()

@@ -47,8 +47,8 @@ def waiting(
 ) -> Iterator[None]:
     """Show a text and the elapsed time while the body of the `with` statement runs.
 
-    A terminal shows one line, which is removed at the end. A file or pipe receives a line every ten seconds. Both are
-    written by a separate thread, so that they are also shown during a step that takes minutes.
+    A terminal shows one line, which is removed at the end. A file or pipe receives a line at each ``interval``. Both
+    are written by a separate thread, so that they are also shown during a step that takes minutes.
 
     Args:
         text: the present task, e.g. "loading gripper"; while kernels are compiled, the line says so instead. Or a

@@ -137,7 +137,7 @@ class TopicOutputs:
             yield topics.TF_STATIC, "", lambda: packer.pack(self._run.clock(), list(rests.values()))
 
     def _make_outputs(self, channel: Callable[..., Channel]) -> Iterator[Output]:
-        """Yield the outputs in the order in which a step is published."""
+        """Yield the outputs of a step, in no particular order."""
         scene, parameters = self._scene, self._run.parameters
         if parameters["publish_clock"]:
             yield Output(channel(topics.CLOCK), _pack_clock)

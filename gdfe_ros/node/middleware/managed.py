@@ -317,7 +317,10 @@ class ManagedNode(EventlessNode, LifecycleNode):
         return code
 
     def _check_transition(self, change: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
-        """Return a callback that calls ``change`` only for transitions that the present state allows."""
+        """Return a callback that refuses transitions that the present state does not allow.
+
+        The transition ``configure`` is made by `configure_later`, all others by ``change``.
+        """
 
         def answer(request: Any, response: Any) -> Any:
             wanted, state = request.transition, self.lifecycle_state
