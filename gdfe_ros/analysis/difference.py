@@ -184,8 +184,8 @@ class Differences:
         differ by any amount. Iterations, substeps, error estimates and skipped work are the cost of a solve, not its
         result. The convergence of a step may differ if its accuracy is worse than the solver's tolerance. Velocities of
         joint states are differences of positions, and positions are compared. Contact points with negligible forces may
-        be missing in one run, which shifts the rows of all other points. Wrenches contain the contact forces and are
-        compared.
+        be missing in one run, so that the rows of all other points are shifted. Wrenches contain the contact forces and
+        are compared.
         """
         if entry.topic == CONTACTS:
             return np.inf

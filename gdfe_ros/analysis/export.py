@@ -61,7 +61,7 @@ class Columns:
         return unit_of(f".{topic.rpartition('.')[2]}.{field}") or unit_of(field)
 
     def note_frames(self, frames: Mapping[str, str]) -> None:
-        """Note the coordinate frames of topics, which the headings of their columns state."""
+        """Note the coordinate frames of topics, for the headings of their columns."""
         self._frames |= frames
 
     def frame(self, column: str) -> str:

@@ -305,7 +305,7 @@ class ReferencelessCompiler(compiler.Compiler):
 
 
 class CountedCompiler(ReferencelessCompiler):
-    """The compiler of kernels, which counts them."""
+    """Compiles kernels and counts them."""
 
     def compile_extra(self, function: Any) -> CompileResult:
         """Compile a function."""

@@ -47,7 +47,7 @@ def flags_equal(self: TargetConfig, other: object) -> bool:
 
 
 def flags_hash(self: TargetConfig) -> int:
-    """Return numba's hash, which depends on the names of the flags only."""
+    """Return numba's hash of a set of flags; it depends only on the names of the flags."""
     kind = type(self)
     if kind not in _hashes:
         _hashes[kind] = _hash(self)

@@ -137,8 +137,8 @@ class ShownRun(Protocol):
     def ask(self, ability: Ability) -> Future[str] | None:
         """Carry out a request other than ``MODULI``; ``PAUSE`` and ``RECORD`` are toggles.
 
-        Return a ``Future``, which has a text for the user or raises a GdfeError. Return None if the page itself shows
-        the effect.
+        Return a ``Future`` that has a text for the user or raises a GdfeError. Return None if the page itself shows the
+        effect.
         """
 
     def set_moduli(self, moduli: Mapping[str, float]) -> Future[Any]:

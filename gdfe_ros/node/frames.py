@@ -263,7 +263,7 @@ class Frames:
         return found
 
     def _parents_of_links(self, scene: Scene) -> dict[str, str]:
-        """Return a dict from link to its parent link, which is empty if its parent is the node's frame.
+        """Return a dict from link to parent link; the parent's name is empty if it is the node's frame.
 
         A link with the name of the node's frame is left out: a frame cannot be its own parent.
         """

@@ -317,7 +317,7 @@ def read_message(data: bytes, kind: type) -> Any:
 
 
 def _inputs(run: Run, leaders: Mapping[str, Leader]) -> Iterator[Input]:
-    """Yield the inputs of a scene, including those of fixed handles and followers, which refuse all commands."""
+    """Yield the inputs of a scene; inputs of fixed handles and of followers refuse all commands."""
     yield from _handle_inputs(run, leaders)
     scene = run.scene
     if scene.actuators or scene.loads or scene.arms:

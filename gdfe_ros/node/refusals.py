@@ -196,7 +196,7 @@ _LONGEST_REASON = 4000
 
 
 class ResultCode(IntEnum):
-    """Result codes of ``simulation_interfaces/msg/Result``, whose names differ between its versions.
+    """Result codes of ``simulation_interfaces/msg/Result``; the message's own names differ between its versions.
 
     Codes above 100 belong to a single service.
     """
@@ -275,7 +275,7 @@ def answer(
 
     Args:
         action: function that writes its results into the response, and returns a text or None, or raises `Refused` or
-            another GdfeError. It may return a ``Future``, whose result or exception becomes the answer.
+            another GdfeError. It may return a ``Future``; the result or exception of the ``Future`` becomes the answer.
         request: request of the service.
         response: empty response.
         note: function that receives an exception of the ``Future`` that is no GdfeError.

@@ -155,7 +155,7 @@ class SimNode(SessionNode):
             self.get_logger().warning(remark)
 
     def _replace(self, simulation: Simulation, before: Scene, anew: bool) -> bool:
-        """Replace the session by one of ``simulation``, which starts at rest if ``anew``, else continues the motion.
+        """Replace the session by one of ``simulation``: at rest if ``anew``, else in the present motion.
 
         Return False, and keep the session, if its scene is no longer ``before``.
 
@@ -183,7 +183,7 @@ class SimNode(SessionNode):
                 self.session.start(handover)
 
     def _open(self, simulation: Simulation, old: SimulationSession, *, anew: bool) -> SimulationSession:
-        """Return a session of ``simulation`` in place of ``old``, which has been closed."""
+        """Return a session of ``simulation`` in place of the closed session ``old``."""
         session = SimulationSession(self, self._settings, simulation, self.refusals, ending=self._interrupted)
         session.stepper.restart(Begin.REST if anew else Begin.LOADED)
         if anew:

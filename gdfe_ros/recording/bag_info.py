@@ -58,7 +58,8 @@ class Qos:
 
     Args:
         reliability: whether lost messages are resent: ``reliable``, ``best_effort``, ...
-        durability: ``transient_local`` for a latched topic, whose late subscribers receive the last messages.
+        durability: ``transient_local`` if late subscribers receive the last messages (latched topic), else
+            ``volatile``, ...
         history: whether the publisher's queue contains the last messages (``keep_last``) or all (``keep_all``).
         depth: number of messages in the queue under ``keep_last``, at least 0.
 

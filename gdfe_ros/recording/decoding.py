@@ -189,7 +189,7 @@ def array_decoder(topics: Iterable[TopicInfo]) -> Decoder:
 
 
 def _types_of(topic: TopicInfo) -> dict[str, Any]:
-    """Return the types in the definition of a topic, which is a text of ``.msg`` files or of IDL files."""
+    """Return the types in a topic's definition, a text of ``.msg`` files or of IDL files."""
     from rosbags.typesys import get_types_from_idl, get_types_from_msg
 
     if not topic.definition.startswith(f"{_RULE}IDL: "):

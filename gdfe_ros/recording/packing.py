@@ -65,7 +65,7 @@ def pack_text(text: str) -> bytes:
 
 
 def put_stamp(data: bytearray, stamp: int) -> bytes:
-    """Return a serialised message, whose first field is a header, with a stamp [ns]."""
+    """Write a stamp [ns] into a serialised message that begins with a header; return the message as bytes."""
     struct.pack_into("<iI", data, STAMP_AT, stamp // 10**9, stamp % 10**9)
     return bytes(data)
 

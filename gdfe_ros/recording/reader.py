@@ -135,7 +135,7 @@ class BagReader:
 
 
 def require_topics(bag: Any, topics: Collection[str] | None) -> None:
-    """Raise a RecordingError if a bag, which has a path and topics, lacks one of the ``topics``."""
+    """Raise a RecordingError if ``bag``, an object with a path and topics, lacks one of the ``topics``."""
     if unknown := set(topics or ()) - set(bag.topics):
         raise RecordingError(f"bag {bag.path} has no topic {sorted(unknown)}; it has {sorted(bag.topics)}")
 

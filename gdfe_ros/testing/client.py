@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""ROS nodes of a test, which wait for the ``sim_node`` in another process, command it and call its services."""
+"""ROS nodes of a test: they wait for the ``sim_node`` in another process, command it and call its services."""
 
 from __future__ import annotations
 

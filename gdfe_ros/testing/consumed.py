@@ -27,12 +27,12 @@ Quaternion = tuple[float, float, float, float]
 class Consumed:
     """Converts the step records of a run to messages for the node that replays it.
 
-    A step of the replaying node begins once each input that the run uses has received a message. For an input without
-    a command in the recorded step, the message repeats the present command, which changes nothing.
+    A step of the replaying node begins once each input that the run uses has received a message. For an input without a
+    command in the recorded step, the message repeats the present command, so that nothing changes.
 
-    A step record contains the rotation vector of a target, which the node computed from a quaternion. A quaternion
-    computed from this rotation vector may give, in the node, a rotation vector that differs in the last bit. Therefore
-    the sent quaternions are looked up among the messages in the bag.
+    A step record contains the rotation vector of a target. The node computed it from a quaternion. A quaternion that is
+    computed back from the rotation vector may give a rotation vector that differs in the last bit. Therefore the sent
+    quaternions are looked up among the messages in the bag.
 
     Args:
         run: recorded run.

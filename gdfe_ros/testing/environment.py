@@ -57,7 +57,7 @@ class SoftRobotEnv(Env):
     less if the step does not converge with this change. ``info["applied"]`` contains the applied commands.
 
     Args:
-        scene: scene with actuators, whose program is not played.
+        scene: scene with actuators; its program is not played.
         observation: function of the simulation that returns an array. None: an array of the probes' positions, the
             actuators' commands and efforts, and the goal, if there is one.
         reward: function of the simulation and the clipped action that returns a number. None: minus the distance [m] of

@@ -107,8 +107,7 @@ class Simulator:
         If the node refuses a command, the step is not made, and the command has no effect on later steps.
 
         Raises:
-            CommandError: as in ``gdfe_ros.Simulation.step``, before any message is sent; or the node refuses the
-                command.
+            CommandError: the command is not allowed (then no message is sent), or the node refuses it.
             OverlapError: a rigid body would overlap something at the pose to which it is teleported; the step was made
                 without the teleport.
             GdfeError: ``inputs`` were given, the node takes no commands for an item, several bodies are teleported in a

@@ -79,7 +79,7 @@ class Commander:
             raise GdfeError(f"a page sends poses and values, not {type(order).__name__}")
 
     def set_moduli(self, moduli: Mapping[str, float]) -> Future[str]:
-        """Set Young's moduli [Pa] by material, which are parameters of the node; the node sets either all or none.
+        """Set parameters of the node: Young's moduli [Pa] by material. The node sets either all or none.
 
         The returned ``Future`` has an empty text, because the body shows the effect. It raises a GdfeError if the node
         refuses.
@@ -101,8 +101,8 @@ class Commander:
     def call(self, ability: Ability, *, on: bool = False) -> Future[str]:
         """Call the service of a request; return a ``Future`` of the answer. ``on`` is the data of a SetBool request.
 
-        The answer is the node's message about a bag, or an empty text for other services, whose effect is visible. It
-        raises a GdfeError if the node refuses.
+        The answer is the node's message about a bag, or an empty text for other services, because the page shows their
+        effects. It raises a GdfeError if the node refuses.
 
         Raises:
             GdfeError: the node does not offer the service at present.

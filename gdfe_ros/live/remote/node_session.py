@@ -195,7 +195,7 @@ class NodeSession(ShownRun):
         return answer
 
     def set_moduli(self, moduli: Mapping[str, float]) -> Future[str]:
-        """Set Young's moduli [Pa] by material, which are parameters of the node; return a ``Future`` of the answer.
+        """Set parameters of the node: Young's moduli [Pa] by material; return a ``Future`` of the answer.
 
         Raises:
             GdfeError: the node does not answer at present.

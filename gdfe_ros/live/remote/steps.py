@@ -115,7 +115,7 @@ class NodeReport:
     """Report that a node publishes once a second.
 
     Attributes:
-        text: activity or problem of the node; empty if the node is active without problems.
+        text: activity or problem of the node; empty if the node is active without a problem or a long task.
         bad: whether there is a problem.
         paused: whether the node is paused.
         bag: path of the bag that the node writes, or None.

@@ -54,7 +54,7 @@ class _Phase(Enum):
 
 
 class Slew:
-    """Limits the rate of actuator commands to a fraction of the full rate, which is range / slew_time.
+    """Limits the rate of actuator commands to a fraction of the full rate, range / slew_time.
 
     In a step an actuator's command changes by at most ``share`` * range / slew_time * dt. Initially ``share`` is 1. If
     a deadline ends a step before it converges, ``share`` is halved, and the command stays constant until a later step,

@@ -83,7 +83,7 @@ def with_moduli(
 
 
 def take_over(old: Simulation, new: Simulation) -> None:
-    """Continue the motion of ``old`` in ``new``, whose scene differs in its rigid bodies and soft bodies only.
+    """Continue the motion of ``old`` in ``new``; their scenes differ only in rigid bodies and soft bodies.
 
     In the energy account, the energy of added or removed bodies counts as work.
 

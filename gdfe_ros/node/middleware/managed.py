@@ -142,7 +142,7 @@ class ManagedNode(EventlessNode, LifecycleNode):
                 self._shield(self.create_service(interface_class(spec.type), spec.name, callback))
 
     def create_timer(self, timer_period_sec: float, callback: Callable[[], None], *more: Any, **options: Any) -> Any:
-        """Create a timer, as rclpy does, that survives exceptions in its callback."""
+        """Create a timer that survives exceptions in its callback."""
         return super().create_timer(timer_period_sec, self.guard(callback, "a timer"), *more, **options)
 
     def create_lifecycle_publisher(self, *arguments: Any, **options: Any) -> Any:
@@ -152,7 +152,7 @@ class ManagedNode(EventlessNode, LifecycleNode):
     def create_subscription(
         self, msg_type: type, topic: str, callback: Callable[..., None], *more: Any, **options: Any
     ) -> Any:
-        """Create a subscription, as rclpy does, that survives exceptions in its callback."""
+        """Create a subscription that survives exceptions in its callback."""
         guarded = self.guard(callback, f"the subscription of {topic}")
         return super().create_subscription(msg_type, topic, guarded, *more, **options)
 

@@ -84,7 +84,7 @@ class StandardServices:
 
     Args:
         node: node that offers the services.
-        entities: the spawned bodies, which some requests remove.
+        entities: the spawned bodies; some requests remove them.
         worlds: loader of scenes.
         quit: event that ends the process; None: this node cannot end it.
     """

@@ -153,7 +153,7 @@ def _tags(kind: str, name: str, spawned: Collection[str]) -> tuple[str, ...]:
 
 
 LONGEST = 60
-"""Largest number of letters of a body's name, which becomes a part of the names of topics."""
+"""Largest number of letters of a body's name; the name becomes a part of names of topics."""
 
 
 class EntityRequest:
@@ -288,9 +288,9 @@ def list_poses(scene: Scene) -> Iterator[tuple[str, str, Placement]]:
 
 
 def has_tags(tags: tuple[str, ...], asked: Any) -> bool:
-    """Return whether a body's tags pass a ``TagsFilter``, which needs any or all of its own tags.
+    """Return whether a body's tags pass a ``TagsFilter``.
 
-    A filter without tags passes every body.
+    The filter requires one of its own tags or, in the mode `_ALL`, all of them. Without tags it passes every body.
     """
     wanted = set(asked.tags)
     return not wanted or (wanted <= set(tags) if asked.filter_mode == _ALL else bool(wanted & set(tags)))
