@@ -28,7 +28,7 @@ _COMPONENTS = ("x", "y", "z", "w")
 
 
 class Columns:
-    """Names of the entries of joint states, and units of all columns.
+    """Names of the actuators in joint states, and units and frames of all columns.
 
     Args:
         actuators: the scene's actuators, in the order of joint states.
@@ -40,7 +40,7 @@ class Columns:
 
     @property
     def joints(self) -> list[str]:
-        """Names of the entries of joint states."""
+        """Names of the actuators, in the order of joint states."""
         return list(self._actuators)
 
     def unit(self, column: str) -> str:

@@ -190,7 +190,7 @@ def compare_steps(
 
 
 def command_of(record: StepRecord) -> Command:
-    """Return the command that a step consumed; the record's attributes have the names of ``Command``'s."""
+    """Return the command that a step consumed; the attributes of both have the same names."""
     return Command(**{part.name: getattr(record, part.name) for part in dataclasses.fields(Command)})
 
 

@@ -24,7 +24,7 @@ BATCH_SECONDS = 1.0
 milliseconds per batch. If the workers use all cores, these milliseconds reduce their computing time.
 """
 _SHARE = 4
-"""Least number of batches per thread into which the remaining tasks are divided, so that all threads end together."""
+"""The remaining tasks are divided into at least this number of batches per thread, so that all threads end together."""
 PATIENCE = 600.0
 """If there is no worker on this machine for this time [s], the tasks fail. With a user's own scheduler, they wait."""
 _POLL = 0.02
@@ -70,7 +70,7 @@ def connect(scheduler: str | None, workers: int) -> Iterator[Client]:
 
 @contextmanager
 def _one_thread() -> Iterator[None]:
-    """Set `THREAD_COUNTS` to one, for processes that start meanwhile; dask's own setting yields to the environment."""
+    """Set `THREAD_COUNTS` to one, for processes that start meanwhile; dask does not override the environment."""
     before = {name: os.environ.get(name) for name in THREAD_COUNTS}
     os.environ.update(dict.fromkeys(THREAD_COUNTS, "1"))
     try:

@@ -180,7 +180,7 @@ def _clean(values: object) -> list[float]:
 def write_result(
     path: Path, simulation: Simulation, result: StepResult, *, steps: int, wall_time: float, whole: bool = True
 ) -> None:
-    """Write positions, element fields, reactions and metadata, SI units.
+    """Write positions, element fields, reactions and metadata, in SI units.
 
     Keys: ``X, x`` (n, 3) undeformed and current vertices [m]; ``cells`` (m, 8 or 4); ``eps_eq, J, omega`` (m,);
     ``energy`` [J]; ``reaction_<handle>`` (6,) force [N] and moment [N m] of the handle on the body, the moment about

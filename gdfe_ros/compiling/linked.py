@@ -40,7 +40,7 @@ from gdfe_ros.compiling.quick_numba import plain, quick
 from gdfe_ros.entry import without_collection
 
 LARGE = 200
-"""Number of LLVM's instructions above which a kernel is called by its address. LLVM inlines below about 50."""
+"""Number of LLVM's instructions above which a kernel is called by its address. LLVM inlines kernels below about 50."""
 TESTED = numba.version_info.short == (0, 68)
 """Whether this version of numba was tested."""
 PREFIX = "gdfe."
@@ -193,7 +193,7 @@ class LinkedCacheFile(IndexDataCacheFile):
 
 
 class LinkedCache(FunctionCache):
-    """Cache of one kernel. A kernel that another process compiles is waited for, and then loaded."""
+    """Cache of one kernel. If another process compiles the kernel, this process waits and then loads it."""
 
     _impl_class = LinkedCacheImpl
     _lock: int | None = None

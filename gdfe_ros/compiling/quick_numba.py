@@ -34,7 +34,7 @@ _depth = [0]
 
 
 def flags_equal(self: TargetConfig, other: object) -> bool:
-    """Return whether two sets of flags are equal; flags that neither sets need no look at the defaults."""
+    """Return whether two sets of flags are equal; the defaults of flags that neither has set are not read."""
     if not isinstance(other, TargetConfig):
         return NotImplemented
     if type(self) is not type(other):
@@ -122,7 +122,7 @@ def is_inlined() -> bool:
 
 
 def optimise(self: codegen.CPUCodeLibrary) -> None:
-    """Run LLVM's passes over a module; only the cheap ones if it is always inlined."""
+    """Run LLVM's passes over a module; if the module is always inlined, run only the cheap passes."""
     if not is_inlined():
         _optimise(self)
         return

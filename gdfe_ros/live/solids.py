@@ -82,7 +82,7 @@ class Solids:
 
 
 def turn_of(rotation: Rotation) -> NDArray[np.float64]:
-    """Return the quaternion (w, x, y, z) of a rotation, as viser has it."""
+    """Return the quaternion (w, x, y, z) of a rotation, in viser's order."""
     return np.roll(rotation.as_quat(), 1)
 
 

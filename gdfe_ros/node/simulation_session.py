@@ -151,7 +151,7 @@ class SimulationSession:
         return found
 
     def take_over(self, other: SimulationSession) -> None:
-        """Continue the commands of another session that has halted, between two steps."""
+        """Continue the commands of another session, after it has halted."""
         self.stepper.take_over(other.stepper, self._bodies)
         self.inputs.take_over(other.inputs)
         self._lateness = other._lateness

@@ -34,7 +34,7 @@ class Cdr:
         self.data = bytearray(b"\0\1\0\0")
 
     def put(self, kind: str, *values: float) -> None:
-        """Append numbers of one type, a letter as in `struct`; without numbers, nothing is aligned either."""
+        """Append numbers of one type, given by its letter in `struct`; without numbers, append no padding either."""
         if values:
             self.make_room(struct.calcsize(kind), 0)
             self.data += struct.pack(f"<{len(values)}{kind}", *values)

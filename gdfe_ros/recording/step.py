@@ -78,7 +78,7 @@ class StepRecord:
         energy: strain energy [J].
         min_det: smallest det F.
         wall_time: time spent on the solve [s]; the only entry that differs between two equal runs.
-        skipped: dict from the name of a kind of work that was left out to its count.
+        skipped: dict from a kind of work to the number of times that it was left out.
         message: description of the defect; empty if there is none.
         energies: dict from name to energy of a body in motion [J]. Without dynamics it is empty, and the JSON text
             lacks the entry.
@@ -147,7 +147,7 @@ class StepRecord:
 def _require_sound(entries: dict[str, Any]) -> None:
     """Raise a ValueError if a value has a type or range with which the step cannot be repeated.
 
-    Poses are six finite numbers, commands one, and the duration of a step is limited.
+    A pose must be six finite numbers, a command one finite number, and the duration of a step is limited.
     """
     for section, count in (("handles", 6), ("bodies", 6), ("actuators", 0), ("loads", 0), ("joints", 0)):
         given = entries.get(section, {})

@@ -319,8 +319,9 @@ def make_vector_env(scene: str | Path, count: int, *, context: str = "forkserver
 
 
 NEAR, FAR = 2.0, 10.0
-"""Largest distance of a probe from the undeformed body's bounding box, divided by the body's extent: first if handles
-hold the body, then if not."""
+"""Largest distance of a probe from the undeformed body's bounding box, divided by the body's extent: NEAR if handles
+hold the body, FAR if not.
+"""
 FASTEST = 1e3
 """Largest assumed acceleration [m/s^2], gravity included, of a rigid body that a grip holds."""
 PRESSURE = 10.0

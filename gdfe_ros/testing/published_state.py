@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""State after a step, from the node's messages, for a controller under test; its distance from a reference."""
+"""State after a step, unpacked from the node's messages, for a controller under test; and its tracking error."""
 
 from __future__ import annotations
 

@@ -34,7 +34,7 @@ LARGEST_XML = 2_000_000
 """Largest number of characters of an XML text."""
 
 _HARMLESS = dict.fromkeys((9, 10, 0xA0, 0x2009, 0x202F, 0x3000))
-"""Tabulator, line feed and spaces, which `str.isprintable` does not accept."""
+"""Tabulator, line feed and special spaces: harmless characters that `str.isprintable` does not accept."""
 _NUMBER_LIKE = re.compile(r"[-+.:_\deE]*\Z")
 _TEXT_TAGS = ("tag:yaml.org,2002:str", "!")
 
@@ -85,7 +85,7 @@ def check_yaml(text: str, *, most_nodes: int = MOST_NODES) -> None:
 
 @dataclass
 class _Open:
-    """A value that is being read: its anchor, the values counted before it, and the depth of its contents."""
+    """A list or mapping that is being read: anchor, number of values before it, and depth of its contents."""
 
     anchor: str | None
     before: int
@@ -254,7 +254,7 @@ def quote_formula(value: Any) -> Any:
 _INTERVAL = 5.0
 """Time [s] in which `Throttle.burst` texts about one subject may pass."""
 _MOST = 1000
-"""Largest number of subjects that are remembered: a subject may contain a name from a message."""
+"""Largest number of remembered subjects. Without a limit, subjects with names from messages could fill the memory."""
 
 
 class Throttle:

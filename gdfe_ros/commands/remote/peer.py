@@ -217,7 +217,7 @@ class Peer(LoneNode):
         return known
 
     def _wait(self, done: Callable[[], Any], patience: float | None = None) -> Any:
-        """Spin until ``done`` returns a true value, at most for the patience [s]; return its last value."""
+        """Spin until ``done`` returns a true value, at most for ``patience`` [s]; return the last value of ``done``."""
         end = time.monotonic() + (self._patience if patience is None else patience)
         while not (found := done()) and time.monotonic() < end:
             self.executor.spin_once(timeout_sec=0.02)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Commands of a page to a node over topics, services and parameters, and the program that it plays."""
+"""Commands of a page to a node over topics, services and parameters, and the program that the page plays."""
 
 from __future__ import annotations
 

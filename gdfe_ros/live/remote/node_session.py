@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A node in another process as a session of a page: received over its topics, commanded over topics and services."""
+"""Session of a page for a node in another process; steps come over topics, commands go over topics and services."""
 
 from __future__ import annotations
 

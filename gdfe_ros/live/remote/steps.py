@@ -107,7 +107,7 @@ def absence(node: Node, name: str, patience: float) -> str:
 
 
 _ACTIVE, _RECORDING, _PAUSED = "active", "recording", "paused"
-"""Texts in a node's report: its lifecycle state, its message while it writes a bag, and its clock while paused."""
+"""Texts in a node's report: lifecycle state while active, message while a bag is written, and clock while paused."""
 
 
 @dataclass(frozen=True)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The node that has a session, and its services: each is executed between two steps and answers with its outcome.
+"""A node with a session, and its services: each service is executed between two steps and answers with the outcome.
 
 No service blocks the node's other callbacks. If the answer depends on a later step, it is sent after that step. Worlds
 of ``simulation_interfaces`` are scenes: they are loaded, unloaded and listed here.
