@@ -51,8 +51,8 @@ def waiting(
     are written by a separate thread, so that they are also shown during a step that takes minutes.
 
     Args:
-        text: the present task, e.g. "loading gripper"; while kernels are compiled, the line says so instead. Or a
-            function that returns the line.
+        text: the present task, e.g. "loading gripper", or a function that returns the line. While kernels are compiled,
+            a line about the compilation replaces the task.
         console: console to write to; by default that of standard error.
         silent: time before the text appears at a terminal [s].
         interval: time between two lines where the console is no terminal [s].

@@ -124,7 +124,7 @@ class SteppingThread:
     def stop(self, *, drain: bool = False) -> None:
         """End the thread after the step in progress; a long solve ends early. Without a thread, do nothing.
 
-        ``drain``: first run the functions that wait to run between two steps; otherwise they are refused.
+        ``drain``: first run the functions of `post` that still wait; without ``drain`` they are refused.
         """
         if self._thread is None:
             return

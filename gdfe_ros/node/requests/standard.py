@@ -271,7 +271,7 @@ class TrajectoryAction:
         self._action._action_type = bound_action(self._kind, node.get_logger().warning)
 
     def _too_large(self) -> bool:
-        """Return whether the goal that has come was too large to be read, and log that."""
+        """Return whether the received goal was too large to be read, and log a refusal if so."""
         size = self._action.unread
         if size:
             text = f"a goal of {FOLLOW_TRAJECTORY.name} is refused: it has {size} bytes; allowed: up to {LARGEST}"
