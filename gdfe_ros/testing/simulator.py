@@ -181,8 +181,7 @@ class Simulator:
 
         Raises:
             CommandError: the simulation refuses a command.
-            GdfeError: no controller publishes an input, or sends a command in time; or the simulation ended or did not
-                respond.
+            GdfeError: an input has no publisher, no command comes in time, or the simulation ended or did not respond.
         """
         states: list[PublishedState] = []
         self._refusals.clear()
