@@ -156,7 +156,8 @@ class Chamber(Actuator):
         quads: int32 vertex ids of the faces, (q, 4), or (q, 6) for tetrahedra; normals point into the material. If
             ``points`` are given, indices (q, 4) of these points; a triangle repeats its last corner.
         points: material points as corners of the faces; None if the corners are vertices.
-        least: least reference volume [m^3] of relative limits; with plates, the undeformed volume may be zero.
+        least: smallest reference volume [m^3] of limits that are relative to the chamber's volume. It is needed with
+            plates, because the undeformed volume may then be zero.
     """
 
     quads: NDArray[np.int32]

@@ -33,8 +33,8 @@ def find_mesh(uri: str, *, folder: Path, packages: Mapping[str, Path]) -> Path:
     Args:
         uri: ``package://name/path``, ``file:///path``, or a path relative to the folder of the URDF.
         folder: folder of the URDF.
-        packages: dict from package to its folder. Other packages are searched in ``AMENT_PREFIX_PATH``, and in,
-            beside and below the folders above the URDF.
+        packages: dict from package to its folder. Other packages are searched among the folders above the URDF, among
+            subfolders of these, and in ``AMENT_PREFIX_PATH``.
 
     Raises:
         ArmError: there is no such file; the error lists the searched places.

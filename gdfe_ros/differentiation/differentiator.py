@@ -77,7 +77,7 @@ class Differentiator:
     def sensitivities(
         self, state: State, outputs: Names, parameters: Names, *, solved: bool, interrupted: Interruption
     ) -> Sensitivities:
-        """Return d(output)/d(parameter) at ``state``; ``solved`` is False before the first commands are solved."""
+        """Return d(output)/d(parameter) at ``state``; ``solved`` is False while the first commands are unsolved."""
         self._require_rigid_joints()
         if not solved:
             raise GdfeError("no derivative: the first commands, as of loads, are not solved yet; remedy: step first")

@@ -319,7 +319,7 @@ def _line(problem: FitProblem, unknowns: NDArray[np.float64], share: float, tria
 
 
 def _require_influence(problem: FitProblem, unknowns: NDArray[np.float64]) -> None:
-    """Raise GdfeError if a parameter has no influence on the recordings, neither up to the horizon nor as a whole."""
+    """Raise GdfeError if a parameter has no influence, neither up to the horizons nor on whole recordings."""
     silent = _silent(problem, unknowns)
     if silent:
         problem.look_to(1.0)

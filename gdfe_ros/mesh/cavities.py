@@ -149,7 +149,7 @@ Surface = tuple[NDArray[np.float64], NDArray[np.int64]]
 def find_misplaced_cavities(
     vertices: NDArray[np.float64], triangles: NDArray[np.int64], cavities: Sequence[Surface]
 ) -> dict[int, str]:
-    """Return the text of a defect for the number of each cavity that is not inside of the body's material.
+    """Return a dict from number to defect, for each cavity that is not inside of the body's material.
 
     A cavity is inside if no other surface cuts or touches it, and a point of each of its shells is inside.
 
@@ -185,8 +185,8 @@ def find_misplaced_cavities(
 def close_on(faces: NDArray[np.int32], holder: NDArray[np.int32]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
     """Close the openings of a surface whose rims lie on rigid sets.
 
-    The open edges on one rigid set are joined to one of their vertices. A side of a six-node plate that is no edge of
-    the surface is straight, and repeats an end as its middle node.
+    The open edges on one rigid set are joined to one of their vertices. If a side of a six-node plate is no edge of the
+    surface, it is straight, and one of its ends is also its middle node.
 
     Args:
         faces: vertex ids (q, 4) or (q, 6), oriented.

@@ -176,7 +176,7 @@ class ModulusEstimator:
 
     @property
     def deviations(self) -> NDArray[np.float64]:
-        """Standard deviations (n,) of the logarithms: relative ones of the moduli, if the assumed noise is right."""
+        """Relative standard deviations (n,) of the moduli (of their logarithms), if the assumed noise is right."""
         return np.sqrt(np.diag(np.linalg.inv(self._information + self._prior)))
 
     def settle(self, taken: ArrayLike) -> None:

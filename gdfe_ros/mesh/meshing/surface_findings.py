@@ -25,7 +25,7 @@ from gdfe_ros.mesh.surfaces.shells import cone_volumes, doubled_areas, shell_num
 from gdfe_ros.mesh.surfaces.surface_edges import disagreeing_edges, is_closed, odd_edges, winding_defects
 
 ACROSS = 4
-"""Number of hexahedra across the thinnest part. A clamped bar with so many is 1.4 % too stiff."""
+"""Number of hexahedra across the thinnest part. A clamped bar of four hexahedra across is 1.4 % too stiff."""
 COST = 2.0
 """Computing time of a second-order tetrahedron divided by that of a hexahedron (docs/theory/tetrahedra.md)."""
 CHEAPER = 4.0
@@ -93,7 +93,7 @@ def _shape(
 
 
 FACETED = 1e-4
-"""Facets of a STEP file, which are approximate, may overlap by this length divided by the diagonal of the surface."""
+"""Largest allowed overlap of a STEP file's facets, divided by the diagonal of the surface; facets are approximate."""
 OUTWARD, INWARD = "out of the material", "into the material"
 
 
