@@ -95,7 +95,7 @@ class Actuator:
 
     @property
     def constrains(self) -> bool:
-        """Whether the command is a constraint on a length or a volume, whose tension or pressure is an unknown."""
+        """Whether the command is a constraint on a length or a volume; its tension or pressure is then an unknown."""
         return self.mode is Mode.VOLUME
 
     def require(self, value: object) -> float:
@@ -260,7 +260,7 @@ class ActuatorState:
 
 
 class Readings:
-    """Converter of actuator states to the positions in messages, whose names and units are `Mode.position`.
+    """Converter of actuator states to positions in messages. `Mode.position` has their names and units.
 
     Args:
         actuators: actuators of a scene.

@@ -18,7 +18,7 @@ from gdfe_ros.mesh.surfaces.shells import cone_volumes, shell_numbers
 from gdfe_ros.untrusted.regular_file import defect_of, is_file
 
 DEBRIS = 1e-6
-"""Convex pieces of a collision mesh whose volume, divided by that of the largest piece, is below this are ignored."""
+"""A convex piece of a collision mesh is ignored if its volume, divided by that of the largest piece, is below this."""
 _LONGEST = 200
 """Largest number of characters of a URI or path in an error."""
 Surface = tuple[NDArray[np.float64], NDArray[np.int64]]

@@ -148,7 +148,7 @@ class _Step(NamedTuple):
 
 
 class MotionDifferentiator(Differentiator):
-    """Derivatives of a motion: of all steps since `follow`, or of the last step alone, which is repeated for them."""
+    """Derivatives of a motion: of all steps since `follow`, or of the last step alone, which is then repeated."""
 
     def __init__(self, scene: Scene, stepper: MotionStepper, orders: Orders) -> None:
         super().__init__(scene, stepper, orders)

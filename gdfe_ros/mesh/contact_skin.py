@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Contact points and triangles on a skin, which replace the boundary faces of the cells in contact."""
+"""Contact points and triangles on a skin: in contact, they replace the boundary faces of the cells."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Intersections of two meshes, and of a surface with itself.
 
-The overlap of two meshes is found with separating axes between pairs of cells, which are treated as convex, or with
-their skins.
+The overlap of two meshes is found with separating axes between pairs of cells, or with the meshes' skins. Cells are
+treated as convex.
 """
 
 from __future__ import annotations

@@ -146,8 +146,8 @@ def unsolvable(scene: Scene, policy: Policy) -> list[tuple[tuple[str, ...], str]
 def cut_key(mesh: Mesh) -> tuple[str, ...]:
     """Return the key path of the key ``cells`` that selects cut cells in the scene file; empty if no cells are cut.
 
-    Of several meshes with cut cells, the path is that of the first mesh without contact on its skin, or else of the
-    first mesh.
+    If several meshes have cut cells, the path is that of the first one without contact on its skin. If all of them have
+    contact on their skins, it is that of the first one.
     """
     if mesh.filling is None:
         return ()

@@ -41,8 +41,9 @@ def cheaper_hexahedra(
 ) -> list[str]:
     """Return a list with a remark if regular hexahedra fill a body at a fraction of the cost; empty if not.
 
-    A body qualifies if it is a box, if all its faces are parallel to the planes of the axes, or if it is extruded along
-    an axis: each face is parallel to the axis, or lies in one of two planes across it.
+    A body qualifies in three cases: it is a box; all its faces are parallel to the planes of the axes; or it is
+    extruded along an axis. Each face of an extruded body is parallel to the axis, or lies in one of two planes across
+    it.
 
     Args:
         vertices: positions [m], shape (n, 3).
