@@ -141,7 +141,7 @@ class JointBalance:
 
 
 def on_links(arm: Arm, motor: JointMotion, link: LinkMotion) -> JointMotion:
-    """Return the motion of an arm's joints on the side of the links, with the accelerations by the forces."""
+    """Return the motion of an arm's joints on the side of the links, with the accelerations that the forces give."""
     found = [part.copy() for part in motor[1:]]
     for values, own in zip(found, (link.positions, link.velocities, link.balanced), strict=True):
         values[arm.springs.yielding] = own

@@ -233,7 +233,7 @@ def _nearest(
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Return the source (k,) that is nearest to each point along ``edges`` (e, 2), and its distance [m].
 
-    They are -1 and infinite if no source is connected to a point.
+    A point to which no source is connected has the source -1 and an infinite distance.
     """
     length = np.linalg.norm(places[edges[:, 0]] - places[edges[:, 1]], axis=1)
     length = np.maximum(length, np.finfo(float).tiny)
