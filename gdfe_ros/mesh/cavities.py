@@ -43,8 +43,7 @@ class Cavity:
 def find_cavities(mesh: Mesh) -> list[Cavity]:
     """Return the cavities of a mesh, the largest first.
 
-    The boundary consists of closed pieces with normals out of the material. A piece with a negative enclosed volume
-    bounds a cavity.
+    The boundary consists of closed pieces. A piece bounds a cavity if its volume in `boundary_pieces` is positive.
     """
     found = [
         Cavity(inner, volume, mesh.vertices[np.unique(inner)].mean(axis=0))

@@ -260,8 +260,7 @@ def _plug(radius: float, around: int, planes: NDArray[np.float64]) -> HexMesh:
 
 
 def _full_turn(around: int) -> NDArray[np.float64]:
-    """Return ``around`` + 1 equally spaced angles [rad] of a full circle, from -45 deg on: a corner of `_plug`'s core.
-    """
+    """Return ``around`` + 1 equally spaced angles [rad] of a full circle, from -45 deg (a corner of `_plug`'s core)."""
     return np.linspace(-np.pi / 4, 7 * np.pi / 4, around + 1)
 
 
