@@ -203,7 +203,10 @@ class BalanceSearch:
         return (self._base[0] + self._length * self._direction) / self._scale
 
     def _ends(self, rest: Vector) -> bool:
-        """Store the gap along the direction; return whether it is small or keeps its sign, and the search along it ends."""
+        """Store the gap along the direction; return whether the search along this direction ends.
+
+        It ends if the gap is small, or has not changed its sign.
+        """
         slope, enough = float(rest @ self._direction), ENOUGH * abs(self._below[0][1])
         if abs(slope) <= enough or (slope < 0.0 and not self._above):
             return True

@@ -56,7 +56,7 @@ def find_cavities(mesh: Mesh) -> list[Cavity]:
 def boundary_pieces(mesh: Mesh) -> Iterator[tuple[NDArray[np.bool_], float]]:
     """Yield a mask (q,) of the faces of each closed piece of the boundary, and the volume [m^3] of the space inside it.
 
-    The volume is positive for a cavity, and negative for the outside of a body.
+    The volume is positive for a cavity, and negative for an outer boundary of the body.
     """
     quads = mesh.boundary.quads
     piece = surface_pieces(mesh.vertices, corners_of(quads))
