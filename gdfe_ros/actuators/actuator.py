@@ -204,7 +204,7 @@ class Growth(Actuator):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Grip(Actuator):
-    """A hold of a handle, an obstacle or a rigid body on vertices of the body, or on another rigid body.
+    """A grip, by which a handle, an obstacle or a rigid body holds vertices of the body or another rigid body.
 
     When the command becomes 1, the held points are fixed to the holder where they are. At command 0 nothing is held. A
     command between them counts as the nearer one.

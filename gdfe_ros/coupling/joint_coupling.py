@@ -185,10 +185,10 @@ class JointCoupling:
         return CoupledStep(march=march, links=links, poses=found.poses)
 
     def _make(self, task: _Task, h: float, deadline: Deadline | None, halvings: int) -> CoupledStep:
-        """Return the outcome of a task; if it fails, the outcome of its two halves if they succeed.
+        """Return the outcome of a task, or that of its two halves if the task fails and the halves succeed.
 
-        At the first guess of the joints' positions, a long step may press the body too far. In a motion, the wrench may
-        jump if the stepper of the body chooses another scheme for the step.
+        Halves are tried for two reasons. At the first guess of the joints' positions, a long step may press the body
+        too far. In a motion, the wrench may jump if the stepper of the body chooses another scheme for the step.
         """
         found = self._balance(task, h, deadline)
         hopeless = self._dynamics is not None and found.balanced

@@ -246,8 +246,8 @@ COARSE = 0.01
 """Relative change of the sum of squares at which a search ends, if a search with a longer horizon follows."""
 MOST_TRIALS = 60
 SILENT = 1e-3
-"""A parameter has no influence if the root mean square of d(residual)/du is below this. At this limit, a factor e on
-its value changes the simulated values by a thousandth of the measured values' standard deviation.
+"""A parameter has no influence if the root mean square of d(residual)/du is below this. At this limit, a change of u by
+1 changes the simulated values by a thousandth of the measured values' standard deviation.
 """
 
 

@@ -124,7 +124,7 @@ def finger(size: Sequence[float], *, joints: int, gap: float, web: float, cell: 
 
 
 def _planes(borders: NDArray[np.float64], cell: float) -> NDArray[np.float64]:
-    """Return ascending coordinates of planes [m]: the borders, and planes between, at most ``cell`` apart."""
+    """Return ascending coordinates of planes [m], at most ``cell`` apart: the borders, and planes between borders."""
     pieces = [borders[:1]]
     for low, high in pairwise(borders):
         count = max(1, int(np.ceil((high - low) / cell - 1e-9)))
