@@ -115,10 +115,10 @@ def _handle(name: str, vertices: NDArray[np.int32], model: HandleModel) -> Handl
 
 
 def _apart(handles: Sequence[Handle]) -> Iterator[Handle]:
-    """Yield the handles so that no vertex of a roller (a handle with `slide`) belongs to a second handle.
+    """Yield the handles after rollers (handles with `slide`) have given up vertices that they share.
 
-    A roller leaves a shared vertex to a rigid handle. Several rollers leave a shared vertex to the first of them. The
-    vertex then slides only along the axes that all of these rollers leave free.
+    A roller leaves a shared vertex to a rigid handle that does not slide or turn. Several rollers leave a shared vertex
+    to the first of them. The vertex then slides only along the axes that all of these rollers leave free.
     """
     for number, handle in enumerate(handles):
         if handle.slide is None:
