@@ -149,7 +149,7 @@ def curves(fit: Fit) -> list[ComparedColumn]:
 
 
 def _parts(fit: Fit) -> list[tuple[FitProblem, FitPoint]]:
-    """Return pairs of problem and solution: that of the fitted recordings, and that of held-out recordings if any."""
+    """Return pairs of problem and solution: one of the fitted recordings, and one of held-out recordings if any."""
     held_out = [(fit.held_out, fit.prediction)] if fit.held_out is not None else []
     return [(fit.problem, fit.solved.point), *held_out]
 

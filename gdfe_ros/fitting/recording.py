@@ -253,7 +253,7 @@ def require_commanded(tracks: Sequence[Track], scene: Scene, where: str) -> None
 
 
 def _require_range(values: NDArray[np.float64], actuator: Actuator, where: str) -> None:
-    """Check that commands (m, 1) are in the range of an actuator; others probably have a wrong unit."""
+    """Check that commands (m, 1) are in the range of an actuator; if not, their unit is probably wrong."""
     slack = 1e-9 * max(abs(values.min()), abs(values.max()))
     if actuator.low - slack <= values.min() and values.max() <= actuator.high + slack:
         return
