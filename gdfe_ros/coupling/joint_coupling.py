@@ -32,8 +32,8 @@ Vector = NDArray[np.float64]
 BALANCED = 0.1
 """The search ends as soon as the length of the correction, divided by the allowed length, is at most this."""
 PATIENCE = 4
-"""After this number of successive solves that did not halve the smallest correction, the search ends as soon as a
-correction of allowed length was found.
+"""If this number of successive solves have not halved the shortest correction so far, the search ends once that
+correction is within the allowed length.
 """
 SOLVES = 24
 """Largest number of solves of the body for one balance; usually there are 2 to 4."""

@@ -127,10 +127,10 @@ class ComparedColumn:
         series: name of the series, with the column's label.
         unit: SI unit of the values.
         held_out: whether its recording was only predicted, not fitted.
-        times: (m,) [s] on the recording's clock.
+        times: (m,) times [s] on the recording's clock, or row numbers of a file without times.
         measured: measured values (m,).
         simulated: simulated values (m,).
-        over: the quantity of ``times``, `Recording.over`.
+        over: which of both, as in `Recording.over`.
     """
 
     recording: str

@@ -112,7 +112,7 @@ class Series:
     Attributes:
         name: name in tables and pictures.
         observable: simulated quantity with which it is compared.
-        times: (m,) on the recording's clock [s], ascending.
+        times: (m,) [s] on the recording's clock, or row numbers of a file without times; ascending.
         values: (m, c) in SI units, or (m, p, 3) for points on a surface; NaN if a value is missing.
         along: matrix (c, d) from the d simulated values to the c measured values; None for the identity.
         labels: labels of the c columns.

@@ -27,7 +27,7 @@ from gdfe_ros.mesh.surfaces.surface_edges import disagreeing_edges, is_closed, o
 ACROSS = 4
 """Number of hexahedra across the thinnest part. A clamped bar of four hexahedra across is 1.4 % too stiff."""
 COST = 2.0
-"""Computing time of a second-order tetrahedron divided by that of a hexahedron (docs/theory/tetrahedra.md)."""
+"""Computing time of a second-order tetrahedron divided by that of a hexahedron (docs/choose.md)."""
 CHEAPER = 4.0
 """Hexahedra are recommended if tetrahedra cost at least this many times as much."""
 FLAT = 1e-6

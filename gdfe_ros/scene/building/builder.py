@@ -23,7 +23,7 @@ from gdfe_ros.scene.report import WHOLE, Defects, Unfit, require_known
 from gdfe_ros.scene.schemas.scene_schema import Draft, HandleModel, RegionModel
 
 _TESTED = {"cell": "cell centroids", "point of the skin": "points about half a cell's edge apart"}
-"""Dict from a kind of items to the points by whose places they are selected; vertices for all other kinds."""
+"""Points that a selection tests for each kind of item, named in errors; for other kinds: vertices."""
 
 
 def build_materials(draft: Draft, carried: Carried, report: Defects) -> dict[str, Material]:

@@ -29,8 +29,8 @@ BEGIN, SEARCH, ANSWER, MOVE = range(4)
 may meet in this step; find the new forces; make the step.
 """
 ROUNDS = 8
-"""Largest number of times that one step finds forces, each time with further points that entered in the last attempt.
-Points that still enter are left to the next step.
+"""Largest number of attempts at the forces of a step. Another attempt follows if points entered, which then join, or if
+a large violation has halved. The next step takes over what remains.
 """
 EXACT, ROUGH = 1e-6, 1e-3
 """In a step as long as the target of the minimisation, the laws may be violated by the first number times the target.

@@ -112,9 +112,9 @@ def load_parameters(b, elements, material, pressure, scale, table):
 
 @inlined
 def hourglass_rows(b):
-    """Write a block's hourglass forces [N]; replace its stress P and energy density by V P [N m] and energy [J].
+    """Write a block's hourglass forces [N]. Replace its stress P by V P [N m], and its energy density by the energy [J].
 
-    Both results include the hourglass part.
+    Both then include the hourglass part.
     """
     for lane in range(LANES):
         volume = b[(GEOMETRY + VOLUME) * LANES + lane]

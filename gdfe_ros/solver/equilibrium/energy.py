@@ -188,6 +188,6 @@ class EquilibriumSolver:
         return vertex_forces(self.body, vertices, work.force) + work.outside
 
     def count_skipped(self) -> dict[str, int]:
-        """Return a dict from kind of work to the count that each solve leaves out, see `StepResult.skipped`."""
+        """Return how much work of each kind every solve leaves out, as in `StepResult.skipped`."""
         counts = dict(self.whole.skipped)
         return counts if self.actuation.terms else {**counts, Skip.ACTUATORS.value: 1}

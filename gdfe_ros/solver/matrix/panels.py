@@ -68,7 +68,7 @@ def expand_panel(rows, width, first, last, local):
 
 @vector_internal
 def reduce_rows(values, at, local, width, own):
-    """Solve the first ``own`` rows of a supernode with U^T, and subtract their products from its other rows."""
+    """Solve for ``local[:own]`` with a supernode's U^T, and subtract its contributions from ``local[own:]``."""
     for first in range(0, own, PANEL):
         last = min(first + PANEL, own)
         rows = values[at + first * width : at + last * width]

@@ -190,9 +190,9 @@ class ContactImpulses:
 
 
 def _publish(part: Pressing, forces: Array, before: State, now: State) -> State:
-    """Return ``now`` with the points' mean ``forces`` (k, 3) [N] in the contacts' states and in the reactions.
+    """Return ``now`` with the step's mean contact ``forces`` (k, 3) [N] in the contacts' states and in the reactions.
 
-    The ledger gets the work of obstacles on rigid bodies, because reactions do not contain the forces on rigid bodies.
+    Reactions lack forces on rigid bodies. The work of obstacles on rigid bodies is therefore added to the ledger here.
     """
     terms, reactions, work = dict(now.terms), dict(now.summary.reactions), now.ledger.work
     rubs = np.einsum("ka,kai->ki", forces[:, 1:], part.axes[:, 1:])

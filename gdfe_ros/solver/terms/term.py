@@ -175,8 +175,8 @@ class Term:
             commands: dict from actuator or load name to command.
             saved: the term's stored state after the last accepted step.
             positions: (n, 3) [m] at the start of the solve; energies may be relative to them.
-            ratio: multiple of the last accepted step's displacement that ``positions`` contain in addition to the last
-                state; multipliers may be extrapolated by the same multiple.
+            ratio: ``positions`` are predicted: the last state plus this multiple of the last step's displacement.
+                Multipliers may be extrapolated likewise.
         """
 
     def update(self, positions: Array) -> float:

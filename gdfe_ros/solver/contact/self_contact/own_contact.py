@@ -147,12 +147,12 @@ class OwnContact(ContactTerm):
     def lay_out(self, positions: NDArray[np.float64], stencils: Stencils) -> None:
         """Do `ContactTerm.lay_out` for the pairs.
 
-        The vector from the second member of a pair to the first is x_v - sum w_a x_a. The slip is its component in the
-        plane, minus this component for the same material points in the last state.
+        The vector from the second member of a pair to the first is x_v - sum w_a x_a. The slip is the change of its
+        component in the plane since the last state, at the same material points.
 
         At its rim, a face carries only a fraction c of the force: c is 1 above the face, and 0 at the outer edge of the
         rim. The force acts through a spring of stiffness k c / (1 - c), with the stiffness k of the body at the pair.
-        The vertex may enter by the compression of the spring. A vertex that slides over an edge is thus released
+        The vertex may enter as far as the spring yields. A vertex that slides over an edge is thus released
         gradually, and no equilibrium is skipped.
         """
         self._at = x = self.points.at(positions)

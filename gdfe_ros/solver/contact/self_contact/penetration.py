@@ -231,7 +231,7 @@ class Inside:
         return 0.25 * np.einsum("kai->ki", x[self._tested])
 
     def _find_cells(self, x: NDArray[np.float64], within: float) -> NDArray[np.int64]:
-        """Return the tested points and cells (2, i) that come within a distance [m] along each axis."""
+        """Return the pairs (2, i) of tested points and cells that are at most ``within`` [m] apart along each axis."""
         places, cells = self._middles(x), boxes_around(x, self._material.cells)
         return find_near(np.stack([places, places], axis=1), cells, self._tested, self._material.near, within)
 
