@@ -112,7 +112,7 @@ def load_parameters(b, elements, material, pressure, scale, table):
 
 @inlined
 def hourglass_rows(b):
-    """Write a block's hourglass forces [N]. Replace its stress P by V P [N m], and its energy density by the energy [J].
+    """Write a block's hourglass forces [N]. Replace its stress P by V P [N m], its energy density by the energy [J].
 
     Both then include the hourglass part.
     """
