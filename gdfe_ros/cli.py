@@ -49,7 +49,7 @@ _HOMES = {
 }
 """Dict from command to its module in `commands`, if that has another name."""
 BAD_INPUT, CLOSED = 2, 141
-"""Statuses: bad input, and an output that its reader has closed, as of a program that SIGPIPE ends."""
+"""Exit statuses: for bad input, and for an output that its reader has closed (as if SIGPIPE had ended the program)."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -109,7 +109,7 @@ class Orders:
         return [known[name] for name in (known if names is None else names)]
 
     def targets(self, command: Command | None, last: Mapping[str, Pose]) -> dict[str, Pose]:
-        """Return dict from handle to its target after a command, given the ``last`` targets.
+        """Return a dict from handle to its target after a command, given the ``last`` targets.
 
         Raises:
             CommandError: the argument is not a `Command`. Or a handle is unknown, fixed, carried by an arm, or a rigid
@@ -129,7 +129,7 @@ class Orders:
         return targets
 
     def places(self, command: Command | None) -> dict[str, Pose]:
-        """Return dict from free body, rigid or soft, to the pose to which a command teleports it.
+        """Return a dict from free body, rigid or soft, to the pose to which a command teleports it.
 
         Raises:
             CommandError: a body is unknown, or its pose is not a `Pose` or is farther than `FARTHEST`.
@@ -172,7 +172,7 @@ class Orders:
         )
 
     def values(self, command: Command | None, last: Mapping[str, float]) -> dict[str, float]:
-        """Return dict from actuator or load to its target value after a command, given the ``last`` values.
+        """Return a dict from actuator or load to its target value after a command, given the ``last`` values.
 
         Raises:
             CommandError: an actuator or load is unknown, or its command is out of range.
@@ -187,7 +187,7 @@ class Orders:
         return values
 
     def positions(self, command: Command | None) -> dict[str, float]:
-        """Return dict from joint to its commanded position [rad] or [m].
+        """Return a dict from joint to its commanded position [rad] or [m].
 
         Raises:
             CommandError: there is no such joint, or a position is not a finite number within the joint's limits.

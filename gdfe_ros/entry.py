@@ -87,7 +87,9 @@ def collect() -> None:
 
 @contextmanager
 def quiet_imports(name: str, status: int, *, always: Sequence[signal.Signals] = ()) -> Iterator[None]:
-    """End the process at once if SIGINT, SIGTERM or SIGHUP arrives inside the ``with`` block, without open resources.
+    """End the process at once if SIGINT, SIGTERM or SIGHUP arrives inside the ``with`` block.
+
+    The process ends without cleanup; therefore the block must not have open resources.
 
     A signal that is ignored at the start, as SIGHUP is by ``nohup``, stays ignored, except those in ``always``.
     KeyboardInterrupt is not sufficient: libraries that look for optional packages catch it and continue. A dependency

@@ -76,7 +76,7 @@ class RangeError(CommandError):
 
 
 class OverlapError(CommandError):
-    """A rigid body that would be inside another object; the teleport or reset that would cause it is not made."""
+    """A free body would be inside another object; the teleport or reset that would cause it is not made."""
 
 
 class DependencyError(ImportError):

@@ -38,7 +38,7 @@ class Keys:
 
 
 class CheckedKeys(Keys):
-    """Base class of `Keys` that check their numbers also if Python code makes them.
+    """Base class of `Keys` whose numbers are checked even if Python code, and no scene file, makes the object.
 
     Raises:
         FieldError: the `Quantity` of a field does not allow its number; None, for a missing number, is allowed.

@@ -38,7 +38,7 @@ class Quantity:
         whole: whether only whole numbers are allowed.
         ascending: whether each component must be at least as large as the component before it.
         infinite: whether infinite values are allowed.
-        direction: example of a direction for a vector that is one, and must not be zero; empty for other numbers.
+        direction: example of a direction, if the vector is a direction and must not be zero; empty for other numbers.
         remedy: advice for a value out of range.
     """
 

@@ -118,12 +118,14 @@ class Simulation(SceneReadings):
             raise
 
     def reset_arms(self) -> None:
-        """Put all arms back to their initial joint positions at once; bodies that they hold move along, in their shape.
+        """Put all arms back to their initial joint positions at once.
 
-        Time, loads and actuators stay, rigid bodies keep their places, and all velocities are the initial ones.
+        Soft bodies that the arms hold move along and keep their shapes. Time, loads and actuators stay, rigid bodies
+        keep their places, and all velocities are the initial ones.
 
         Raises:
-            CommandError: the scene has no arms, or another handle holds what an arm holds; the state is unchanged.
+            CommandError: the scene has no arms, a grip holds something, or another handle holds what an arm holds; the
+                state is unchanged.
             OverlapError: a rigid body would be inside of the body or a link; the state is unchanged.
         """
         if not self._carriers:
@@ -342,7 +344,8 @@ class Simulation(SceneReadings):
 
         Raises:
             CommandError: there is no such output or parameter.
-            GdfeError: there is no derivative, e.g. at a saddle or after a step that has not converged; or interrupted.
+            GdfeError: there is no derivative, e.g. at a saddle or after a step that has not converged; or the
+                computation was interrupted.
         """
         given = {"solved": self.result is not None or self.commands == self.state.commands, "interrupted": interrupted}
         return self._differentiator.sensitivities(self.state, outputs, parameters, **given)
@@ -387,6 +390,6 @@ class Simulation(SceneReadings):
             interrupted: function that is called repeatedly. If it returns True, an error is raised.
 
         Raises:
-            GdfeError: there is no such probe or actuator, there is no derivative, or interrupted.
+            GdfeError: there is no such probe or actuator, there is no derivative, or the computation was interrupted.
         """
         return self._differentiator.jacobian(self.state, probes, actuators, interrupted=interrupted)

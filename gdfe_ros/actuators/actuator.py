@@ -95,7 +95,7 @@ class Actuator:
 
     @property
     def constrains(self) -> bool:
-        """Whether the command is a constraint on a length or a volume, whose tension or pressure is an unknown."""
+        """Whether the command is a constraint on a length or a volume; its tension or pressure is then an unknown."""
         return self.mode is Mode.VOLUME
 
     def require(self, value: object) -> float:
@@ -156,7 +156,8 @@ class Chamber(Actuator):
         quads: int32 vertex ids of the faces, (q, 4), or (q, 6) for tetrahedra; normals point into the material. If
             ``points`` are given, indices (q, 4) of these points; a triangle repeats its last corner.
         points: material points as corners of the faces; None if the corners are vertices.
-        least: least reference volume [m^3] of relative limits; with plates, the undeformed volume may be zero.
+        least: smallest reference volume [m^3] of limits that are relative to the chamber's volume. It is needed with
+            plates, because the undeformed volume may then be zero.
     """
 
     quads: NDArray[np.int32]
@@ -203,7 +204,7 @@ class Growth(Actuator):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Grip(Actuator):
-    """A hold of a handle, an obstacle or a rigid body on vertices of the body, or on another rigid body.
+    """A grip, by which a handle, an obstacle or a rigid body holds vertices of the body or another rigid body.
 
     When the command becomes 1, the held points are fixed to the holder where they are. At command 0 nothing is held. A
     command between them counts as the nearer one.
@@ -259,7 +260,7 @@ class ActuatorState:
 
 
 class Readings:
-    """Converter of actuator states to the positions in messages, whose names and units are `Mode.position`.
+    """Converter of actuator states to positions in messages. `Mode.position` has their names and units.
 
     Args:
         actuators: actuators of a scene.

@@ -96,7 +96,7 @@ def embed(mesh: Mesh, points: ArrayLike, *, what: str, reach: float = SLACK) -> 
 def _in_hexahedra(
     point: NDArray[np.float64], corners: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the distance (k,) of a point outside of cells with corners (k, 8, 3), and the corners' weights (k, 8).
+    """Return how far (k,) a point is outside of cells with corners (k, 8, 3), and the corners' weights (k, 8).
 
     The distance is in reference coordinates, negative inside. The weights are those of the nearest point in the cell.
     """
@@ -107,7 +107,7 @@ def _in_hexahedra(
 def _in_tetrahedra(
     point: NDArray[np.float64], nodes: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the distance (k,) of a point outside of cells with nodes (k, 10, 3), and the nodes' weights (k, 10).
+    """Return how far (k,) a point is outside of cells with nodes (k, 10, 3), and the nodes' weights (k, 10).
 
     The distance is in barycentric coordinates, negative inside. The weights belong to the point if it is inside,
     otherwise to a nearby point of the cell.

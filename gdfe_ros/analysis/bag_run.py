@@ -35,7 +35,7 @@ _OTHERS = frozenset({"topology", "scene", "contact_names", "markers", "contact_m
 """Topics of the node that are published less or more often than once per step."""
 
 StepKey = tuple[int, int]
-"""Stamp [ns] of a step, and the number of earlier steps of the run with the same stamp."""
+"""Simulation time at the end of a step [ns], and the number of earlier steps of the run with the same time."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +45,8 @@ class BagStep:
     Attributes:
         record: consumed commands and outcome.
         key: identifies the same step in different runs.
-        samples: dict from topic (its role) to dict from field to array, with ``step_record`` as one of the topics.
+        samples: dict from topic, without the node's name, to dict from field to array; ``step_record`` is one of the
+            topics.
         frames: dict from topic to the ``frame_id`` of its message, for messages with a header.
     """
 
@@ -84,7 +85,7 @@ class BagSteps:
         topics: topic names without the node's name, e.g. ``mesh``; None for all topics published once per step.
 
     Attributes:
-        topics: dict from role to full name, of the topics that are read.
+        topics: dict from role (see `BagRun`) to full name, of the topics that are read.
         foreign: topics of unknown type, which cannot be compared.
         strays: dict from topic to the number of messages read so far whose step has no record in the bag. Such a
             record was dropped or lost.
@@ -210,7 +211,7 @@ class BagRun:
         """Return the last position (3,) [m] of each topic of poses whose role matches a pattern, e.g. ``probe/*``.
 
         Returns:
-            Dict from the part of the role in the place of ``*``.
+            Dict from the part of the role that matches ``*`` to the position.
         """
         names = {role: re.fullmatch(pattern.replace("*", "([^/]+)"), role) for role in sorted(self.roles)}
         places = {}

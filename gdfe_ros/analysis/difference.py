@@ -37,7 +37,7 @@ class Difference(Enum):
 
 @dataclass(frozen=True)
 class Place:
-    """One number of a field that differs.
+    """A number that differs between two runs: its step, its index, and the difference.
 
     Attributes:
         key: key of the step.
@@ -51,7 +51,7 @@ class Place:
 
     @property
     def stamp(self) -> float:
-        """Simulation time [s]."""
+        """Simulation time at the end of the step [s]."""
         return self.key[0] * 1e-9
 
 
@@ -176,14 +176,16 @@ class Differences:
 
         The tolerance is a displacement error divided by the body's size. Lengths may differ by this displacement.
         Strains may differ by this displacement divided by the shortest edge. Moduli, energies and forces may differ by
-        that strain times the largest magnitude of the field. For a force, the limit is at least Young's modulus times
-        the mean cross section times the tolerance; for a moment, at least this force times the body's size.
+        that strain times the largest magnitude of the field. For an energy density W, the limit is at least that strain
+        times sqrt(2 W times Young's modulus). For a force, the limit is at least Young's modulus times the mean cross
+        section times the tolerance; for a moment, at least this force times the body's size.
 
         One unit in the last place of float32 is added, because many fields are published as float32. Some fields may
         differ by any amount. Iterations, substeps, error estimates and skipped work are the cost of a solve, not its
-        result. Velocities of joint states are differences of positions, and positions are compared. Contact points with
-        negligible forces may be missing in one run, which shifts the rows of all other points. Wrenches contain the
-        contact forces and are compared.
+        result. The convergence of a step may differ if its accuracy is worse than the solver's tolerance. Velocities of
+        joint states are differences of positions, and positions are compared. Contact points with negligible forces may
+        be missing in one run, so that the rows of all other points are shifted. Wrenches contain the contact forces and
+        are compared.
         """
         if entry.topic == CONTACTS:
             return np.inf

@@ -28,7 +28,7 @@ _COMPONENTS = ("x", "y", "z", "w")
 
 
 class Columns:
-    """Names of the entries of joint states, and units of all columns.
+    """Names of the actuators in joint states, and units and frames of all columns.
 
     Args:
         actuators: the scene's actuators, in the order of joint states.
@@ -40,7 +40,7 @@ class Columns:
 
     @property
     def joints(self) -> list[str]:
-        """Names of the entries of joint states."""
+        """Names of the actuators, in the order of joint states."""
         return list(self._actuators)
 
     def unit(self, column: str) -> str:
@@ -61,11 +61,11 @@ class Columns:
         return unit_of(f".{topic.rpartition('.')[2]}.{field}") or unit_of(field)
 
     def note_frames(self, frames: Mapping[str, str]) -> None:
-        """Note the coordinate frames of topics, which the headings of their columns state."""
+        """Note the coordinate frames of topics, for the headings of their columns."""
         self._frames |= frames
 
     def frame(self, column: str) -> str:
-        """Return the name of the coordinate frame of a column's number; empty for numbers that have none."""
+        """Return the name of the coordinate frame of a column's numbers; empty for numbers without a frame."""
         if column.rpartition(".")[2] not in _COMPONENTS:
             return ""
         return next((frame for topic, frame in self._frames.items() if column.startswith(f"{topic}.")), "")
@@ -177,10 +177,11 @@ def write_npz(steps: Iterable[BagStep], scene: Scene, path: Path) -> int:
     """Write the t steps of a run and return t.
 
     Keys: ``time`` (t,) [s]; ``X`` (n, 3) undeformed vertices [m]; ``cells`` (m, 8 or 4); ``positions`` (t, n, 3)
-    float32 [m]; ``eps_eq, J, omega, tangent, energy_density`` (t, m) float32; ``<topic>/<field>`` (t, k) for all other
-    topics. If a topic has no message in a step, its row is NaN. ``contacts/<field>`` (p,) contains the contact points
-    of all steps, and ``contacts/row`` (p,) the index of each point's step. ``joint_names`` (k,) are the names of the
-    entries of joint states. ``units`` is JSON text: dict from array to SI unit, for arrays with a single unit.
+    float32 [m]; ``eps_eq, J, omega, tangent, energy_density`` (t, m) float32; ``record/<field>`` (t, 1) for the step
+    records; ``<topic>/<field>`` (t, k) for all other topics. If a topic has no message in a step, its row is NaN.
+    ``contacts/<field>`` (p,) contains the contact points of all steps, and ``contacts/row`` (p,) the index of each
+    point's step. ``joint_names`` (k,) are the names of the entries of joint states. ``units`` is JSON text: dict from
+    array to SI unit, for arrays with a single unit.
 
     Raises:
         OSError: the file cannot be written.

@@ -66,8 +66,8 @@ class Replay:
 
     Args:
         run: the recorded run.
-        overrides: dict from dotted scene key to value. With overrides the runs differ, and no solve is ended at the
-            check at which the recorded solve was ended.
+        overrides: dict from dotted scene key to value. With overrides the runs differ. Solves that a deadline ended in
+            the recorded run are then not ended early.
 
     Raises:
         RecordingError: the bag lacks data that a replay needs.
@@ -161,8 +161,10 @@ def compare_steps(
 
     Args:
         steps: the recorded steps.
-        repeated: each recorded step, the arrays of its repetition by topic and field, and whether that converged.
-        changed: whether overrides make the runs differ, so that no solve was ended where the recorded one was.
+        repeated: each recorded step, the arrays of its repetition by topic and field, and whether the repetition
+            converged.
+        changed: whether overrides make the runs differ; solves that a deadline ended in the recorded run are then not
+            ended early.
         started: when the replay began, on the clock ``time.perf_counter`` [s].
         more: other attributes of the report.
     """
@@ -188,7 +190,7 @@ def compare_steps(
 
 
 def command_of(record: StepRecord) -> Command:
-    """Return the command that a step consumed; the record's attributes have the names of ``Command``'s."""
+    """Return the command that a step consumed; the attributes of both have the same names."""
     return Command(**{part.name: getattr(record, part.name) for part in dataclasses.fields(Command)})
 
 

@@ -26,9 +26,9 @@ if TYPE_CHECKING:
 def face_values(mesh: HexMesh, values: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return values on the faces (f,) of the drawn surface, from ``values`` (m,) of the cells.
 
-    The faces of cells have the values of their cells. A skin has many faces for each cell, so that its values would
-    jump from cell to cell. There, a vertex of the mesh has the mean value of its cells, and a face the mean value of
-    its points, interpolated between the vertices and limited to the range of ``values``.
+    The faces of cells have the values of their cells. A skin has many faces for each cell, and values of cells would
+    jump between faces. Therefore each vertex of the mesh gets the mean value of its cells. Points of the skin are
+    interpolated between vertices. A face has the mean value of its points, limited to the range of ``values``.
     """
     outside = mesh.outside
     if not outside.skin:

@@ -132,7 +132,8 @@ def run_cases(client: Client, scene: str, cases: Sequence[Case]) -> Iterator[tup
 def run_case(scene: str, overrides: Mapping[str, Any]) -> Result:
     """Play a scene's program with overrides and return numbers about its final state.
 
-    If the scene is invalid with these overrides, ``status`` is ``failed`` and ``error`` is the reason.
+    If the scene is invalid with these overrides, or a step raises an error, ``status`` is ``failed`` and ``error`` is
+    the reason.
 
     Args:
         scene: YAML text that needs no other file.

@@ -24,9 +24,9 @@ BATCH_SECONDS = 1.0
 milliseconds per batch. If the workers use all cores, these milliseconds reduce their computing time.
 """
 _SHARE = 4
-"""Least number of batches per thread into which the remaining tasks are divided, so that all threads end together."""
+"""The remaining tasks are divided into at least this number of batches per thread, so that all threads end together."""
 PATIENCE = 600.0
-"""Time [s] without any worker after which the tasks fail on this machine. With a user's scheduler, they wait."""
+"""If there is no worker on this machine for this time [s], the tasks fail. With a user's own scheduler, they wait."""
 _POLL = 0.02
 _LOOK = 1.0
 """While no batch is completed, the workers are checked at this interval [s]."""
@@ -70,7 +70,7 @@ def connect(scheduler: str | None, workers: int) -> Iterator[Client]:
 
 @contextmanager
 def _one_thread() -> Iterator[None]:
-    """Set `THREAD_COUNTS` to one, for processes that start meanwhile; dask's own setting yields to the environment."""
+    """Set `THREAD_COUNTS` to one, for processes that start meanwhile; dask does not override the environment."""
     before = {name: os.environ.get(name) for name in THREAD_COUNTS}
     os.environ.update(dict.fromkeys(THREAD_COUNTS, "1"))
     try:
@@ -179,7 +179,7 @@ class _Queue:
         return started
 
     def take(self, future: Future) -> Iterator[tuple[int, Any, Exception | None]]:
-        """Yield the tasks of a completed batch as in `run_tasks`; if its worker died, repeat its tasks one by one."""
+        """Yield the tasks of a completed batch as `run_tasks` does; if the batch failed, repeat them one by one."""
         numbers = self._running.pop(future)
         try:
             results, seconds = future.result()

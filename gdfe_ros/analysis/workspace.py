@@ -36,8 +36,8 @@ RETRIES = 8
 LONG = 1e6
 """Duration of a step [s]; it is so long that no rate limit restricts a command."""
 PART = 25
-"""Number of successive commands of a task, which starts from the initial state. If a worker dies, its task is repeated.
-The number does not depend on the number of workers; therefore the points do not, either.
+"""Number of successive commands of a task. Each task starts from the initial state. If a worker dies, its task is
+repeated. The number does not depend on the number of workers; therefore the points do not, either.
 """
 MOST_GRID = 2
 """Largest number of actuators for which the commands are a grid. For more actuators, see `command_samples`."""

@@ -16,7 +16,7 @@ from gdfe_ros.errors import ArmError
 
 Vector = NDArray[np.float64]
 FARTHEST = 1e9
-"""Limit [rad] with which continuous joints are passed to pinocchio as revolute joints, which have one coordinate."""
+"""Limit [rad] of continuous joints in pinocchio: they are passed as revolute joints, which have one coordinate."""
 
 
 class LinkFrame(NamedTuple):

@@ -18,7 +18,7 @@ from gdfe_ros.mesh.surfaces.shells import cone_volumes, shell_numbers
 from gdfe_ros.untrusted.regular_file import defect_of, is_file
 
 DEBRIS = 1e-6
-"""Convex pieces of a collision mesh whose volume, divided by that of the largest piece, is below this are ignored."""
+"""A convex piece of a collision mesh is ignored if its volume, divided by that of the largest piece, is below this."""
 _LONGEST = 200
 """Largest number of characters of a URI or path in an error."""
 Surface = tuple[NDArray[np.float64], NDArray[np.int64]]
@@ -33,8 +33,8 @@ def find_mesh(uri: str, *, folder: Path, packages: Mapping[str, Path]) -> Path:
     Args:
         uri: ``package://name/path``, ``file:///path``, or a path relative to the folder of the URDF.
         folder: folder of the URDF.
-        packages: dict from package to its folder. Other packages are searched in ``AMENT_PREFIX_PATH``, and in,
-            beside and below the folders above the URDF.
+        packages: dict from package to its folder. Other packages are searched among the folders above the URDF, among
+            subfolders of these, and in ``AMENT_PREFIX_PATH``.
 
     Raises:
         ArmError: there is no such file; the error lists the searched places.

@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The commands ``gdfe export``, for ParaView, numpy or a spreadsheet, ``recover``, for cut-off bags, and ``report``."""
+"""The commands for bags: ``gdfe export``, ``gdfe recover`` and ``gdfe report``.
+
+``export`` writes files for ParaView, numpy or a spreadsheet. ``recover`` repairs truncated bags. ``report`` writes an
+HTML page.
+"""
 
 from __future__ import annotations
 

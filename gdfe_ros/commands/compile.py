@@ -14,7 +14,7 @@ from gdfe_ros.scene import load_scene
 from gdfe_ros.scene.loader import loadable_names
 
 FIRST = "bend5"
-"""Scene that is compiled before all others, because they use the same kernels."""
+"""Scene that is compiled before all others, because the others use the same kernels."""
 VARIANTS: tuple[tuple[str, dict[str, object]], ...] = (
     (FIRST, {"solver.threads": 2}),
     (FIRST, {"solver.policy": "relative"}),

@@ -107,7 +107,7 @@ def _show_scene(arguments: argparse.Namespace, ending: threading.Event) -> int:
 
 
 def _session_of(scene: Scene, arguments: argparse.Namespace, page: Page) -> LiveSession:
-    """Return a live session of a scene, which steps the scene in this process."""
+    """Return a session that steps a scene in this process."""
     from gdfe_ros.live.session import LiveSession
     from gdfe_ros.simulation import Simulation
 

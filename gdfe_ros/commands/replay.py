@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``gdfe replay`` repeats a recorded run, ``gdfe compare`` takes a second recorded run; both compare every array."""
+"""``gdfe replay`` compares a recorded run with its repetition, ``gdfe compare`` with a second recorded run."""
 
 from __future__ import annotations
 
@@ -112,7 +112,7 @@ def _remarks(run: BagRun, report: ReplayReport, overrides: dict[str, object]) ->
 
 
 def _machines(run: BagRun) -> list[str]:
-    """Return remarks on differences between the recording machine and this machine, which change the last bits."""
+    """Return remarks on differences between the recording machine and this one; they change the last bits."""
     there, here = dict(run.reader.run.machine), describe_machine()
     changes = [f"{name} {there[name]} (here {here.get(name)})" for name in there if there[name] != here.get(name)]
     return [f"recorded with {'; '.join(changes)}"] if changes else []

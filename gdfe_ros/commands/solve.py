@@ -99,7 +99,7 @@ def describe_stop(results: list[StepResult], *, beyond: bool = False) -> str:
 
 
 def _is_withdrawn(simulation: Simulation, last: StepResult) -> bool:
-    """Return whether a failed step returned an equilibrium whose commands have not yet reached the program's."""
+    """Return whether a failed step returned an equilibrium at commands that fall short of the program's commands."""
     program = simulation.scene.program
     if last.converged or program is None or not 0.0 <= last.error_estimate <= simulation.settings.tolerance:
         return False
@@ -180,7 +180,7 @@ def _clean(values: object) -> list[float]:
 def write_result(
     path: Path, simulation: Simulation, result: StepResult, *, steps: int, wall_time: float, whole: bool = True
 ) -> None:
-    """Write positions, element fields, reactions and metadata, SI units.
+    """Write positions, element fields, reactions and metadata, in SI units.
 
     Keys: ``X, x`` (n, 3) undeformed and current vertices [m]; ``cells`` (m, 8 or 4); ``eps_eq, J, omega`` (m,);
     ``energy`` [J]; ``reaction_<handle>`` (6,) force [N] and moment [N m] of the handle on the body, the moment about

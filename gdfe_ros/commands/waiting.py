@@ -47,12 +47,12 @@ def waiting(
 ) -> Iterator[None]:
     """Show a text and the elapsed time while the body of the `with` statement runs.
 
-    A terminal shows one line, which is removed at the end. A file or pipe receives a line every ten seconds. Both are
-    written by a separate thread, so that they are also shown during a step that takes minutes.
+    A terminal shows one line, which is removed at the end. A file or pipe receives a line at each ``interval``. Both
+    are written by a separate thread, so that they are also shown during a step that takes minutes.
 
     Args:
-        text: the present task, e.g. "loading gripper"; while kernels are compiled, the line says so instead. Or a
-            function that returns the line.
+        text: the present task, e.g. "loading gripper", or a function that returns the line. While kernels are compiled,
+            a line about the compilation replaces the task.
         console: console to write to; by default that of standard error.
         silent: time before the text appears at a terminal [s].
         interval: time between two lines where the console is no terminal [s].

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Count of the kernels that this process compiles, for a waiting user, and file locks: one process compiles for all.
+"""Count of the kernels that this process compiles, and file locks with which one process compiles for all.
 
 This module imports no numba.
 """

@@ -40,7 +40,7 @@ from gdfe_ros.compiling.quick_numba import plain, quick
 from gdfe_ros.entry import without_collection
 
 LARGE = 200
-"""Number of LLVM's instructions above which a kernel is called by its address. LLVM inlines below about 50."""
+"""Number of LLVM's instructions above which a kernel is called by its address. LLVM inlines kernels below about 50."""
 TESTED = numba.version_info.short == (0, 68)
 """Whether this version of numba was tested."""
 PREFIX = "gdfe."
@@ -99,9 +99,10 @@ def publish(result: CompileResult) -> None:
 
 
 def call_of(symbol: str, address: int, called: FunctionDescriptor) -> Callable[..., Any]:
-    """Return the function that writes a call into the code of a caller: by symbol, or by address if numba stores it.
+    """Return the function that writes a call of a kernel into the code of a caller.
 
-    Numba's own cache does not know symbols. It stores no function that contains an address, and warns of it.
+    If a cache of this module stores the caller, the call is by symbol. Otherwise it is by address, because numba's own
+    cache does not know symbols. Numba's cache stores no function that contains an address, and warns of it.
     """
 
     def write(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
@@ -192,7 +193,7 @@ class LinkedCacheFile(IndexDataCacheFile):
 
 
 class LinkedCache(FunctionCache):
-    """Cache of one kernel. A kernel that another process compiles is waited for, and then loaded."""
+    """Cache of one kernel. If another process compiles the kernel, this process waits and then loads it."""
 
     _impl_class = LinkedCacheImpl
     _lock: int | None = None
@@ -304,7 +305,7 @@ class ReferencelessCompiler(compiler.Compiler):
 
 
 class CountedCompiler(ReferencelessCompiler):
-    """The compiler of kernels, which counts them."""
+    """Compiles kernels and counts them."""
 
     def compile_extra(self, function: Any) -> CompileResult:
         """Compile a function."""
@@ -362,7 +363,7 @@ class LinkedEntry(CFunc):
 
 
 def compile_linked_entry(signature: Any, function: Callable[..., Any], *, cache: bool) -> LinkedEntry:
-    """Return numba's ``cfunc(signature, cache=cache)(function)``, as a `LinkedEntry` with a tested numba."""
+    """Return numba's ``cfunc(signature, cache=cache)(function)``; with a tested numba, it is a `LinkedEntry`."""
     if not TESTED:
         return numba.cfunc(signature, cache=cache)(function)
     entry = LinkedEntry(function, sigutils.normalize_signature(signature), locals={}, options={})
@@ -373,7 +374,7 @@ def compile_linked_entry(signature: Any, function: Callable[..., Any], *, cache:
 
 
 def compile_linked(*, cache: bool, **options: Any) -> Any:
-    """Return a decorator that is numba's ``njit(cache=cache, **options)``, with a tested numba for linked kernels."""
+    """Return a decorator like numba's ``njit(cache=cache, **options)``; with a tested numba, it links the kernels."""
     if not TESTED:
         return numba.njit(cache=cache, **options)
 

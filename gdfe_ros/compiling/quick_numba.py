@@ -25,16 +25,16 @@ _resolve = BaseFunction.get_call_type
 _optimise, _finish = codegen.CPUCodeLibrary._optimize_final_module, codegen.CPUCodeLibrary._finalize_final_module
 _set_environment = codegen.JITCPUCodegen.set_env
 _found: dict[tuple[Any, ...], tuple[BaseFunction, Any]] = {}
-"""Functions and signatures by the function's id and the types of the arguments."""
+"""Functions and signatures by the ids of function and context, and the types of the arguments."""
 _hashes: dict[type, int] = {}
 _hash = TargetConfig.__hash__
 _defaults: dict[type, list[tuple[str, Any]]] = {}
 _depth = [0]
-"""Number of `quick` blocks that this process is in; each holds numba's lock of the compiler."""
+"""1 inside a `quick` block of this process, else 0; nested blocks do not change it. Numba's compiler lock guards it."""
 
 
 def flags_equal(self: TargetConfig, other: object) -> bool:
-    """Return whether two sets of flags are equal; flags that neither sets need no look at the defaults."""
+    """Return whether two sets of flags are equal; the defaults of flags that neither has set are not read."""
     if not isinstance(other, TargetConfig):
         return NotImplemented
     if type(self) is not type(other):
@@ -47,7 +47,7 @@ def flags_equal(self: TargetConfig, other: object) -> bool:
 
 
 def flags_hash(self: TargetConfig) -> int:
-    """Return numba's hash, which depends on the names of the flags only."""
+    """Return numba's hash of a set of flags; it depends only on the names of the flags."""
     kind = type(self)
     if kind not in _hashes:
         _hashes[kind] = _hash(self)
@@ -122,7 +122,7 @@ def is_inlined() -> bool:
 
 
 def optimise(self: codegen.CPUCodeLibrary) -> None:
-    """Run LLVM's passes over a module; only the cheap ones if it is always inlined."""
+    """Run LLVM's passes over a module; if the module is always inlined, run only the cheap passes."""
     if not is_inlined():
         _optimise(self)
         return

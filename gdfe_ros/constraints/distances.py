@@ -17,7 +17,7 @@ PLANE, SPHERE, BOX, CAPSULE, CYLINDER, MESH = range(6)
 ORIGIN = 9
 """Offset of the origin [m] in a ``frame`` (12,), after its rotation."""
 START, CELL, COUNTS, SAMPLES = 0, 3, 4, 7
-"""Layout of a mesh's grid: offsets of its first point [m], spacing [m], three counts, and signed distances [m]."""
+"""Offsets in the array of a mesh's grid: first point [m], spacing [m], three counts, and signed distances [m]."""
 
 SURE = 0.7
 """Least ratio of the true distance to the interpolated distance. Outside the grid the interpolated distance is up to

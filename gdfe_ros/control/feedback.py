@@ -165,9 +165,10 @@ class FeedbackControl:
     def _judge(self, measured: Array, foretold: Array) -> None:
         """Adapt the largest allowed change to the effect of the last change; ``foretold`` (m,) is the predicted motion.
 
-        The limit is reduced if the goal is out of reach, so that most of the distance was predicted to remain, and if
-        the error fell by less than `ENOUGH` times the prediction. Without this, commands would circle around the
-        point closest to such a goal. In all other cases the limit is raised: `observe` corrects the Jacobian.
+        The limit is reduced if the error fell by less than `ENOUGH` times the prediction, and if the prediction was
+        that most of the distance to the goal remains: the goal is then out of reach. With constant limits, commands
+        would circle around the point closest to such a goal. In all other cases the limit is raised: `observe` corrects
+        the Jacobian.
         """
         before, stack = self._base[1], self._stack
         error, after = stack.errors(self._goals, before), stack.errors(self._goals, measured)

@@ -33,7 +33,7 @@ SHORTER, LONGER = 0.25, 2.0
 """Factors on the largest allowed change, after a change that did not reduce the errors enough, and after one that did.
 """
 MOST_TRIES = 60
-"""Largest number of changes of the commands; goals that are not reached after it count as out of reach."""
+"""Largest number of changes of the commands; goals that are not reached by then count as out of reach."""
 ENOUGH = 0.25
 """Least actual reduction of the errors, divided by the predicted reduction, at which a change is accepted."""
 STANDSTILL, FAINT = 0.1, 1e-3

@@ -66,7 +66,7 @@ class CommandLimits:
         return np.where(self._alike, np.linalg.norm(rows, axis=0), 0.0).max(axis=1)
 
     def room(self, now: Array, dt: float | None) -> tuple[Array, Array]:
-        """Return the least and largest change (n,) of commands ``now`` (n,) in ``dt`` [s]; None for no rate limit."""
+        """Return the least and largest change (n,) of commands ``now`` (n,) in ``dt`` [s]; None ignores the rates."""
         reach = np.full(len(now), np.inf) if dt is None else self.rates * dt
         return np.maximum(self.low - now, -reach), np.minimum(self.high - now, reach)
 
@@ -97,9 +97,9 @@ AT_BOUND = 1e-12
 def least_squares(
     rows: Array, goal: Array, low: Array, high: Array, *, least: float, costs: Array | None = None
 ) -> Array:
-    """Return the x (n,) that minimises |A x - b|^2 + least^2 |D x|^2 with low <= x <= high, up to rounding.
+    """Return the x (n,) that minimises |A x - b|^2 + least^2 |D x|^2 with low <= x <= high.
 
-    The bounds are satisfied exactly.
+    The minimum is exact up to rounding, but x never violates the bounds.
 
     Args:
         rows: A (m, n).

@@ -141,7 +141,7 @@ class JointBalance:
 
 
 def on_links(arm: Arm, motor: JointMotion, link: LinkMotion) -> JointMotion:
-    """Return the motion of an arm's joints on the side of the links, with the accelerations by the forces."""
+    """Return the motion of an arm's joints on the side of the links, with the accelerations that the forces give."""
     found = [part.copy() for part in motor[1:]]
     for values, own in zip(found, (link.positions, link.velocities, link.balanced), strict=True):
         values[arm.springs.yielding] = own
@@ -203,7 +203,10 @@ class BalanceSearch:
         return (self._base[0] + self._length * self._direction) / self._scale
 
     def _ends(self, rest: Vector) -> bool:
-        """Store the gap along the direction; return whether the search along it ends: it is small, or not bracketed."""
+        """Store the gap along the direction; return whether the search along this direction ends.
+
+        It ends if the gap is small, or has not changed its sign.
+        """
         slope, enough = float(rest @ self._direction), ENOUGH * abs(self._below[0][1])
         if abs(slope) <= enough or (slope < 0.0 and not self._above):
             return True

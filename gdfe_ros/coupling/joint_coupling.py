@@ -30,9 +30,11 @@ from gdfe_ros.solver.vectors import NEGLIGIBLE
 
 Vector = NDArray[np.float64]
 BALANCED = 0.1
-"""A correction at most this long, divided by the allowed correction, causes no further solve."""
+"""The search ends as soon as the length of the correction, divided by the allowed length, is at most this."""
 PATIENCE = 4
-"""After this number of solves that did not halve the correction, an allowed correction is left out."""
+"""If this number of successive solves have not halved the shortest correction so far, the search ends once that
+correction is within the allowed length.
+"""
 SOLVES = 24
 """Largest number of solves of the body for one balance; usually there are 2 to 4."""
 HALVINGS, MOVING_HALVINGS = 6, 2
@@ -49,7 +51,7 @@ class CoupledStep:
         march: outcome of the body.
         links: motion of the yielding joints after the step.
         poses: dict from each handle or obstacle that a link moves to its pose.
-        balanced: whether the joints are in balance, or the body has not converged.
+        balanced: True if the joints are in balance, and also if the body has not converged.
     """
 
     march: March
@@ -81,8 +83,8 @@ class JointCoupling:
 
     The wrenches in `JointBalance` are known only at positions q for which the body was solved, with its handle at the
     flange's pose. `BalanceSearch` corrects q until the joints are in balance. Each correction needs one more solve of
-    the body, from the beginning of the step. Equilibria are solved to `FINER` times the tolerance, because the error of
-    a wrench moves joints that are softer than the body by more than the tolerance.
+    the body, from the beginning of the step. Equilibria are solved to `FINER` times the tolerance: an error of the
+    wrench that is harmless for the body would move softer joints by more than the tolerance.
 
     Args:
         arms: arms of the scene; arms without springs are left out.
@@ -183,10 +185,10 @@ class JointCoupling:
         return CoupledStep(march=march, links=links, poses=found.poses)
 
     def _make(self, task: _Task, h: float, deadline: Deadline | None, halvings: int) -> CoupledStep:
-        """Return the outcome of a task; if it fails, the outcome of its two halves if they succeed.
+        """Return the outcome of a task, or that of its two halves if the task fails and the halves succeed.
 
-        At the first guess of the joints' positions, a long step may press the body too far. In a motion, the wrench may
-        jump if the stepper of the body chooses another scheme for the step.
+        Halves are tried for two reasons. At the first guess of the joints' positions, a long step may press the body
+        too far. In a motion, the wrench may jump if the stepper of the body chooses another scheme for the step.
         """
         found = self._balance(task, h, deadline)
         hopeless = self._dynamics is not None and found.balanced
@@ -243,8 +245,8 @@ class JointCoupling:
     def _bound_correction(self, balance: JointBalance, start: State) -> float:
         """Return the largest correction [m] that may be left out.
 
-        In a motion it is reduced as the tolerance of a free body (`reduction`), by the larger of the accelerations of
-        flange and body at the beginning.
+        In a motion, `reduction` makes this length as much smaller as the tolerance of a free body. It depends on the
+        larger of two accelerations at the beginning of the step: those of the flange and of the body.
         """
         if not balance.rules:
             return self._near

@@ -77,7 +77,7 @@ class Differentiator:
     def sensitivities(
         self, state: State, outputs: Names, parameters: Names, *, solved: bool, interrupted: Interruption
     ) -> Sensitivities:
-        """Return d(output)/d(parameter) at ``state``; ``solved`` is False before the first commands are solved."""
+        """Return d(output)/d(parameter) at ``state``; ``solved`` is False while the first commands are unsolved."""
         self._require_rigid_joints()
         if not solved:
             raise GdfeError("no derivative: the first commands, as of loads, are not solved yet; remedy: step first")
@@ -148,7 +148,7 @@ class _Step(NamedTuple):
 
 
 class MotionDifferentiator(Differentiator):
-    """Derivatives of a motion: of all steps since `follow`, or of the last step alone, which is repeated for them."""
+    """Derivatives of a motion: of all steps since `follow`, or of the last step alone, which is then repeated."""
 
     def __init__(self, scene: Scene, stepper: MotionStepper, orders: Orders) -> None:
         super().__init__(scene, stepper, orders)

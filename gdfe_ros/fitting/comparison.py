@@ -113,10 +113,11 @@ def first_own(recording: Recording, trajectory: Trajectory) -> Own:
 def surface_distances(
     positions: NDArray[np.float64], points: NDArray[np.float64], quads: NDArray[np.int32]
 ) -> NDArray[np.float64]:
-    """Return the distances (m, p) [m] of points (m, p, 3) from the surface with vertices at (m, 3 n), all [m].
+    """Return the distances (m, p) [m] of ``points`` (m, p, 3) [m] from a surface at m times.
 
-    For each point, the face of ``quads`` (f, 4) with the closest midpoint is chosen. The distance is that of the point
-    from the plane of this face, positive inside the body.
+    ``positions`` (m, 3 n) [m] are those of the surface's n vertices. For each point, the face of ``quads`` (f, 4) with
+    the closest midpoint is chosen. The distance is that of the point from the plane of this face, positive inside the
+    body.
     """
     from scipy.spatial import cKDTree
 

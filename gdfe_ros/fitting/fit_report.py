@@ -127,10 +127,10 @@ class ComparedColumn:
         series: name of the series, with the column's label.
         unit: SI unit of the values.
         held_out: whether its recording was only predicted, not fitted.
-        times: (m,) [s] on the recording's clock.
+        times: (m,) times [s] on the recording's clock, or row numbers of a file without times.
         measured: measured values (m,).
         simulated: simulated values (m,).
-        over: the quantity of ``times``, `Recording.over`.
+        over: which of both, as in `Recording.over`.
     """
 
     recording: str
@@ -149,7 +149,7 @@ def curves(fit: Fit) -> list[ComparedColumn]:
 
 
 def _parts(fit: Fit) -> list[tuple[FitProblem, FitPoint]]:
-    """Return pairs of problem and solution: that of the fitted recordings, and that of held-out recordings if any."""
+    """Return pairs of problem and solution: one of the fitted recordings, and one of held-out recordings if any."""
     held_out = [(fit.held_out, fit.prediction)] if fit.held_out is not None else []
     return [(fit.problem, fit.solved.point), *held_out]
 

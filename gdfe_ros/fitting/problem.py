@@ -246,8 +246,8 @@ COARSE = 0.01
 """Relative change of the sum of squares at which a search ends, if a search with a longer horizon follows."""
 MOST_TRIALS = 60
 SILENT = 1e-3
-"""A parameter has no influence if the root mean square of d(residual)/du is below this. At this limit, a factor e on
-its value changes the simulated values by a thousandth of the measured values' standard deviation.
+"""A parameter has no influence if the root mean square of d(residual)/du is below this. At this limit, a change of u by
+1 changes the simulated values by a thousandth of the measured values' standard deviation.
 """
 
 
@@ -319,7 +319,7 @@ def _line(problem: FitProblem, unknowns: NDArray[np.float64], share: float, tria
 
 
 def _require_influence(problem: FitProblem, unknowns: NDArray[np.float64]) -> None:
-    """Raise GdfeError if a parameter has no influence on the recordings, neither up to the horizon nor as a whole."""
+    """Raise GdfeError if a parameter has no influence, neither up to the horizons nor on whole recordings."""
     silent = _silent(problem, unknowns)
     if silent:
         problem.look_to(1.0)

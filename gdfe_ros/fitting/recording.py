@@ -112,7 +112,7 @@ class Series:
     Attributes:
         name: name in tables and pictures.
         observable: simulated quantity with which it is compared.
-        times: (m,) on the recording's clock [s], ascending.
+        times: (m,) [s] on the recording's clock, or row numbers of a file without times; ascending.
         values: (m, c) in SI units, or (m, p, 3) for points on a surface; NaN if a value is missing.
         along: matrix (c, d) from the d simulated values to the c measured values; None for the identity.
         labels: labels of the c columns.
@@ -253,7 +253,7 @@ def require_commanded(tracks: Sequence[Track], scene: Scene, where: str) -> None
 
 
 def _require_range(values: NDArray[np.float64], actuator: Actuator, where: str) -> None:
-    """Check that commands (m, 1) are in the range of an actuator; others probably have a wrong unit."""
+    """Check that commands (m, 1) are in the range of an actuator; if not, their unit is probably wrong."""
     slack = 1e-9 * max(abs(values.min()), abs(values.max()))
     if actuator.low - slack <= values.min() and values.max() <= actuator.high + slack:
         return

@@ -155,7 +155,8 @@ def autocorrelation(residual: NDArray[np.float64]) -> float:
 DECADES = (1, 2, 3)
 """Powers of ten by which `require_bounds` multiplies an upper bound, or divides a lower bound, to try values beyond."""
 BETTER = 0.25
-"""A bound counts as wrong if a value beyond it reduces the sum of squares below this fraction of that at the bound."""
+"""A bound counts as wrong if, at a value beyond it, the sum of squares is below this fraction of the sum at the bound.
+"""
 
 
 def require_bounds(problem: FitProblem, solved: Solved, known: Confidence) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Bags recorded without ROS: of a live session, which `gdfe replay` repeats like a node's, and of a twin."""
+"""Bags recorded without ROS, of a live session or of a twin; `gdfe replay` repeats the bag of a live session."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Checks of who may connect to the page, by a token, and of the messages that viewers may send.
+"""Checks for the page: a token decides who may connect, and only some messages of viewers are accepted.
 
 A browser lets each website that its user opens send requests to this machine. Without these checks, any such website
 could command the simulation.
@@ -66,7 +66,10 @@ class Gate:
         return Response(HTTPStatus.FORBIDDEN, "Forbidden", headers, body)
 
     def mark(self, response: Response, port: int) -> None:
-        """Put the token into a cookie of an admitted response; pages of other servers can neither read nor embed it."""
+        """Put the token into a cookie of an admitted response.
+
+        No script can read the cookie. No page can embed the response, or receive its address as a referrer.
+        """
         response.headers["Set-Cookie"] = f"{_cookie(port)}={self.token}; Path=/; HttpOnly; SameSite=Strict"
         response.headers["Referrer-Policy"] = "no-referrer"
         response.headers["X-Frame-Options"] = "DENY"
@@ -119,7 +122,7 @@ def _cookie(port: int) -> str:
 
 @contextmanager
 def guarding(gate: Gate) -> Iterator[None]:
-    """Let ``gate`` check each request to a server of websockets that is started inside of the ``with`` block.
+    """Let ``gate`` check each request to a server that ``websockets`` starts inside of the ``with`` block.
 
     viser has no argument for such a check.
 

@@ -122,7 +122,7 @@ class ShownRun(Protocol):
         """Path of the bag that is being written, or None."""
 
     def watch(self, wanted: bool) -> None:
-        """Inform the run whether there are viewers; a run that needs not know it does nothing."""
+        """Inform the run whether there are viewers; by default, do nothing."""
 
     def doing(self) -> tuple[str, bool]:
         """Return a text about the run's activity, and whether it is a problem; empty while it only makes steps."""
@@ -137,8 +137,8 @@ class ShownRun(Protocol):
     def ask(self, ability: Ability) -> Future[str] | None:
         """Carry out a request other than ``MODULI``; ``PAUSE`` and ``RECORD`` are toggles.
 
-        Return a ``Future``, which has a text for the user or raises a GdfeError. Return None if the page itself shows
-        the effect.
+        Return a ``Future`` that has a text for the user or raises a GdfeError. Return None if the page itself shows the
+        effect.
         """
 
     def set_moduli(self, moduli: Mapping[str, float]) -> Future[Any]:

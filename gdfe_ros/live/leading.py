@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Feedback control that moves a probe to the position to which a viewer drags it, by means of the shown states."""
+"""Feedback control that moves a probe to the position to which a viewer drags it; the shown states are the feedback."""
 
 from __future__ import annotations
 
@@ -31,7 +31,8 @@ class Leading:
     """Converts the goal of a probe to orders for the actuators, one order for each shown state.
 
     When a viewer first drags a probe, a model for the control is built and solved in a separate thread. A goal is
-    dropped in three cases: it is reached, the commands no longer change, or another source commands an actuator.
+    dropped in four cases: it is reached, the commands no longer change, another source commands an actuator, or the
+    model or a command fails.
 
     Args:
         session: the commanded run.

@@ -202,7 +202,7 @@ class Page:
             self._guard(lambda: self._leading.aim(probe, goal))
 
     def _look_again(self) -> None:
-        """Request that the present step is drawn again."""
+        """Request a new drawing of the present step."""
         self._again = True
         self._changed.set()
 

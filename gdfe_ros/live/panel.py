@@ -125,7 +125,10 @@ class Panel:
             self._add_button(Ability.MODULI, self._change_moduli)
 
     def _show_moduli(self) -> None:
-        """Show each modulus that has changed since it was last shown; do not overwrite values that a viewer typed."""
+        """Show the moduli that have changed since they were last shown.
+
+        All other fields are kept, because a viewer may have typed a number.
+        """
         present = self._session.moduli
         for name, number in self._numbers.items():
             if present[name] != self._moduli[name]:

@@ -16,7 +16,7 @@ from gdfe_ros.scene.scene import Scene
 _LENGTH = 4096
 """Number of steps that are stored."""
 _MOST = 600
-"""Largest number of points of a curve: of more steps, only every second, third, ... is drawn."""
+"""Largest number of points of a curve. If there are more steps, only every second, third, ... step is drawn."""
 _AXES = ("x", "y", "z")
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A run in the process of the page, without ROS, and the scene's program as orders for each next step."""
+"""A run in the page's own process, without ROS, and conversion of the scene's program to orders for each step."""
 
 from __future__ import annotations
 

@@ -82,7 +82,7 @@ class Solids:
 
 
 def turn_of(rotation: Rotation) -> NDArray[np.float64]:
-    """Return the quaternion (w, x, y, z) of a rotation, as viser has it."""
+    """Return the quaternion (w, x, y, z) of a rotation, in viser's order."""
     return np.roll(rotation.as_quat(), 1)
 
 
@@ -186,7 +186,8 @@ class Arrows:
 
         Args:
             forces: dict from a kind to end points (k, 3) in the units of the view, and force vectors (k, 3) [N].
-            noise: size [N] of forces that are errors of the solve; these have no arrow, and set no scale.
+            noise: largest force [N] that may be an error of the solve; such forces have no arrow, and do not change the
+                scale.
         """
         sizes = {kind: np.linalg.norm(vectors, axis=1) for kind, (_, vectors) in forces.items()}
         self.largest = max((float(each.max(initial=0.0)) for each in sizes.values()), default=0.0)

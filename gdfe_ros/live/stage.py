@@ -130,7 +130,7 @@ class Stage:
         self._goals = {name: self._goal(name, point.at(scene.mesh.vertices)[0]) for name, point in led.items()}
 
     def draw(self, positions: NDArray[np.float64], shares: NDArray[np.float64] | None) -> None:
-        """Send a frame, which stays hidden until `turn` shows it."""
+        """Send a frame, which stays hidden until `turn` shows it; for the arguments see `DrawnSurface.pack`."""
         self._body.fill(self.surface.pack(positions, shares))
 
     def turn(self) -> None:

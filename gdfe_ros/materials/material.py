@@ -171,8 +171,8 @@ class StableNeoHookean(Linear):
     """Stable neo-Hookean law of Smith, de Goes and Kim (2018), smooth also for inverted elements.
 
     W = m/2 (I1 - 3) - m/2 ln((I1 + 1)/4) - 3 m/4 (J - 1) + l/2 (J - 1)^2 with m = 4/3 mu and l = lambda + 5/6 mu,
-    where mu and lambda are Lame's constants. Without a constant, it is m/2 (I1 - 3) + l/2 (J - a)^2 - m/2 ln(I1 + 1),
-    a = 1 + 3 m / (4 l), as in the paper.
+    where mu and lambda are Lame's constants. Up to a constant, W is m/2 (I1 - 3) + l/2 (J - a)^2 - m/2 ln(I1 + 1) with
+    a = 1 + 3 m / (4 l), as in their paper.
 
     Attributes:
         young: initial Young's modulus [Pa].

@@ -73,7 +73,9 @@ SILICONES = {
     ),
     "mold_star_16": _silicone((20.1, 51.4, 94.7, 186.0, 433.0, 763.0), mu=74708.0, alpha=2.9628, misfit=0.0446),
 }
-"""Dict from the name of each silicone to its recipe. Only Dragon Skin 10 has a density; give others in the scene."""
+"""Dict from the name of each silicone to its recipe. Only Dragon Skin 10 has a density; give the densities of the
+others in the scene.
+"""
 
 
 _MEGA = 1e6

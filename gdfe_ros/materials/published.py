@@ -44,8 +44,8 @@ def _yeoh_fits(reference: str, fits: dict[str, _Fit]) -> dict[str, PublishedSet]
 
     Args:
         reference: reference of the tests.
-        fits: dict from material to the coefficients c10, c20, c30 [Pa] of Yeoh's law, the range of strains, the
-            relative misfit (root mean square) [%], and modulus [kPa] and misfit [%] of a neo-Hookean law.
+        fits: dict from material to its fit: the coefficients c10, c20, c30 [Pa] of Yeoh's law; the range of strains;
+            the relative misfit (root mean square) [%]; and the modulus [kPa] and the misfit [%] of a neo-Hookean law.
     """
     return {
         f"{material}_yeoh_tensile": PublishedSet(

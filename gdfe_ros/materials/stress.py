@@ -174,7 +174,7 @@ def ogden_terms(l0, l1, l2, table, k):
 
 @internal
 def ogden_mixed(l0, l1, l2, d0, d1, d2, table, k):
-    """Return the product of the Hessian of W with respect to the stretches and a change (d0, d1, d2) of them."""
+    """Return the Hessian of W with respect to the stretches, times a change (d0, d1, d2) of the stretches."""
     m0, m1, m2 = 0.0, 0.0, 0.0
     u0, u1, u2 = d0 / l0, d1 / l1, d2 / l2
     for term in range(int(table.parameters[k, TERMS])):

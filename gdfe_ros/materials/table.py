@@ -22,9 +22,9 @@ MODERATE_POISSON = 0.45
 """Largest Poisson's ratio for which the energy has the full bulk modulus; above it each element has a pressure unknown.
 """
 SOFTENING_POISSON = 0.475
-"""If the elements of a measured curve have pressures, this Poisson's ratio gives the bulk modulus in their energy; for
-other laws, `MODERATE_POISSON` does. The curve's tangent may fall far below the initial modulus, and the pressures
-converge only while the bulk modulus exceeds the decrease of the tangent.
+"""Poisson's ratio that gives the bulk modulus in the energy of elements with pressures, if their law is a measured
+curve. For other laws, `MODERATE_POISSON` gives it. The curve's tangent may fall far below the initial modulus, and the
+pressures converge only while the bulk modulus exceeds the decrease of the tangent.
 """
 
 SHEAR, YOUNG, POISSON, BULK, PENALTY, LAME, CARRIED, TERMS, OGDEN = range(9)

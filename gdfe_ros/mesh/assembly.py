@@ -124,7 +124,7 @@ ACROSS = {8: np.array([1, 0, 3, 2, 5, 4, 7, 6]), 10: np.array([0, 2, 1, 3, 6, 5,
 tetrahedron the second and the third corner are exchanged. The reflected cell then has a positive volume."""
 _Surface = TypeVar("_Surface", Outside, Touching)
 _BACK = np.array([-1.0, 1.0, 1.0])
-"""Signs of (xi, eta, zeta) of a point in the reflected hexahedron, whose xi is reversed."""
+"""Factors on a point's reference coordinates (xi, eta, zeta) that give its coordinates in the reflected hexahedron."""
 
 
 def mirror(mesh: Mesh, axis: int) -> Mesh:

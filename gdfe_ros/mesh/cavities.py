@@ -43,8 +43,7 @@ class Cavity:
 def find_cavities(mesh: Mesh) -> list[Cavity]:
     """Return the cavities of a mesh, the largest first.
 
-    The boundary consists of closed pieces with normals out of the material. A piece with a negative enclosed volume
-    bounds a cavity.
+    The boundary consists of closed pieces. A piece bounds a cavity if its volume in `boundary_pieces` is positive.
     """
     found = [
         Cavity(inner, volume, mesh.vertices[np.unique(inner)].mean(axis=0))
@@ -57,7 +56,7 @@ def find_cavities(mesh: Mesh) -> list[Cavity]:
 def boundary_pieces(mesh: Mesh) -> Iterator[tuple[NDArray[np.bool_], float]]:
     """Yield a mask (q,) of the faces of each closed piece of the boundary, and the volume [m^3] of the space inside it.
 
-    The volume is positive for a cavity, and negative for the outside of a body.
+    The volume is positive for a cavity, and negative for an outer boundary of the body.
     """
     quads = mesh.boundary.quads
     piece = surface_pieces(mesh.vertices, corners_of(quads))
@@ -149,7 +148,7 @@ Surface = tuple[NDArray[np.float64], NDArray[np.int64]]
 def find_misplaced_cavities(
     vertices: NDArray[np.float64], triangles: NDArray[np.int64], cavities: Sequence[Surface]
 ) -> dict[int, str]:
-    """Return the text of a defect for the number of each cavity that is not inside of the body's material.
+    """Return a dict from number to defect, for each cavity that is not inside of the body's material.
 
     A cavity is inside if no other surface cuts or touches it, and a point of each of its shells is inside.
 
@@ -185,8 +184,8 @@ def find_misplaced_cavities(
 def close_on(faces: NDArray[np.int32], holder: NDArray[np.int32]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
     """Close the openings of a surface whose rims lie on rigid sets.
 
-    The open edges on one rigid set are joined to one of their vertices. A side of a six-node plate that is no edge of
-    the surface is straight, and repeats an end as its middle node.
+    The open edges on one rigid set are joined to one of their vertices. If a side of a six-node plate is no edge of the
+    surface, it is straight, and one of its ends is also its middle node.
 
     Args:
         faces: vertex ids (q, 4) or (q, 6), oriented.

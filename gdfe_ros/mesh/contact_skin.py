@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Contact points and triangles on a skin, which replace the boundary faces of the cells in contact."""
+"""Contact points and triangles on a skin: in contact, they replace the boundary faces of the cells."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ FARTHEST = np.array([0.5, 0.75, 1.0])
 cell, exceeds this. The three values are for a corner, for a crease point, and for any other point.
 """
 NEAR = 8
-"""Number of nearest contact points among which one on the same side of a thin wall is searched."""
+"""Number of nearest contact points that are searched for one on the same side of a thin wall."""
 ALIKE = -1e-9
 """Two points count as on the same side of a wall if the cosine between their normals exceeds this. The value is
 slightly negative, so that points with perpendicular normals are included.
@@ -111,7 +111,7 @@ class SkinPoints:
         return self._complete(self._take_corners(np.unique(point[first])))
 
     def _take_corners(self, chosen: NDArray[np.intp]) -> NDArray[np.intp]:
-        """Return the chosen points after each corner of the skin has replaced the nearest of them, if it is close.
+        """Return the chosen points, in which each corner of the skin replaces the nearest chosen point if it is close.
 
         A chosen point that is itself a corner is not replaced.
         """
@@ -165,7 +165,7 @@ def _tips(triangles: NDArray[np.int64], normals: NDArray[np.float64], own: NDArr
 
 
 def _kinds(creases: NDArray[np.int64], tips: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """Return the kind of each point: 1 on two creases; 0 a tip, or on another number of creases; 2 any other point."""
+    """Return the kind of each point: 1 on two creases; 2 on no crease, if it is no tip; 0 otherwise."""
     creases = np.bincount(creases.ravel(), minlength=len(tips))
     return np.where((creases == 0) & ~tips, 2, np.where(creases == 2, 1, 0))
 
@@ -233,7 +233,7 @@ def _nearest(
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Return the source (k,) that is nearest to each point along ``edges`` (e, 2), and its distance [m].
 
-    They are -1 and infinite if no source is connected to a point.
+    A point to which no source is connected has the source -1 and an infinite distance.
     """
     length = np.linalg.norm(places[edges[:, 0]] - places[edges[:, 1]], axis=1)
     length = np.maximum(length, np.finfo(float).tiny)
@@ -252,8 +252,8 @@ that is missing in the skin. SHORT applies to centroids outside the skin.
 def touch_by_skin(mesh: HexMesh, points: NDArray[np.float64], triangles: NDArray[np.int64]) -> HexMesh:
     """Return a copy of a mesh whose contact points are points of its skin, not vertices of its cells.
 
-    There is about one contact point for each boundary vertex, as many as the cells can resolve: the skin point in whose
-    interpolation the vertex has the largest weight.
+    There is about one contact point for each boundary vertex: the skin point in whose interpolation this vertex has the
+    largest weight. The cells cannot resolve more points.
 
     Args:
         mesh: the mesh with its skin.

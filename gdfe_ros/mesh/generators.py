@@ -124,7 +124,7 @@ def finger(size: Sequence[float], *, joints: int, gap: float, web: float, cell: 
 
 
 def _planes(borders: NDArray[np.float64], cell: float) -> NDArray[np.float64]:
-    """Return ascending coordinates of planes [m]: the borders, and planes between, at most ``cell`` apart."""
+    """Return ascending coordinates of planes [m], at most ``cell`` apart: the borders, and planes between borders."""
     pieces = [borders[:1]]
     for low, high in pairwise(borders):
         count = max(1, int(np.ceil((high - low) / cell - 1e-9)))
@@ -260,7 +260,7 @@ def _plug(radius: float, around: int, planes: NDArray[np.float64]) -> HexMesh:
 
 
 def _full_turn(around: int) -> NDArray[np.float64]:
-    """Return ``around`` + 1 equally spaced angles [rad] of a full circle, from a corner of `_plug`'s core, -45 deg."""
+    """Return ``around`` + 1 equally spaced angles [rad] of a full circle, from -45 deg (a corner of `_plug`'s core)."""
     return np.linspace(-np.pi / 4, 7 * np.pi / 4, around + 1)
 
 

@@ -29,8 +29,8 @@ class Mesh:
         vertex_sets: named sorted vertex ids, int32 (node and face sets of an imported file).
         filling: filled fraction of the cells; None if every cell is entirely filled.
         skin: surface that is drawn instead of the cells' outer faces; None if these faces are drawn.
-        touching: contact points and triangles on skins, which replace the cells' faces in contact; None if only the
-            faces of cells are in contact.
+        touching: contact points and triangles on skins: in contact, they replace the faces of cells. None if contact
+            acts on faces of cells only.
         parts: dict from name to each mesh from which this mesh was assembled; empty for a single mesh.
         remarks: messages about content of the mesh's file that was left out.
 

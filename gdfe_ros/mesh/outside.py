@@ -24,8 +24,8 @@ WITHIN = 1.0 - 1e-9
 magnitude.
 """
 REACH = 3.001
-"""Largest magnitude of a carried point's reference coordinates: one edge length outside of its cell. The far end of a
-sliver whose material moved to the cell is there (`gather_slivers`).
+"""Largest magnitude of a carried point's reference coordinates: one edge length outside of its cell. That far outside
+is the far end of a sliver whose material moved to the cell (`gather_slivers`).
 """
 
 

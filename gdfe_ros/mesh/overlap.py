@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Intersections of two meshes, and of a surface with itself.
 
-The overlap of two meshes is found with separating axes between pairs of cells, which are treated as convex, or with
-their skins.
+The overlap of two meshes is found with separating axes between pairs of cells, or with the meshes' skins. Cells are
+treated as convex.
 """
 
 from __future__ import annotations
@@ -107,8 +107,9 @@ Both = tuple[NDArray[np.float64], NDArray[np.float64]]
 def _depths(a: NDArray[np.float64], b: NDArray[np.float64], edges: Both, normals: Both) -> NDArray[np.float64]:
     """Return the penetration depth (k,) [m] of pairs of cells with corners (k, 8 or 4, 3); it is negative for a gap.
 
-    The depth is the least overlap of the projections of both cells on all candidate axes (Gottschalk 1996). They
-    are the ``normals`` (k, f, 3) of the faces of either cell, and the products of their ``edges`` (k, e, 3).
+    The depth is the least overlap of the projections of both cells on all candidate axes (Gottschalk 1996). The axes
+    are the ``normals`` (k, f, 3) of the faces of both cells, and the vector products of an edge of one cell with an
+    edge of the other (``edges``, (k, e, 3) of each cell).
     """
     across = np.cross(edges[0][:, :, None], edges[1][:, None]).reshape(len(a), -1, 3)
     axes = np.concatenate([*normals, across], axis=1)

@@ -155,7 +155,7 @@ def _find_overlaps(mesh: Mesh, *, upright: bool) -> list[str]:
 
 
 def _other_volume(mesh: Mesh, volumes: NDArray[np.float64]) -> list[str]:
-    """Return a list with a defect if the boundary encloses another volume than that of the cells; empty if not."""
+    """Return a list with a defect if the volume inside the boundary differs from that of the cells; empty if not."""
     inside, whole = inside_volume(mesh.vertices, mesh.boundary.quads), float(volumes.sum())
     if abs(inside - whole) <= SAME_VOLUME * whole:
         return []

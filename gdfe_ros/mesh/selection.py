@@ -73,9 +73,9 @@ class SphereSelection(Keys):
 class Where(Alternatives, Keys):
     """A selection by exactly one of these keys, in the whole body or in one of the `meshes`; `any` unites several.
 
-    Where cells are needed, a face selects the cells with at least one of its vertices, ``vertices`` select the cells
-    with all vertices among them, and boxes and spheres select by the centroids of cells. Where vertices are needed,
-    cells select all of their vertices. A set is converted like ``vertices`` or ``cells``.
+    Where cells are needed, a face selects the cells with at least one of its vertices. ``vertices`` select the cells
+    whose vertices are all listed. Boxes and spheres select the cells whose centroids are inside. Where vertices are
+    needed, cells select all of their vertices. A set is converted like ``vertices`` or ``cells``.
     """
 
     options: ClassVar[tuple[str, ...]] = ("mesh",)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Contact points of a skin, which replace the boundary vertices of the cells in contact."""
+"""Contact points of a skin: in contact, they replace the boundary vertices of the cells."""
 
 from __future__ import annotations
 

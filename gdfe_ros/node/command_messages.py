@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Conversion of command messages to orders; invalid ones are refused with a reason."""
+"""Conversion of command messages to orders; invalid messages are refused with a reason."""
 
 from __future__ import annotations
 
@@ -41,12 +41,14 @@ Vector, Quaternion = tuple[float, float, float], tuple[float, float, float, floa
 def pose_order(message: PoseStamped, handle: Handle, *, size: float, frames: Frames) -> PoseOrder:
     """Return the order of a message with a target pose.
 
+    If the header's frame is empty, the node's frame or the handle's rest frame, the target is relative to the rest
+    pose. With any other frame, the target is the pose of the handle's own frame in this frame.
+
     Args:
         message: target pose.
         handle: the commanded handle.
         size: size of the body [m].
-        frames: frames of the body. In the node's frame and the handle's rest frame, the target is relative to the rest
-            pose. In any other frame, it is the pose of the handle's own frame in that frame.
+        frames: frames of the body.
 
     Raises:
         Refusal: the handle is fixed, no transforms lead to the header's frame, a number is not finite, the quaternion
@@ -69,7 +71,7 @@ def make_pose_order(handle: Handle, place: Placement, *, size: float, frames: Fr
     """Return the order that moves a handle's frame to ``place`` in the node's frame; ``size`` is the body's size [m].
 
     Raises:
-        Refusal: the place is farther from rest than ten times the body's size.
+        Refusal: the place is farther from the rest pose than ten times the body's size.
     """
     rest = frames.rests()[frames.rest(handle.name)]
     return PoseOrder(handle.name, *_unpack_near(rest.inverse() @ place, size))
@@ -110,7 +112,7 @@ def twist_order(message: TwistStamped, handle: Handle, *, size: float, frames: F
 
 
 def _read_place(message: PoseStamped, handle: Handle, size: float, frames: Frames) -> tuple[Vector, Quaternion]:
-    """Return a message's translation from rest [m] and quaternion, bitwise as sent if they need no transform."""
+    """Return a message's translation from rest [m] and quaternion, bitwise as sent if no transform is needed."""
     place = frames.relative(message.header.frame_id, handle.name)
     if place is not None:
         return _unpack_near(place @ require_pose(message.pose), size)
@@ -217,7 +219,8 @@ class ActuatorOrders:
         joint_trajectory_controller.
 
         Args:
-            message: trajectory; its header's stamp is its start, and a stamp of 0 starts it when it is consumed.
+            message: trajectory, which starts at its header's stamp; with stamp 0, it starts with the step that consumes
+                it.
             now: present simulation time [s].
             convert: function that returns the simulation time [s] of a stamp [ns].
 
@@ -270,7 +273,7 @@ class ActuatorOrders:
 
 
 def _table(message: JointTrajectory, field: str) -> NDArray[np.float64] | None:
-    """Return the values (k, n) of a field, velocities or accelerations, at all k points; None if a point lacks them.
+    """Return the velocities or accelerations (k, n) of all k points; None if a point has none.
 
     Raises:
         Refusal: a point has the wrong number of values, or a value is not finite.

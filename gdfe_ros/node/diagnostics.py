@@ -137,7 +137,10 @@ class Diagnostics:
 
 
 def _judge_obedience(session: SimulationSession) -> _Part:
-    """Return whether the node receives all commands, and whether the simulation reaches the commanded values."""
+    """Return the status of the reception and execution of commands.
+
+    It warns if commands do not reach the node, if a command stops before its goal, or if a joint's effort is limited.
+    """
     values: dict[str, object] = {f"{name} follows": leader for name, leader in session.inputs.list_leaders().items()}
     reason = "ok"
     if session.mode is ClockMode.LOCKSTEP and session.run.pace is not None:
@@ -165,7 +168,7 @@ def _find_limited(session: SimulationSession) -> dict[str, str]:
 
 
 def _tell_approach(session: SimulationSession) -> str:
-    """Return a text with present value and goal of each command that the rate limit delays, and with this limit."""
+    """Return a text about the commands that the rate limit delays: present values, goals, and the limit."""
     slew, present = session.stepper.drive.slew, session.simulation.commands
     goals = ", ".join(f"{name} at {present[name]:.4g} of {goal:.4g}" for name, goal in slew.goals.items())
     if slew.stopped:
@@ -176,7 +179,10 @@ def _tell_approach(session: SimulationSession) -> str:
 
 
 def _work(session: SimulationSession) -> dict[str, object]:
-    """Return the entry ``working on``: a task longer than `_LONG`, or the request of ~/step; else an empty dict."""
+    """Return the entry ``working on``; empty without long work.
+
+    Long work is a task that takes longer than `_LONG`, or a request of ~/step.
+    """
     stepper, request = session.stepper, session.step_request
     work, rounds = stepper.work, stepper.rounds
     if work is not None and (spent := time.monotonic() - work[1]) > _LONG:

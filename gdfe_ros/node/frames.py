@@ -42,7 +42,7 @@ class Placement:
         return cls(np.array([translation.x, translation.y, translation.z]), turn)
 
     def __matmul__(self, inner: Placement) -> Placement:
-        """Return the placement in this frame's parent of a frame whose placement in this frame is ``inner``."""
+        """Return ``inner``, a placement in this frame, as a placement in this frame's parent."""
         return Placement(self.origin + self.turn.apply(inner.origin), self.turn * inner.turn)
 
     def inverse(self) -> Placement:
@@ -68,15 +68,15 @@ _UNIT_SLACK = 1e-2
 class Transforms:
     """Subscribes to /tf and /tf_static; for each frame the transform with the latest stamp is used.
 
-    A transform is ignored, and counted as a refused command, in three cases: a number is not finite, the quaternion is
-    not of unit length, or the stamp is older or farther ahead than allowed for a command.
+    A transform is ignored, and counted as a refused command, in four cases: a number is not finite, the quaternion is
+    not of unit length, the stamp is older or farther ahead than allowed for a command, or `_MOST_FRAMES` are known.
 
     Args:
         node: node of the subscriptions.
         heard: function that is called after each message.
         now: function that returns the time on the clock of the stamps [ns].
         limits: parameters ``command_max_age`` and ``command_max_lead`` [s] by name.
-        refuse: function that receives topic and frame of a transform, and its refusal.
+        refuse: function that receives the topic, the frame and the refusal of a refused transform.
     """
 
     def __init__(
@@ -117,7 +117,7 @@ class Transforms:
         Args:
             source: name of the frame to place.
             target: name of the reference frame.
-            own: dict from name of a frame that the node computes itself to its parent and its placement there.
+            own: dict from name to parent, and placement in the parent, of each frame that the node computes itself.
         """
         with self._lock:
             self._own = own.keys()
@@ -165,11 +165,11 @@ class Transforms:
                             self._refuse(f"{spec.name}, frame {each.child_frame_id[:_SHOWN]!r},", refusal)
 
     def _take(self, told: Any, arrived: int, *, moving: bool) -> None:
-        """Store a transform that arrived at a time [ns]; the stamp of a moving frame is checked.
+        """Store a transform that arrived at the time ``arrived`` [ns]; check the stamp of a moving frame.
 
         Raises:
-            Refusal: a number is not finite, the quaternion is not of unit length, or the stamp is too old, ahead, or
-                before the frame's last stamp.
+            Refusal: a number is not finite, the quaternion is not of unit length, the stamp is too old, ahead, or
+                before the frame's last stamp, or `_MOST_FRAMES` are known.
         """
         origin, turn = told.transform.translation, told.transform.rotation
         require_place(origin, turn, _UNIT_SLACK, ("translation", "rotation"))
@@ -182,7 +182,7 @@ class Transforms:
 
 
 def _chain_up(frame: str, parents: Mapping[str, tuple[str, Placement]]) -> dict[str, Placement]:
-    """Return a dict from a frame itself and each of its ancestors, nearest first, to the frame's placement there."""
+    """Return a frame's placement in itself and in each of its ancestors, nearest first, by name."""
     chain = {frame: Placement()}
     while frame in parents and parents[frame][0] not in chain and len(chain) < _DEEPEST:
         parent, placement = parents[frame]
@@ -214,14 +214,19 @@ class Frames:
         self.last: Callable[[], Step | None] = lambda: None
 
     def full_name(self, name: str) -> str:
-        """Return the name of one of the node's own frames, with the part that tells robots apart.
+        """Return the full name of one of the node's own frames, with the part before the last slash of ``frame_id``.
 
-        Its ``name`` is: ``<handle>_rest``, at the rest centre of a handle or obstacle, its frame of pose and target;
-        ``<handle>_centre``, at its present centre, with the node's axes, the frame of its wrench; ``<handle>``, which
-        moves and rotates with it; ``<probe>_probe``, which moves and rotates with a material point; ``<probe>_imu``,
-        which rotates with the cell around it; ``<sensor>_sensor``, at the present centre of a contact sensor, with the
-        node's axes; ``<mesh>_mesh``, which moves and turns with one of several meshes, as best fits its vertices; the
-        name of an arm's link; or empty, for the node's own frame.
+        ``name`` is one of:
+
+        - empty: the node's own frame.
+        - ``<handle>_rest``: at the rest centre of a handle or obstacle; its pose and target refer to this frame.
+        - ``<handle>_centre``: at the present centre, with the node's axes; the wrench refers to this frame.
+        - ``<handle>``: moves and rotates with the handle or obstacle.
+        - ``<probe>_probe``: moves and rotates with a material point.
+        - ``<probe>_imu``: moves with a material point, and rotates with the cell around it.
+        - ``<sensor>_sensor``: at the present centre of a contact sensor, with the node's axes.
+        - ``<mesh>_mesh``: moves and rotates with one of several meshes, by the best fit to the mesh's vertices.
+        - the name of an arm's link.
         """
         return f"{self._prefix}{name}" if name else self.frame_id
 
@@ -258,7 +263,7 @@ class Frames:
         return found
 
     def _parents_of_links(self, scene: Scene) -> dict[str, str]:
-        """Return a dict from link to its parent link, which is empty if its parent is the node's frame.
+        """Return a dict from link to parent link; the parent's name is empty if it is the node's frame.
 
         A link with the name of the node's frame is left out: a frame cannot be its own parent.
         """
@@ -339,7 +344,7 @@ class Frames:
         return found
 
     def _own(self) -> dict[str, tuple[str, Placement]]:
-        """Return a dict from frame name to its parent and its placement there, for frames that the node computes."""
+        """Return a dict from frame name to parent and placement, for handles, obstacles and contact sensors."""
         last = self.last()
         now, poses = (self._scene.mesh.vertices, {}) if last is None else (last.result.positions, last.poses)
         own = {name: (self.frame_id, place) for name, place in self.rests().items()}
@@ -353,6 +358,6 @@ class Frames:
         }
 
     def _place_handle(self, handle: Handle, pose: Pose) -> Placement:
-        """Return the placement of the frame of a handle or obstacle with a pose relative to rest."""
+        """Return the placement in the node's frame of a handle's or obstacle's frame at a pose relative to rest."""
         origin = handle.centre(self._scene.mesh.vertices) + pose.translation
         return Placement(origin, Rotation.from_rotvec(pose.rotation))

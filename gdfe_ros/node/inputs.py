@@ -192,7 +192,7 @@ class Inputs:
         return {name: f"{each}{'' if each.key in self._heard else ', not heard yet'}" for name, each in leaders}
 
     def unheard(self) -> list[str]:
-        """Return a text for each command topic with best-effort publishers, whose messages do not reach the node."""
+        """Return a text for each command topic with best-effort publishers; their messages do not reach the node."""
         node, found = self._run.node, []
         for subscription in self._subscriptions.values():
             topic = subscription.topic_name
@@ -249,7 +249,7 @@ class Inputs:
                     self._pursuits.remove(pursuit)
 
     def take_over(self, other: Inputs) -> None:
-        """Take over trajectories of action clients, stored stamps, and the list of heard topics from other inputs."""
+        """Take over from other inputs: action clients' trajectories, stored stamps, and the keys of heard inputs."""
         self._pursuits, other._pursuits = other._pursuits, []
         self.freshness, self._heard = other.freshness, other._heard & self._inputs.keys()
 
@@ -317,7 +317,7 @@ def read_message(data: bytes, kind: type) -> Any:
 
 
 def _inputs(run: Run, leaders: Mapping[str, Leader]) -> Iterator[Input]:
-    """Yield the inputs of a scene, including those of fixed handles and followers, which refuse all commands."""
+    """Yield the inputs of a scene; inputs of fixed handles and of followers refuse all commands."""
     yield from _handle_inputs(run, leaders)
     scene = run.scene
     if scene.actuators or scene.loads or scene.arms:

@@ -121,7 +121,10 @@ class TopicOutputs:
             channel.destroy()
 
     def _make_latched(self) -> Iterator[tuple[TopicSpec, str, Callable[[], Any]]]:
-        """Yield topic, name with its braces filled, and function that returns the message, of the latched topics."""
+        """Yield description, name, and a function that returns the message, of each latched topic.
+
+        An empty name stands for the name in the description.
+        """
         yield topics.TOPOLOGY, "", partial(messages.topology, self._scene.mesh.cells)
         yield topics.SCENE, "", lambda: pack_text(self._run.scene.source)  # its moduli may have changed
         if self._contacts:
@@ -134,7 +137,7 @@ class TopicOutputs:
             yield topics.TF_STATIC, "", lambda: packer.pack(self._run.clock(), list(rests.values()))
 
     def _make_outputs(self, channel: Callable[..., Channel]) -> Iterator[Output]:
-        """Yield the outputs in the order in which a step is published."""
+        """Yield the outputs of a step, in no particular order."""
         scene, parameters = self._scene, self._run.parameters
         if parameters["publish_clock"]:
             yield Output(channel(topics.CLOCK), _pack_clock)
@@ -204,7 +207,7 @@ class Bags:
     def begin(self, *, state: bytes | None) -> str:
         """Begin a bag in the directory ``bag_path`` (default: ``runs/<scene>_<time>``); return a text with its path.
 
-        If the disk is too slow, messages are dropped and counted under the wall clock. Under other clocks the steps
+        If the disk is too slow under the wall clock, messages are dropped and counted. Under other clocks the steps
         wait for the disk.
 
         Args:

@@ -51,7 +51,10 @@ class NodeParameters(Mapping[str, Any]):
         return self._values[name]  # read several times a step, hence kept instead of read through rclpy
 
     def entries(self, name: str) -> list[str]:
-        """Return a parameter's list of strings without empty entries; ROS cannot declare an empty list."""
+        """Return a parameter's list of strings without empty entries.
+
+        A list with an empty entry stands for an empty list, which ROS cannot declare.
+        """
         return [entry for entry in self[name] if entry.strip()]
 
     def __iter__(self) -> Iterator[str]:
@@ -90,7 +93,7 @@ class NodeParameters(Mapping[str, Any]):
 
 
 def require_allowed(spec: ParameterSpec, value: Any) -> None:
-    """Check the value of a parameter of type double, with choices, or with texts, because rclpy does not check it.
+    """Check the value of a parameter, as far as rclpy does not: doubles, choices, and control characters in texts.
 
     A double may be given as an integer (rate:=100).
 

@@ -63,7 +63,7 @@ class RefusalLog:
 
     Args:
         warn: function that receives the text of a warning.
-        tell: function that receives the source and the refusal of each refused command at once; None: not called.
+        tell: function that receives the source and the refusal of each refused command; None: not called.
         noun: noun for a refused item in the warnings.
     """
 
@@ -196,7 +196,7 @@ _LONGEST_REASON = 4000
 
 
 class ResultCode(IntEnum):
-    """Result codes of ``simulation_interfaces/msg/Result``, whose names differ between its versions.
+    """Result codes of ``simulation_interfaces/msg/Result``; the message's own names differ between its versions.
 
     Codes above 100 belong to a single service.
     """
@@ -262,7 +262,7 @@ def fail(response: Any, error: BaseException) -> Any:
 
 
 def answer_after(work: Future[Any], respond: Callable[[Future[Any]], Any]) -> Future[Any]:
-    """Return a ``Future`` of the response that ``respond`` makes of ``work`` when this is done."""
+    """Return a ``Future`` of the response that ``respond`` makes of ``work``, once ``work`` is done."""
     answer: Future = Future()
     work.add_done_callback(lambda done: answer.set_result(respond(done)))
     return answer
@@ -275,7 +275,7 @@ def answer(
 
     Args:
         action: function that writes its results into the response, and returns a text or None, or raises `Refused` or
-            another GdfeError. It may return a ``Future``, whose result or exception becomes the answer.
+            another GdfeError. It may return a ``Future``; the result or exception of the ``Future`` becomes the answer.
         request: request of the service.
         response: empty response.
         note: function that receives an exception of the ``Future`` that is no GdfeError.

@@ -109,7 +109,7 @@ class Run:
         return self.last.record.time + 1e-9 * (stamp - self.last.record.stamp)
 
     def follow_clock(self, wake: Callable[[], object]) -> JumpHandle:
-        """Inform the pace and call ``wake`` when the external clock changes, until the returned handle is unregistered.
+        """Inform the pace and call ``wake`` when /clock changes the time, until the returned handle is unregistered.
 
         Raises:
             GdfeError: the node does not follow the /clock of another node.

@@ -118,7 +118,7 @@ class SimNode(SessionNode):
             self.collect()
 
     def destroy_node(self) -> None:
-        """Do `close`, and destroy the node: its threads and topics would keep it in the ROS graph."""
+        """Close and destroy the node. Without `close`, its threads and topics would keep it in the ROS graph."""
         self.close()
         super().destroy_node()
 
@@ -155,7 +155,7 @@ class SimNode(SessionNode):
             self.get_logger().warning(remark)
 
     def _replace(self, simulation: Simulation, before: Scene, anew: bool) -> bool:
-        """Replace the session by one of ``simulation``, which starts at rest if ``anew``, else continues the motion.
+        """Replace the session by one of ``simulation``: at rest if ``anew``, else in the present motion.
 
         Return False, and keep the session, if its scene is no longer ``before``.
 
@@ -183,7 +183,7 @@ class SimNode(SessionNode):
                 self.session.start(handover)
 
     def _open(self, simulation: Simulation, old: SimulationSession, *, anew: bool) -> SimulationSession:
-        """Return a session of ``simulation`` in place of ``old``, which has been closed."""
+        """Return a session of ``simulation`` in place of the closed session ``old``."""
         session = SimulationSession(self, self._settings, simulation, self.refusals, ending=self._interrupted)
         session.stepper.restart(Begin.REST if anew else Begin.LOADED)
         if anew:
@@ -193,7 +193,7 @@ class SimNode(SessionNode):
         return session
 
     def _await_connections(self, known: Mapping[str, int]) -> None:
-        """Wait until the new topics are connected to as many endpoints as the old ones, at most `_RECONNECTION`."""
+        """Wait, at most `_RECONNECTION`, until the new topics have as many connected endpoints as the old ones had."""
         end = time.monotonic() + _RECONNECTION
         while time.monotonic() < end:
             now = self.session.connections()

@@ -151,7 +151,7 @@ class SimulationSession:
         return found
 
     def take_over(self, other: SimulationSession) -> None:
-        """Continue the commands of another session that has halted, between two steps."""
+        """Continue the commands of another session, after it has halted."""
         self.stepper.take_over(other.stepper, self._bodies)
         self.inputs.take_over(other.inputs)
         self._lateness = other._lateness
@@ -221,8 +221,8 @@ class SimulationSession:
     def has_arrived(self) -> bool:
         """Return whether the last step's error estimate is within the tolerance and every handle is at its target.
 
-        It can be True for a step that is not marked as converged: a deadline may end a solve after it has converged and
-        before it is checked.
+        The result can be True for a step that is not marked as converged: a deadline may end a solve after it has
+        converged and before it is checked.
         """
         result, solver, mesh = self.run.last.result, self.scene.solver, self.scene.mesh
         reach, targets = solver.tolerance * mesh.size, self.simulation.targets
@@ -375,7 +375,10 @@ class SimulationSession:
         self.step_publisher.put(replace(last, first=False, again=True, stored=stored, **again))
 
     def _change_moduli(self, moduli: Mapping[str, float]) -> None:
-        """Replace the simulation by one with other moduli, in equilibrium or, with dynamics, in the present motion."""
+        """Replace the simulation by one with other moduli.
+
+        Without dynamics, it is solved at the present commands. With dynamics, it continues the present motion.
+        """
 
         def swap() -> None:
             self.run.simulation = with_moduli(self.simulation, moduli, interrupted=self.stepper.must_end)

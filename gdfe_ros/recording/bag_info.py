@@ -58,7 +58,8 @@ class Qos:
 
     Args:
         reliability: whether lost messages are resent: ``reliable``, ``best_effort``, ...
-        durability: ``transient_local`` for a latched topic, whose late subscribers receive the last messages.
+        durability: ``transient_local`` if late subscribers receive the last messages (latched topic), else
+            ``volatile``, ...
         history: whether the publisher's queue contains the last messages (``keep_last``) or all (``keep_all``).
         depth: number of messages in the queue under ``keep_last``, at least 0.
 
@@ -85,7 +86,7 @@ class Qos:
 
     @classmethod
     def from_rosbag2(cls, entry: Mapping[str, Any]) -> Qos:
-        """Return the profile from a mapping as in metadata.yaml, version 9.
+        """Return the profile from a mapping in the form of metadata.yaml, version 9.
 
         Raises:
             RecordingError: a policy is not one of the names that ROS 2 has written since Jazzy.
@@ -98,7 +99,7 @@ class Qos:
             ) from error
 
     def to_rosbag2(self) -> dict[str, Any]:
-        """Return the profile as a mapping as in metadata.yaml, version 9."""
+        """Return the profile as a mapping in the form of metadata.yaml, version 9."""
         return {
             "history": self.history,
             "depth": self.depth,

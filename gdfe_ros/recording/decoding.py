@@ -74,7 +74,7 @@ def expand_bz2(data: bytes) -> bytes:
 
 
 def expand_message(data: bytes) -> bytes:
-    """Return a ROS 2 message, decompressed if it is a frame of zstd; no uncompressed message begins like one.
+    """Return a ROS 2 message, decompressed if it is a frame of zstd; no uncompressed message begins like a frame.
 
     Raises:
         ValueError, zstandard.ZstdError: as for `expand_zstd`.
@@ -83,7 +83,7 @@ def expand_message(data: bytes) -> bytes:
 
 
 def open_zstd(file: IO[bytes], mode: str = "rb") -> Any:
-    """Return a stream of the content of a file, which is open for reading.
+    """Return a file object with the decompressed content of a file that is open for reading.
 
     Its ``read`` raises ValueError if more is read than the file may expand to, or than half of the free space of the
     folder for temporary files.
@@ -105,7 +105,7 @@ def bound_libraries(*rosbags: ModuleType) -> None:
 
 
 class _Bounded:
-    """A stream of which at most ``most`` bytes can be read; a context manager."""
+    """A file object from which at most ``most`` bytes can be read; a context manager."""
 
     def __init__(self, stream: Any, most: int) -> None:
         self._stream, self._most, self._left = stream, most, most
@@ -189,7 +189,7 @@ def array_decoder(topics: Iterable[TopicInfo]) -> Decoder:
 
 
 def _types_of(topic: TopicInfo) -> dict[str, Any]:
-    """Return the types in the definition of a topic, which is a text of ``.msg`` files or of IDL files."""
+    """Return the types in a topic's definition, a text of ``.msg`` files or of IDL files."""
     from rosbags.typesys import get_types_from_idl, get_types_from_msg
 
     if not topic.definition.startswith(f"{_RULE}IDL: "):

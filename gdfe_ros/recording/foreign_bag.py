@@ -37,8 +37,8 @@ _REMEDIES = {
 class ForeignBag:
     """A bag of another recorder: SQLite, ROS 1, compressed by file or by message, one file or several.
 
-    Definitions of messages come from the bag or, if it has none, like SQLite bags before ROS 2 Iron, from ROS 2 Jazzy.
-    Messages of a ROS 1 bag have the fields of ROS 2, too.
+    Definitions of messages come from the bag. SQLite bags before ROS 2 Iron have none; their definitions come from ROS
+    2 Jazzy. Messages of a ROS 1 bag have the fields of ROS 2, too.
 
     Args:
         path: directory of the bag, or a file ``.db3``, ``.bag``, ``.mcap``, also with ``.zstd``.
@@ -108,7 +108,10 @@ class ForeignBag:
         return decode
 
     def _name_by_kind(self, file: Path) -> Path:
-        """Return a file under the suffix of its kind; a compressed file is expanded into a temporary folder."""
+        """Return a path to a file, with the suffix of the file's kind.
+
+        A compressed file is expanded into a temporary folder. A file with another suffix gets a link in this folder.
+        """
         kind, place = file_kind(file), Path(self._folder.name) / file.name
         if kind is BagKind.ZSTD:
             self._expand(file, place)

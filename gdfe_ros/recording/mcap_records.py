@@ -75,7 +75,7 @@ class Damage:
 
 
 def require_sound_summary(data: mmap) -> int:
-    """Check the summary at the end of a file, which contains the index; mcap's readers do not check its checksum.
+    """Check the summary, with the index, at the end of a file; mcap's readers do not check its checksum.
 
     Returns:
         Offset of the summary [B]; 0 if the file has none.
@@ -115,7 +115,7 @@ def records(data: mmap, damage: Damage) -> Iterator[McapRecord]:
 
     Args:
         data: contents of the file.
-        damage: counts of the damage, which are updated.
+        damage: counts of the damage; this function updates them.
 
     Raises:
         RecordingError: the chunks expand too far.

@@ -34,7 +34,7 @@ class Cdr:
         self.data = bytearray(b"\0\1\0\0")
 
     def put(self, kind: str, *values: float) -> None:
-        """Append numbers of one type, a letter as in `struct`; without numbers, nothing is aligned either."""
+        """Append numbers of one type, given by its letter in `struct`; without numbers, append no padding either."""
         if values:
             self.make_room(struct.calcsize(kind), 0)
             self.data += struct.pack(f"<{len(values)}{kind}", *values)
@@ -51,7 +51,7 @@ class Cdr:
         self.put_text(frame_id)
 
     def make_room(self, size: int, count: int) -> int:
-        """Append ``count`` zeros of a ``size`` [B], aligned; return the offset of the first one."""
+        """Append ``count`` aligned zeros of ``size`` [B] each; return the offset of the first one."""
         self.data += bytes((STAMP_AT - len(self.data)) % size)
         self.data += bytes(size * count)
         return len(self.data) - size * count
@@ -65,7 +65,7 @@ def pack_text(text: str) -> bytes:
 
 
 def put_stamp(data: bytearray, stamp: int) -> bytes:
-    """Return a serialised message, whose first field is a header, with a stamp [ns]."""
+    """Write a stamp [ns] into a serialised message that begins with a header; return the message as bytes."""
     struct.pack_into("<iI", data, STAMP_AT, stamp // 10**9, stamp % 10**9)
     return bytes(data)
 
@@ -74,7 +74,7 @@ class Packer:
     """Serialises tables of numbers into messages of a topic.
 
     Args:
-        kind: columns of the tables, one of those in `gdfe_ros.recording.message_tables`, but not `JOINTS`.
+        kind: columns of the tables: a dtype of `gdfe_ros.recording.message_tables` other than `JOINTS`.
         frame_id: frame in the header.
         count: rows of each table.
     """

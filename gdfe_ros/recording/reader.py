@@ -37,7 +37,7 @@ from gdfe_ros.untrusted.bounded_text import load_yaml
 from gdfe_ros.untrusted.regular_file import read_text
 
 _LARGEST_DEFINITION = 200_000
-"""Largest size of a type's definition [bytes]; a parser of 16 MB takes a minute."""
+"""Largest size of a type's definition [bytes]; to parse 16 MB takes a minute."""
 DAMAGE = (*UNREADABLE, yaml.YAMLError)
 """Exceptions that may occur while a damaged file, or a damaged text in it, is read."""
 
@@ -135,7 +135,7 @@ class BagReader:
 
 
 def require_topics(bag: Any, topics: Collection[str] | None) -> None:
-    """Raise a RecordingError if a bag, which has a path and topics, lacks one of the ``topics``."""
+    """Raise a RecordingError if ``bag``, an object with a path and topics, lacks one of the ``topics``."""
     if unknown := set(topics or ()) - set(bag.topics):
         raise RecordingError(f"bag {bag.path} has no topic {sorted(unknown)}; it has {sorted(bag.topics)}")
 
@@ -144,7 +144,8 @@ def topic_of(channel: Channel, schema: Schema) -> TopicInfo:
     """Return the topic that MCAP's channel and schema records describe; of several QoS profiles, use the first.
 
     Raises:
-        ValueError: the definition of the type is too large.
+        ValueError: the definition of the type is too large, or the QoS profiles are no list of mappings.
+        RecordingError: a policy of the QoS profile has an unknown name.
     """
     if len(schema.data) > _LARGEST_DEFINITION:
         text = (

@@ -84,8 +84,8 @@ class Recorder:
         topics: topics of the bag.
         run: origin of the run, embedded in the file; None: nothing is embedded.
         waits: whether ``record`` waits while the queue is full, because the disk is slower than the simulation, and
-            rejects the message only after `LONGEST_WAIT`. Otherwise it rejects the message at once, as runs under the
-            wall clock need it.
+            rejects the message only after `LONGEST_WAIT`. Otherwise it rejects the message at once, so that a run under
+            the wall clock never waits.
         failed: function that is called once in the thread, with the status, if the recording stopped early.
 
     Raises:

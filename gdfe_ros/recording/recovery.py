@@ -153,7 +153,8 @@ def recover(path: str | Path, output: str | Path | None = None) -> RecoveryRepor
             ``_recovered`` added to the name.
 
     Raises:
-        RecordingError: there is no MCAP file, no complete message, or the new bag cannot be written.
+        RecordingError: there is no MCAP file or no complete message, a file cannot be read, or the new bag cannot be
+            written.
 
     Example:
         >>> report = recover("runs/bend5")

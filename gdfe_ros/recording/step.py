@@ -70,7 +70,7 @@ class StepRecord:
             entry if it is empty.
         cut: whether a deadline ended the solve before it had converged.
         cut_after: number of the solve's checks of its deadline before the deadline passed; None if it did not pass.
-        converged: as in ``StepResult``, like all following attributes.
+        converged: whether the solve converged. ``StepResult`` has this attribute and all following ones, too.
         iterations: number of linear solves.
         substeps: number of increments.
         error_estimate: estimated distance to the equilibrium, divided by the body's size; infinite if it is unknown
@@ -78,7 +78,7 @@ class StepRecord:
         energy: strain energy [J].
         min_det: smallest det F.
         wall_time: time spent on the solve [s]; the only entry that differs between two equal runs.
-        skipped: dict from the name of a kind of work that was left out to its count.
+        skipped: dict from a kind of work to the number of times that it was left out.
         message: description of the defect; empty if there is none.
         energies: dict from name to energy of a body in motion [J]. Without dynamics it is empty, and the JSON text
             lacks the entry.
@@ -147,7 +147,7 @@ class StepRecord:
 def _require_sound(entries: dict[str, Any]) -> None:
     """Raise a ValueError if a value has a type or range with which the step cannot be repeated.
 
-    Poses are six finite numbers, commands one, and the duration of a step is limited.
+    A pose must be six finite numbers, a command one finite number, and the duration of a step is limited.
     """
     for section, count in (("handles", 6), ("bodies", 6), ("actuators", 0), ("loads", 0), ("joints", 0)):
         given = entries.get(section, {})
@@ -203,8 +203,8 @@ class Step:
         first: whether the step only delivers a state, e.g. after an activation or a reset. Such a state is published
             even without subscribers, because a subscriber that is discovered later receives it.
         again: whether the step was published before and is repeated for new subscribers.
-        stored: whether the step is published even without subscribers: the middleware stores it for later ones, who
-            would otherwise first receive an older state and wait for the end of a long solve.
+        stored: whether the step is published even without subscribers, so that the middleware stores it for later ones.
+            They would otherwise first receive an older state, and wait for the end of a long solve.
         fields: function that evaluates the element fields.
         find_poses: function that evaluates the poses of handles, obstacles and rigid bodies.
         actuators: states of the actuators, by name.

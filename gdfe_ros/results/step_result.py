@@ -40,9 +40,10 @@ class StepResult:
         wall_time: elapsed time [s].
         policy: the policy of the solve.
         message: description of the defect; empty if there is none.
-        stable: whether the energy has positive curvature in every direction. This is proved after cold and far steps,
-            when the strain energy has grown much, and at intervals. False: the body is at a saddle of the energy and
-            leaves it when pushed. None: not known, or not converged.
+        stable: whether the energy has positive curvature in every direction, according to the last proof or search. A
+            proof follows the first step, costly solves, solves that move a vertex far, and a doubling of the strain
+            energy since the last proof. False: the body is at a saddle of the energy and leaves it when pushed. None:
+            not known, or not converged.
         cut_after: number of time checks before the deadline of the solve passed; None if it did not pass.
         actuators: dict from actuator name to its command, extent and effort.
         terms: dict from the name of a term that was added to the simulation to its report.

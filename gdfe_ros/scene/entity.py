@@ -26,7 +26,7 @@ from gdfe_ros.scene.schemas.obstacle_schema import BodyModel
 from gdfe_ros.scene.schemas.scene_schema import NAME
 
 SOFT = ("material", "materials", "regions")
-"""Keys of a description, one of which it needs to describe a soft body."""
+"""Keys of materials: a description with one of these keys describes a soft body."""
 PLACED = ("at", "rotation_deg")
 """Keys of a body's entry that state its place."""
 _TITLE = ("name", "description")
@@ -35,8 +35,8 @@ MOST_CELLS = 20_000
 SMALLEST, BIGGEST = 1e-3, 10.0
 """Smallest and largest size of a soft body that joins, divided by the size of the scene's body.
 
-The tolerance of a step is relative to the largest body. With a body of a ten-thousandth of this size, errors of several
-tolerances were measured.
+The tolerance of a step is relative to the largest body. If the soft body has a ten-thousandth of the largest body's
+size, errors of several tolerances were measured.
 """
 LARGEST = 100_000
 """Largest number of characters of a body's description."""
@@ -168,7 +168,7 @@ def _require_few_cells(mesh: Mapping[str, Any], where: str) -> None:
 def with_body(scene: Scene, name: str, entity: Entity, *, origin: NDArray[np.float64], turn: Rotation) -> Scene:
     """Return ``scene`` with the body ``name`` as the last one of its kind.
 
-    The materials of a soft body join, too, with its name before their own.
+    The materials of a soft body are added to the scene, with the body's name as prefix.
 
     Args:
         scene: the scene; it is not changed.

@@ -211,7 +211,7 @@ def _prune(data: dict[str, Any], broken: list[KeyPath]) -> dict[str, Any]:
 def _depth(path: KeyPath) -> int:
     """Return how many keys of a path to keep so that they lead to the smallest entry that can be dropped as a whole.
 
-    It is an item of a section, such as one handle, or a section without items.
+    Such an entry is an item of a section, such as one handle, or a section without items.
     """
     kind, above = (Program, 1) if path[0] == "program" and len(path) > 1 else (SceneModel, 0)
     field = kind.model_fields.get(path[above])

@@ -257,7 +257,7 @@ class Defects:
             self.refuse((*path, "law"), f"is missing; allowed: {', '.join(LAWS)}, or a preset")
 
     def value_at(self, path: KeyPath, *, plain: bool = True) -> Any:
-        """Return the value in the file at a key path; `NO_VALUE` if there is none, or a mapping where ``plain``."""
+        """Return the value in the file at a key path; `NO_VALUE` if there is none, or for a mapping if ``plain``."""
         value: Any = self._document.data
         for part in path:
             in_list = isinstance(value, list) and isinstance(part, int) and part < len(value)

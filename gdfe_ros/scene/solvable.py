@@ -63,7 +63,7 @@ def remarks(scene: Scene, policy: Policy) -> list[str]:
 
 
 def _of_scheme(scene: Scene, scheme: Scheme) -> list[str]:
-    """Return remarks on forces of actuators whose oscillations a time scheme does not damp."""
+    """Return remarks on actuators whose forces oscillate because a time scheme does not damp them."""
     grips = [item.name for item in scene.actuators if isinstance(item, Grip)]
     kept = [item.name for item in scene.actuators if item.constrains and item.name not in grips]
     notes = []
@@ -146,8 +146,8 @@ def unsolvable(scene: Scene, policy: Policy) -> list[tuple[tuple[str, ...], str]
 def cut_key(mesh: Mesh) -> tuple[str, ...]:
     """Return the key path of the key ``cells`` that selects cut cells in the scene file; empty if no cells are cut.
 
-    Of several meshes with cut cells, the path is that of the first mesh without contact on its skin, or else of the
-    first mesh.
+    If several meshes have cut cells, the path is that of the first one without contact on its skin. If all of them have
+    contact on their skins, it is that of the first one.
     """
     if mesh.filling is None:
         return ()
@@ -271,14 +271,14 @@ def _note_held(actuator: Actuator, handles: Sequence[Handle]) -> str:
 
 
 LEAST_CELLS = 3.0
-"""Smallest ratio of a ball's radius to the size of the cells without a remark. At this ratio, and at an indentation of
-a tenth of the radius, the error of the contact force is at most 8 %.
+"""A remark is given if a ball's radius, divided by the size of the cells, is below this. At this ratio, and at an
+indentation of a tenth of the radius, the error of the contact force is at most 8 %.
 """
 ROUNDING = 1e-9
 """Relative tolerance for rounding errors when a ball's radius is compared with the size of the cells."""
 THICKEST_CELL = 0.35
-"""Largest ratio of the thickness of a wall cell to the radius of a round cavity without a remark; above it the error of
-the volume exceeds 5 %.
+"""A remark is given if the thickness of a cell in the wall of a round cavity, divided by the radius of the cavity,
+exceeds this. The error of the volume is then above 5 %.
 """
 ROUND = 1.1
 """A cavity counts as round if its area is at most this multiple of the area of a ball with the same volume; a cube has

@@ -16,7 +16,7 @@ from gdfe_ros.solver.state import State
 
 
 def find_far_grips(actuation: Actuation, state: State, commands: Mapping[str, float]) -> dict[str, str]:
-    """Return a dict from each grip that closes at ``commands``, but out of its reach, to a message."""
+    """Return a dict from grip to message, for each grip that would close at ``commands`` beyond its reach."""
     found, handles = {}, {handle.name: handle for handle in actuation.body.handles}
     for grip in (each.actuator for each in actuation.grips):
         takes = commands[grip.name] > 0.0 and state.commands[grip.name] == 0.0

@@ -57,7 +57,8 @@ def carry_soft(stepper: MotionStepper, state: State, vertices: NDArray[np.int32]
 def _stop(stepper: MotionStepper, state: State, vertices: NDArray[np.int32], positions: Array) -> State:
     """Return ``state`` with ``vertices`` at their rows of ``positions`` (n, 3) [m] and without velocity.
 
-    They are all the vertices of some free bodies, which have moved rigidly: their strains are as before.
+    ``vertices`` are all vertices of some free bodies. These bodies have moved rigidly, so that their strains are as
+    before.
     """
     terms, places = dict(state.terms), positions[vertices]
     for contact in stepper.actuation.contacts:
@@ -77,7 +78,8 @@ def _stop(stepper: MotionStepper, state: State, vertices: NDArray[np.int32], pos
 def release(stepper: MotionStepper, state: State, vertices: NDArray[np.int32]) -> State:
     """Return ``state`` with the accelerations that the forces give to ``vertices``, which are at rest.
 
-    The stored previous step is that of a motion with these accelerations, so that the time scheme can continue.
+    The previous step in the returned state is that of a motion with these accelerations, so that the time scheme can
+    continue.
     """
     saved = state.terms[inertia.NAME]
     h, places = float(saved["h"][0]), saved["positions"][vertices]

@@ -31,7 +31,9 @@ from gdfe_ros.solver.terms.fibres import FibreTerm
 from gdfe_ros.solver.terms.term import Term
 
 SHARPER = 0.1
-"""Factor of the tolerance in a motion with yielding joints of arms: errors of the body's wrench move these joints."""
+"""Factor on the tolerance in a motion with yielding joints of arms, because errors of the body's wrench move the
+joints.
+"""
 RELATIVE_STEPS = 20
 """Default load steps of a program under the ``relative`` policy."""
 FAR_AWAY = 10.0

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The discretised body: all data of a scene that stay constant during a simulation, and growth.
 
-Growth changes the operators of the cells' rest shape, and has no energy of its own. Let G be the growth and
-F_e = F G^-1 the elastic part of F. Cells that grow get the operators of their grown rest shape (`CellType.grown`). The
-element kernels then compute F_e in place of F.
+Growth changes the operators of the cells' rest shape, and has no energy of its own. Let F be the deformation gradient,
+G the growth, and F_e = F G^-1 the elastic part of F. Cells that grow get the operators of their grown rest shape
+(`CellType.grown`). The element kernels then compute F_e in place of F.
 """
 
 from __future__ import annotations
@@ -158,7 +158,7 @@ class Growths:
         return bool(self.growths)
 
     def at(self, commands: Mapping[str, float], last: Operators) -> Operators:
-        """Return the operators at these commands; ``last`` itself if they are unchanged."""
+        """Return the operators at these commands; ``last`` itself if the growth is the same."""
         if not self.growths:
             return last
         stretch = self._stretch(commands)

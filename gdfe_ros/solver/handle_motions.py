@@ -35,8 +35,8 @@ class HandleMotions:
     """
 
     APART = 0.05
-    """Handles move together nearly rigidly if their rotations [rad], and their motions divided by the body's size,
-    differ by at most this.
+    """Handles count as moving together, nearly as one rigid body, if their rotations [rad], and their motions divided
+    by the body's size, differ by at most this.
     """
 
     def __init__(self, body: Body) -> None:
@@ -64,10 +64,11 @@ class HandleMotions:
     def centres_together(self, poses: Mapping[str, Pose], targets: Mapping[str, Pose]) -> dict[str, Array]:
         """Return the rest centres (3,) [m] of all handles by name if they move together, nearly as one rigid body.
 
-        The dict is empty if they do not, or if a handle or vertices on rollers can move freely. Whole turns count.
+        The dict is empty if they do not move together, or if a handle or vertices on rollers can move freely. Rotations
+        that differ by whole turns are different.
         """
         pairs = [(poses[name], targets[name]) for name in self._bound]
-        # Plain floats are faster than numpy, and every step comes here.
+        # Plain floats are faster than numpy, and every step calls this method.
         turns = [[b - a for a, b in zip(old.rotation, new.rotation, strict=True)] for old, new in pairs]
         if not (turns and any(turns[0]) and all(math.dist(turn, turns[0]) <= self.APART for turn in turns)):
             return {}
@@ -91,7 +92,7 @@ class HandleMotions:
         return moved
 
     def put(self, slides: Array, turns: Array, places: Mapping[str, Pose]) -> tuple[Array, Array]:
-        """Return ``slides`` [m] and ``turns`` [rad] (p, 3) that give the free handles in ``places`` these poses."""
+        """Return copies of ``slides`` [m] and ``turns`` [rad] (p, 3) with the free motions of handles in ``places``."""
         slides, turns = slides.copy(), turns.copy()
         for name, pose in places.items():
             slides[self._row[name]], turns[self._row[name]] = pose.translation, pose.rotation
@@ -161,7 +162,7 @@ def find_deviation(began: Mapping[str, Pose], poses: Mapping[str, Pose], centres
 
 
 def _require_a_turn(handle: Handle, arms: Array, found: Array) -> None:
-    """Raise CommandError if the rotation from ``arms`` (k, 3) [m] to ``found`` (k, 3) [m] is undetermined.
+    """Raise CommandError if the rotation from ``arms`` (k, 3) [m] to ``found`` (k, 3) [m] is not determined.
 
     Both sets of vertices are relative to their means. The measured extent is the sum of the two smallest singular
     values of their covariance. It is zero if either set is on a line.

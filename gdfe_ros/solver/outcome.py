@@ -12,11 +12,11 @@ class Outcome(IntEnum):
     """How a minimisation, a solve or a step ended. The kernels know the members up to `GIVEN_UP`."""
 
     NONE = 0
-    """It has not ended: it may continue."""
+    """It has not ended and may continue."""
     NEAR = 1
     """The distance to the equilibrium is within the target."""
     WORN = 2
-    """The matrix needs renewal: it has served for many iterations, or gives no direction of descent."""
+    """The initial matrix must be renewed: it has served for many iterations, or gives no direction of descent."""
     STALLED = 3
     """No step along the direction lowers the energy."""
     EXHAUSTED = 4
@@ -24,7 +24,8 @@ class Outcome(IntEnum):
     RUNAWAY = 5
     """The energy has no lower bound: an unstable law or load."""
     GIVEN_UP = 6
-    """The body leaves its branch of equilibria, or touching points do not settle: a shorter increment may succeed."""
+    """The body leaves its branch of equilibria, or the touching points do not settle. A shorter increment may succeed.
+    """
     CUT = 7
     """The limit of iterations or the deadline ended it."""
     UNSETTLED = 8
@@ -98,7 +99,7 @@ def join(*texts: str) -> str:
 
 
 class Deadline:
-    """Deadline of a solve; it counts the queries before it passes.
+    """Deadline of a solve; it counts how often it is queried before it passes.
 
     A solve depends on the clock and on interruptions only by these queries. A replay with the recorded number of
     queries therefore ends the solve in the same iteration and gives the same result, bit by bit.
@@ -107,7 +108,7 @@ class Deadline:
         moment: value of ``time.perf_counter`` at which the deadline passes; None if the clock does not end the solve.
         after: recorded number of queries before the deadline passes; it replaces the clock in a replay.
         interrupted: function that is called at each query and returns whether to end the solve; None if nothing can
-            interrupt it.
+            interrupt the solve.
 
     Attributes:
         after: number of queries before the deadline passed; None if it has not passed.
@@ -144,7 +145,7 @@ class Deadline:
 
     @property
     def interruption(self) -> Deadline:
-        """A deadline without the clock; its queries are counted as queries of this one."""
+        """A deadline that ignores the clock. Its queries count as queries of the present deadline, too."""
         return Deadline(interrupted=lambda: self.has_passed(by_clock=False))
 
     @classmethod

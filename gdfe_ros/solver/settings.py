@@ -19,7 +19,7 @@ class Policy(str, Enum):
 
 
 class Torsion(str, Enum):
-    """Model of an element's torsional stiffness; the element's single integration point does not resolve it."""
+    """Model of an element's torsional stiffness, which the element's single integration point does not resolve."""
 
     CELL = "cell"
     """Each cell resists torsion as a separate bar: exact with one cell across a bar, 14 % too stiff with two cells."""
@@ -206,7 +206,7 @@ class Dynamics(CheckedKeys):
 
     @property
     def swing(self) -> float:
-        """Energy that the first step may add, divided by h^2 a^T M a with the accelerations a at the start.
+        """Energy that the first step may add, divided by h^2 a^T M a: step length h, accelerations a at the start.
 
         Numerical damping removes this energy later.
         """
@@ -224,7 +224,7 @@ class Dynamics(CheckedKeys):
 
     @property
     def slow_share(self) -> float:
-        """Fraction of the instantaneous modulus that remains in slow motion, to which the material's law applies."""
+        """Modulus that remains in slow motion (that of the material's law), divided by the instantaneous modulus."""
         return 1.0 - sum(branch.share for branch in self.prony)
 
 

@@ -24,7 +24,7 @@ class Increment:
         limit: largest number of iterations.
         deadline: once it has passed, the solve returns its best positions so far; None for no deadline.
         begins: fraction of the load path at which the increment begins.
-        divisible: whether a shorter increment may follow. The solve may then be given up at an actuator's limit point.
+        divisible: whether a shorter increment may follow. The solve may then end early, at an actuator's limit point.
         keeping: relative tolerance of commanded lengths and of hourglass scales; None stands for ``tolerance``.
         volumes: relative tolerance of the volumes of elements with a pressure; None stands for ``keeping``.
     """
@@ -125,7 +125,8 @@ class March(Found):
         increments: number of attempted increments, including failed increments.
         skipped: dict from kind of work to the count that the last solve left out, as in `StepResult`.
         snapped: whether the load path ended in a jump to another equilibrium.
-        restarts: 1 if the undeformed body, or dropped contacts, led to the state instead of the load path; otherwise 0.
+        restarts: 1 if the state was not found along the load path, but from the undeformed body or after contacts were
+            dropped; otherwise 0.
         simulated: time [s] by which a moving body advanced; None without dynamics.
     """
 
@@ -161,14 +162,14 @@ class March(Found):
     def is_better(self, other: March, reach: float, *, gain: float) -> bool:
         """Return whether this outcome, which started from the undeformed body, is better than ``other``.
 
-        If only one of the two is sound, it is the better one. If neither is sound, this outcome is better if only
-        ``other`` has folded or inverted elements. If both are sound, this outcome is better if it is another
+        If only one of the two outcomes is sound, the sound one is better. If neither is sound, this outcome is better
+        if only ``other`` has folded or inverted elements. If both are sound, this outcome is better if it is another
         equilibrium of no higher energy.
 
         Args:
             other: outcome of the same commands from another start.
             reach: distance [m] within which two equilibria count as the same.
-            gain: energy and potential of ``other`` minus those of this outcome [J].
+            gain: energy plus potential of ``other``, minus energy plus potential of this outcome [J].
         """
         if self.sound != other.sound:
             return self.sound

@@ -85,7 +85,7 @@ class Ledger:
     Attributes:
         work: work of handles and of changing commands on the body [J].
         lost: energy dissipated by damping and friction [J].
-        owed: reported time [s] that was too short to simulate; the next step includes it.
+        owed: time [s] that is reported, but was too short to simulate; the next step includes it.
         failure: the last step if it failed; None if it succeeded.
         bound: extremes of the energy; None if the next step starts them anew.
     """
@@ -111,7 +111,7 @@ class ElementState:
         bulk: (k,) penalty bulk modulus [Pa] of each material, for elements with pressures; raised if pressures
             oscillate.
         hourglass_scale: (m,) present hourglass stiffness divided by the initial one.
-        hourglass_scale_before: (m,) hourglass scale after the accepted solve before that.
+        hourglass_scale_before: (m,) hourglass scale after the accepted solve before the last one.
     """
 
     pressures: Array
@@ -162,7 +162,7 @@ class Unfinished:
     Attributes:
         tolerance: tolerance of the unfinished minimisation.
         iterations: number of iterations since the last finished solve.
-        steps, changes: (k, 3 r) [m] and [N] the pairs of the history, oldest first.
+        steps, changes: (k, 3 r) [m] and [N] pairs of the L-BFGS history, oldest first.
     """
 
     tolerance: float
@@ -234,7 +234,7 @@ class State:
         balance: energy balance of the equilibrium; None if this state is no equilibrium, or has no energy.
         summary: quality and results of the last accepted solve.
         sound: whether no element is folded or inverted.
-        suspect: whether a user set the positions, and they have folded or inverted elements.
+        suspect: whether a user has set positions with folded or inverted elements.
         anchor: the last equilibrium, from which a step may be tried again. It is set if the limit or the deadline ended
             the solve, or if a load path failed with elements folded or nearly folded; otherwise None.
         ledger: energy account of a moving body; None without dynamics.

@@ -45,7 +45,10 @@ def settle(simulation: Simulation) -> None:
 
 
 def is_held(scene: Scene) -> bool:
-    """Return whether handles hold each piece of a scene without rigid bodies: it has equilibria without dynamics."""
+    """Return whether a scene has no rigid bodies, and handles hold each of its pieces.
+
+    Such a scene has equilibria without dynamics.
+    """
     holding = [handle for handle in scene.handles if handle.section == "handles"]
     return not scene.rigid_bodies and not any(find_unheld(scene.mesh, holding))
 

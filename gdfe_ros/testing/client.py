@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""ROS nodes of a test, which wait for the ``sim_node`` in another process, command it and call its services."""
+"""ROS nodes of a test: they wait for the ``sim_node`` in another process, command it and call its services."""
 
 from __future__ import annotations
 
@@ -225,7 +225,7 @@ class NodeConnection(Client):
 _FOUND = 5.0
 """Longest time until a publisher of a running node is discovered, even on a busy machine [s]."""
 _BLOCKED = 1.0
-"""Longest time between two calls of ``reason`` [s] that counts as waiting; in a longer time, a callback was running."""
+"""If more time [s] passes between two calls of `Deadlock.reason`, a callback was running: the wait is counted anew."""
 
 
 class Deadlock:

@@ -27,18 +27,19 @@ Quaternion = tuple[float, float, float, float]
 class Consumed:
     """Converts the step records of a run to messages for the node that replays it.
 
-    A step of the replaying node begins once each input that the run uses has received a message. For an input without
-    a command in the recorded step, the message repeats the present command, which changes nothing.
+    A step of the replaying node begins once each input that the run uses has received a message. For an input without a
+    command in the recorded step, the message repeats the present command, so that nothing changes.
 
-    A step record contains the rotation vector of a target, which the node computed from a quaternion. A quaternion
-    computed from this rotation vector may give, in the node, a rotation vector that differs in the last bit. Therefore
-    the sent quaternions are looked up among the messages in the bag.
+    A step record contains the rotation vector of a target. The node computed it from a quaternion. A quaternion that is
+    computed back from the rotation vector may give a rotation vector that differs in the last bit. Therefore the sent
+    quaternions are looked up among the messages in the bag.
 
     Args:
         run: recorded run.
 
     Attributes:
-        inputs: command topics that the run uses, relative to the node's name; each step of the replay waits for all.
+        inputs: command topics that the run uses, relative to the node's name; each step of the replay waits for a
+            message on each of them.
         puts: topics that teleport rigid bodies; their messages are sent before the messages of ``inputs``.
         inexact: number of targets so far that no quaternion reproduces bitwise.
     """

@@ -57,7 +57,7 @@ class SoftRobotEnv(Env):
     less if the step does not converge with this change. ``info["applied"]`` contains the applied commands.
 
     Args:
-        scene: scene with actuators, whose program is not played.
+        scene: scene with actuators; its program is not played.
         observation: function of the simulation that returns an array. None: an array of the probes' positions, the
             actuators' commands and efforts, and the goal, if there is one.
         reward: function of the simulation and the clipped action that returns a number. None: minus the distance [m] of
@@ -255,7 +255,8 @@ def make_env(scene: str | Path | Scene, *, overrides: Mapping[str, Any] | None =
             and ``render_mode`` of `SoftRobotEnv`.
 
     Raises:
-        GdfeError: the scene has no actuators, an actuator has no range, or probes are needed and missing.
+        GdfeError: the scene has no actuators, an actuator has no range, probes are needed and missing, or an option is
+            out of range.
 
     Example:
         >>> env = make_env("tendon_finger")
@@ -318,8 +319,9 @@ def make_vector_env(scene: str | Path, count: int, *, context: str = "forkserver
 
 
 NEAR, FAR = 2.0, 10.0
-"""Largest distance of a probe from the undeformed body's bounding box, divided by the body's extent: first if handles
-hold the body, then if not."""
+"""Largest distance of a probe from the undeformed body's bounding box, divided by the body's extent: NEAR if handles
+hold the body, FAR if not.
+"""
 FASTEST = 1e3
 """Largest assumed acceleration [m/s^2], gravity included, of a rigid body that a grip holds."""
 PRESSURE = 10.0
@@ -329,10 +331,10 @@ PRESSURE = 10.0
 def default_space(scene: Scene, *, goal: bool) -> Box:
     """Return the space of probe positions [m], commands, efforts [N] or [Pa] and, if there is one, the goal [m].
 
-    Positions lie within `NEAR` or `FAR` extents of the undeformed body; a command within the actuator's range. The
-    effort of an actuator whose effort is commanded lies within this range. Else the tension of a cable is below the
-    stiffest material's initial modulus times the squared extent of the body, and a pressure below `PRESSURE` times the
-    modulus.
+    Positions lie within `NEAR` or `FAR` extents of the undeformed body. Commands lie within the actuators' ranges, and
+    commanded efforts within the range that is extended to 0. Other tensions of cables and forces of grips are below the
+    stiffest material's initial modulus times the squared extent of the body; for grips, `FASTEST` times the mass of the
+    rigid bodies is added. Other pressures are below `PRESSURE` times this modulus.
     """
     mesh = scene.mesh
     reach = (NEAR if is_held(scene) else FAR) * mesh.extent

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A program or a recorded run, played to a node over topics; the run is then compared with the recorded one."""
+"""Programs and recorded runs, played to a node over topics; a repeated run is compared with the recorded run."""
 
 from __future__ import annotations
 

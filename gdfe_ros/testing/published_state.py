@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""State after a step, from the node's messages, for a controller under test; its distance from a reference."""
+"""State after a step, unpacked from the node's messages, for a controller under test; and its tracking error."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def moment_of(message: Any) -> Moment:
 
 
 class StepMessages:
-    """Collects the messages of steps until all of one step have arrived.
+    """Collects the messages of steps until all messages of one step have arrived.
 
     Older steps are then dropped. They are incomplete if a slow subscriber has lost a message.
 

@@ -27,7 +27,7 @@ _OPACITY = 0.45
 class Painter:
     """Draws pictures of one simulation: body coloured by equivalent strain, obstacles, links of arms, cables, chambers.
 
-    The camera stays where it is for the undeformed scene.
+    The camera keeps the position from which it shows the undeformed scene.
 
     Args:
         simulation: the simulation.

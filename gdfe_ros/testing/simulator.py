@@ -107,11 +107,11 @@ class Simulator:
         If the node refuses a command, the step is not made, and the command has no effect on later steps.
 
         Raises:
-            CommandError: as in ``gdfe_ros.Simulation.step``, before any message is sent; or the node refuses the
-                command.
+            CommandError: the command is not allowed (then no message is sent), or the node refuses it.
             OverlapError: a rigid body would overlap something at the pose to which it is teleported; the step was made
                 without the teleport.
-            GdfeError: ``inputs`` were given, or the node ended or did not respond.
+            GdfeError: ``inputs`` were given, the node takes no commands for an item, several bodies are teleported in a
+                scene without other inputs, or the node ended or did not respond.
         """
         command = command or Command()
         if not self._own:
@@ -181,8 +181,7 @@ class Simulator:
 
         Raises:
             CommandError: the simulation refuses a command.
-            GdfeError: no controller publishes an input, or sends a command in time; or the simulation ended or did not
-                respond.
+            GdfeError: an input has no publisher, no command comes in time, or the simulation ended or did not respond.
         """
         states: list[PublishedState] = []
         self._refusals.clear()

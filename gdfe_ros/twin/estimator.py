@@ -176,7 +176,7 @@ class ModulusEstimator:
 
     @property
     def deviations(self) -> NDArray[np.float64]:
-        """Standard deviations (n,) of the logarithms: relative ones of the moduli, if the assumed noise is right."""
+        """Relative standard deviations (n,) of the moduli (of their logarithms), if the assumed noise is right."""
         return np.sqrt(np.diag(np.linalg.inv(self._information + self._prior)))
 
     def settle(self, taken: ArrayLike) -> None:
@@ -187,7 +187,7 @@ class ModulusEstimator:
 
 
 _LEAST = 1e-9
-"""Weight of the displacement itself, which holds parts of the mesh without probes at their simulated positions."""
+"""Weight of the displacement itself; it holds parts of the mesh without probes at their simulated positions."""
 
 
 class MeasuredBody:
@@ -220,7 +220,7 @@ class MeasuredBody:
 
 
 def _weights(scene: Scene, names: tuple[str, ...]) -> NDArray[np.float64]:
-    """Return the derivatives (n, p) of the vertices' displacements with respect to those of the probes."""
+    """Return the derivatives (n, p) of the vertices' displacements with respect to the probes' displacements."""
     count = scene.mesh.n_vertices
     laplacian = _laplacian(scene)
     bending = (laplacian.T @ laplacian + _LEAST * eye_array(count)).tocsc()

@@ -34,7 +34,7 @@ LARGEST_XML = 2_000_000
 """Largest number of characters of an XML text."""
 
 _HARMLESS = dict.fromkeys((9, 10, 0xA0, 0x2009, 0x202F, 0x3000))
-"""Tabulator, line feed and spaces, which `str.isprintable` does not accept."""
+"""Tabulator, line feed and special spaces: harmless characters that `str.isprintable` does not accept."""
 _NUMBER_LIKE = re.compile(r"[-+.:_\deE]*\Z")
 _TEXT_TAGS = ("tag:yaml.org,2002:str", "!")
 
@@ -85,7 +85,7 @@ def check_yaml(text: str, *, most_nodes: int = MOST_NODES) -> None:
 
 @dataclass
 class _Open:
-    """A value that is being read: its anchor, the values counted before it, and the depth of its contents."""
+    """A list or mapping that is being read: anchor, number of values before it, and depth of its contents."""
 
     anchor: str | None
     before: int
@@ -219,7 +219,9 @@ def _require_plain(data: Any) -> None:
 
 
 def parse_xml(text: str) -> ElementTree.Element:
-    """Return the outermost element of an XML text without a document type, whose entities could expand without end.
+    """Return the outermost element of an XML text.
+
+    A document type is refused, because its entities could expand without end.
 
     Raises:
         ValueError: the text is not XML, has a document type, or is too large.
@@ -252,7 +254,7 @@ def quote_formula(value: Any) -> Any:
 _INTERVAL = 5.0
 """Time [s] in which `Throttle.burst` texts about one subject may pass."""
 _MOST = 1000
-"""Largest number of subjects that are remembered: a subject may contain a name from a message."""
+"""Largest number of remembered subjects. Without a limit, subjects with names from messages could fill the memory."""
 
 
 class Throttle:
@@ -286,7 +288,7 @@ class Throttle:
 _LONGEST_ENTRY = 20_000
 """Largest number of characters of an entry of the log."""
 _LONGEST_TEXT, _LONGEST_LIST = 4096, 1_000_000
-"""Largest number of characters of a text parameter, as of a path, and of all texts in a list."""
+"""Largest number of characters of a text parameter, such as a path, and of all texts in a list."""
 
 
 def shorten(text: str, most: int) -> str:
@@ -295,7 +297,7 @@ def shorten(text: str, most: int) -> str:
 
 
 def plain_entry(text: object) -> str:
-    """Return a text as one entry of the log: lines after the first are indented, so that they look like no entry."""
+    """Return a text as one entry of the log: further lines are indented, so that none of them looks like an entry."""
     return "\n    ".join(map(_escape, without_middle(str(text), _LONGEST_ENTRY).split("\n")))
 
 

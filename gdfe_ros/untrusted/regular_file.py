@@ -20,7 +20,7 @@ NAME_PATTERN = "^[A-Za-z0-9_][A-Za-z0-9_.-]{0,63}$"
 """Pattern of a name that becomes a part of paths and of the log."""
 NAME_RULE = "1 to 64 letters, digits, _, - and .; the first is a letter, a digit or _"
 _PART = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,127}\Z")
-"""Pattern of a part of a path, which may be a name with a suffix."""
+"""Pattern of a part of a path: a name, possibly with a suffix."""
 
 
 def read_bytes(path: Path, *, most: int = LARGEST) -> bytes:
@@ -105,7 +105,7 @@ def path_inside(folder: Path, name: str) -> Path:
         name: name of the entry: a name that follows `NAME_PATTERN`, and possibly a suffix such as a date.
 
     Raises:
-        ValueError: the name does not follow the rule, and could lead out of the folder.
+        ValueError: the name has another form, and could lead out of the folder.
     """
     if not _PART.match(name):
         raise ValueError(f"the name {name[:80]!r} cannot be a part of a path; allowed: {NAME_RULE}")

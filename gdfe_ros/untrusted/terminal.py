@@ -27,7 +27,7 @@ class PlainConsole(Console):
         super().__init__(markup=False, **options)
 
     def render_str(self, text: str, **options: Any) -> Text:
-        """Return a text as rich shows it, which has no control characters."""
+        """Return a text in rich's type, with its control characters escaped."""
         return super().render_str(plain_lines(text), **options)
 
 

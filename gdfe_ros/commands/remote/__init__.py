@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The commands that talk to other nodes, and their node; the only modules of the commands that import rclpy."""
+"""The commands that talk to other nodes, and their node; no other module of ``commands`` imports rclpy."""

@@ -28,9 +28,9 @@ PATIENCE = 10.0
 SETTLING = 0.2
 """Longest time until a node has discovered a new subscription [s]."""
 GREETING = 0.5
-"""Time [s] within which a node publishes its present state to a new subscriber; an older stored one may come first."""
+"""Time [s] within which a node publishes its present state to a new subscriber; a stored older state may come first."""
 REFUSING = 0.5
-"""Time [s] in which a node refuses a command that it received."""
+"""Longest time [s] until a node refuses a command that it has received."""
 UNCHANGED = 4.0
 """If the discovered graph lacks a name and has not changed for this time [s], the name is reported as missing."""
 WHOLE = 1.0
@@ -152,7 +152,7 @@ class Peer(LoneNode):
         return future.result()
 
     def arrivals(self, topic: str, *, patience: float) -> Iterator[float]:
-        """Yield the time [s] of the arrival of each message of a topic, which is not decoded.
+        """Yield the arrival time [s] of each message of a topic, without decoding the message.
 
         Args:
             topic: name of the topic; the publishers determine its type.
@@ -169,7 +169,7 @@ class Peer(LoneNode):
         yield from self._drain(times, topic, patience)
 
     def nodes(self) -> list[str]:
-        """Return the full names of the other nodes, sorted; a name of two nodes is there twice.
+        """Return the full names of the other nodes, sorted; a name that two nodes have is listed twice.
 
         Raises:
             GdfeError: there is no other node.
@@ -204,7 +204,7 @@ class Peer(LoneNode):
         return self._await_settled(entries)
 
     def _await_settled(self, look: Callable[[], list[Any]]) -> list[Any]:
-        """Return a list of the graph once it has been constant for `WHOLE`, at the latest after the patience.
+        """Return a list of the graph once it has been constant for `WHOLE`, or after `PATIENCE` at the latest.
 
         Raises:
             GdfeError: there is no other node.
@@ -217,7 +217,7 @@ class Peer(LoneNode):
         return known
 
     def _wait(self, done: Callable[[], Any], patience: float | None = None) -> Any:
-        """Spin until ``done`` returns a true value, at most for the patience [s]; return its last value."""
+        """Spin until ``done`` returns a true value, at most for ``patience`` [s]; return the last value of ``done``."""
         end = time.monotonic() + (self._patience if patience is None else patience)
         while not (found := done()) and time.monotonic() < end:
             self.executor.spin_once(timeout_sec=0.02)
@@ -286,7 +286,7 @@ class _Unchanged:
         span: time without a change [s].
 
     Attributes:
-        last: list at the last look.
+        last: the list when it was last read.
     """
 
     def __init__(self, look: Callable[[], list[Any]], span: float) -> None:
@@ -294,7 +294,7 @@ class _Unchanged:
         self.last, self._since = list[Any](), time.monotonic()
 
     def whole(self) -> bool:
-        """Look again, and return whether there are entries that have not changed for the time."""
+        """Read the list again; return whether it has entries, and has not changed for ``span``."""
         if (now := self._look()) != self.last:
             self.last, self._since = now, time.monotonic()
         return bool(self.last) and time.monotonic() - self._since > self._span

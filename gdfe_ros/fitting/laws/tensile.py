@@ -35,8 +35,8 @@ FAINT = 1e-6
 STARTS = (-6.0, -3.0, -1.5, 1.0, 2.0, 3.0, 5.0)
 """Initial exponents of the search, used in all combinations."""
 CANCELLED = 100.0
-"""Ratio of the sum of |mu_i| to the sum of mu_i above which terms count as cancelling each other. In the paper it is at
-most 2.2.
+"""Ratio of the sum of |mu_i| to the sum of mu_i above which terms count as cancelling each other. For the materials of
+the paper, the ratio is at most 2.2.
 """
 DEGREE = 6
 """Default degree of a polynomial, as in the paper."""
@@ -57,8 +57,8 @@ class TensileFit:
         entry: the law as an entry for the key `materials` of a scene.
         strain: engineering strains of the test (k,), without zeros.
         stress: nominal stresses of the test (k,) [Pa].
-        misfit: relative misfit of each point (k,): the error of its stress, divided by the largest of the measured
-            stress, ``FLOOR`` times the largest stress, and ``SURE / GOOD`` times the scatter.
+        misfit: relative misfit of each point (k,): the error of its stress, divided by the largest of three stresses:
+            the measured stress of the point, ``FLOOR`` times the largest stress, and ``SURE / GOOD`` times the scatter.
         remarks: instabilities of the law; empty for an accepted law.
         refused: messages about unstable laws of the same kind that were tried.
         notes: messages about points that were left out, and about slack.

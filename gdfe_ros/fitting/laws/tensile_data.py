@@ -24,7 +24,8 @@ FLAT = 0.2
 SPIKE = 0.01
 """Least distance of an outlier from the curve through its neighbours, as a fraction of the largest stress."""
 TAUT = (0.01, 0.12)
-"""Range of stresses, as fractions of the largest, in which the curve is fitted that is extrapolated to zero stress."""
+"""Range of stresses, divided by the largest stress. The curve in this range is fitted and extrapolated to zero stress.
+"""
 
 
 @dataclass(frozen=True, eq=False)

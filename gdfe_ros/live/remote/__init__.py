@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Session for a node in another process, which a page shows and commands over topics. Needs rclpy."""
+"""Session of a page that shows and commands a node in another process, over topics. Needs rclpy."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Commands of a page to a node over topics, services and parameters, and the program that it plays."""
+"""Commands of a page to a node over topics, services and parameters, and the program that the page plays."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ class Commander:
             raise GdfeError(f"a page sends poses and values, not {type(order).__name__}")
 
     def set_moduli(self, moduli: Mapping[str, float]) -> Future[str]:
-        """Set Young's moduli [Pa] by material, which are parameters of the node; the node sets either all or none.
+        """Set parameters of the node: Young's moduli [Pa] by material. The node sets either all or none.
 
         The returned ``Future`` has an empty text, because the body shows the effect. It raises a GdfeError if the node
         refuses.
@@ -101,8 +101,8 @@ class Commander:
     def call(self, ability: Ability, *, on: bool = False) -> Future[str]:
         """Call the service of a request; return a ``Future`` of the answer. ``on`` is the data of a SetBool request.
 
-        The answer is the node's message about a bag, or an empty text for other services, whose effect is visible. It
-        raises a GdfeError if the node refuses.
+        The answer is the node's message about a bag, or an empty text for other services, because the page shows their
+        effects. It raises a GdfeError if the node refuses.
 
         Raises:
             GdfeError: the node does not offer the service at present.
@@ -135,8 +135,8 @@ def _answer(pending: Any, read: Callable[[Any], str]) -> Future[str]:
 
 
 LOST = 1.0
-"""Orders are repeated after this wall time without a step [s]. If an order or the record of a step is lost, a node that
-waits for commands makes no step.
+"""The player repeats its orders after this wall time without a step [s]. Without this, a lost order or step record
+would stop a node that waits for commands.
 """
 
 
@@ -195,7 +195,7 @@ class Player:
             self._give(programme, record.time + record.dt)
 
     def remind(self) -> None:
-        """Repeat the last orders if no step has followed for a while."""
+        """Repeat the last orders if no step has followed within `LOST`."""
         programme = self._programme
         if programme is not None and monotonic() - self._given > LOST:
             self._give(programme, self._next)

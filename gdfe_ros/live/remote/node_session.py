@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A node in another process as a session of a page: received over its topics, commanded over topics and services."""
+"""Session of a page for a node in another process; steps come over topics, commands go over topics and services."""
 
 from __future__ import annotations
 
@@ -195,7 +195,7 @@ class NodeSession(ShownRun):
         return answer
 
     def set_moduli(self, moduli: Mapping[str, float]) -> Future[str]:
-        """Set Young's moduli [Pa] by material, which are parameters of the node; return a ``Future`` of the answer.
+        """Set parameters of the node: Young's moduli [Pa] by material; return a ``Future`` of the answer.
 
         Raises:
             GdfeError: the node does not answer at present.
@@ -248,7 +248,7 @@ class NodeSession(ShownRun):
         self._told(view_of(state, self._scene))
 
     def _note_pause(self, paused: bool) -> None:
-        """Store whether the node is paused, because the node's next report comes later."""
+        """Store at once whether the node is paused; the node's own report comes up to a second later."""
         self._report = replace(self._report, paused=paused)
 
     def _spin(self) -> None:

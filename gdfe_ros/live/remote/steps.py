@@ -107,7 +107,7 @@ def absence(node: Node, name: str, patience: float) -> str:
 
 
 _ACTIVE, _RECORDING, _PAUSED = "active", "recording", "paused"
-"""Texts in a node's report: its lifecycle state, its message while it writes a bag, and its clock while paused."""
+"""Texts in a node's report: lifecycle state while active, message while a bag is written, and clock while paused."""
 
 
 @dataclass(frozen=True)
@@ -115,7 +115,7 @@ class NodeReport:
     """Report that a node publishes once a second.
 
     Attributes:
-        text: activity or problem of the node; empty if the node is active without problems.
+        text: activity or problem of the node; empty if the node is active without a problem or a long task.
         bad: whether there is a problem.
         paused: whether the node is paused.
         bag: path of the bag that the node writes, or None.

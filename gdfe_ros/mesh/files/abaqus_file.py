@@ -292,9 +292,9 @@ def _real(text: str) -> float:
 
 
 def _rows_of(numbers: list[list[int]], size: int) -> Iterable[list[int]]:
-    """Yield the numbers of each element, ``size`` of them, joined from one or more data lines.
+    """Yield the ``size`` numbers of each element, joined from one or more data lines.
 
-    The last element may have fewer, if the file is cut off.
+    If the file is cut off, the last element may have fewer numbers.
     """
     kept: list[int] = []
     for row in numbers:

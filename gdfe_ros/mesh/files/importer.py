@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Import of hexahedra or tetrahedra from files: Gmsh, VTK, Abaqus and other formats.
 
-The first bytes of a file tell its kind. meshio reads most files. If it fails or skips cells, gmsh or VTK convert the
-file in a separate process.
+The first bytes of a file tell its kind, except for Abaqus. meshio reads most kinds. If it fails or skips cells, gmsh or
+VTK convert the file in a separate process.
 """
 
 from __future__ import annotations

@@ -50,7 +50,7 @@ LEAST, EACH_MEGABYTE = 5.0, 5.0
 
 @contextmanager
 def limit_time(path: Path) -> Iterator[None]:
-    """Interrupt a ``with`` block that reads a file if it takes too long, at the next call of a function.
+    """Interrupt a ``with`` block that reads a file, at the next function call after its time limit.
 
     Raises:
         TimeoutError: the block takes longer than `LEAST` plus `EACH_MEGABYTE` for each megabyte of the file.

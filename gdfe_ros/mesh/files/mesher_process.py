@@ -29,7 +29,7 @@ AROUND = 12
 _GMSH_TRIANGLE, _GMSH_TET10, _VTK_ORDER = 2, 11, [0, 1, 2, 3, 4, 5, 6, 7, 9, 8]
 
 _SIX = [(0, 4, 6, 7), (0, 6, 2, 7), (0, 2, 3, 7), (0, 3, 1, 7), (0, 1, 5, 7), (0, 5, 4, 7)]
-"""Corners of the six tetrahedra around the diagonal of a brick, whose corners are numbered as 4 x + 2 y + z."""
+"""Corners of the six tetrahedra around the diagonal of a brick. The number of a brick's corner is 4 x + 2 y + z."""
 
 _ARBITRARY = "VTK_LAGRANGE_"
 _FIRST = {"TETRAHEDRON4": "tetra", "HEXAHEDRON8": "hexahedron", "WEDGE6": "wedge", "PYRAMID5": "pyramid"}
@@ -69,7 +69,7 @@ def facets(request: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     """Return the surface of each solid of a STEP file as triangles, with normals out of this solid.
 
     The arrays are ``vertices`` (n, 3) [m], ``triangles`` (t, 3), and the number ``solid`` (t,) of each triangle's
-    solid. Where two solids touch, there is a triangle for each of them.
+    solid. Where two solids touch, each of them has its own triangles.
     """
     import gmsh
 

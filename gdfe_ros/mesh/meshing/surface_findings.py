@@ -25,9 +25,9 @@ from gdfe_ros.mesh.surfaces.shells import cone_volumes, doubled_areas, shell_num
 from gdfe_ros.mesh.surfaces.surface_edges import disagreeing_edges, is_closed, odd_edges, winding_defects
 
 ACROSS = 4
-"""Number of hexahedra across the thinnest part. A clamped bar with so many is 1.4 % too stiff."""
+"""Number of hexahedra across the thinnest part. A clamped bar of four hexahedra across is 1.4 % too stiff."""
 COST = 2.0
-"""Computing time of a second-order tetrahedron divided by that of a hexahedron (docs/theory/tetrahedra.md)."""
+"""Computing time of a second-order tetrahedron divided by that of a hexahedron (docs/choose.md)."""
 CHEAPER = 4.0
 """Hexahedra are recommended if tetrahedra cost at least this many times as much."""
 FLAT = 1e-6
@@ -41,8 +41,9 @@ def cheaper_hexahedra(
 ) -> list[str]:
     """Return a list with a remark if regular hexahedra fill a body at a fraction of the cost; empty if not.
 
-    A body qualifies if it is a box, if all its faces are parallel to the planes of the axes, or if it is extruded along
-    an axis: each face is parallel to the axis, or lies in one of two planes across it.
+    A body qualifies in three cases: it is a box; all its faces are parallel to the planes of the axes; or it is
+    extruded along an axis. Each face of an extruded body is parallel to the axis, or lies in one of two planes across
+    it.
 
     Args:
         vertices: positions [m], shape (n, 3).
@@ -93,7 +94,7 @@ def _shape(
 
 
 FACETED = 1e-4
-"""Facets of a STEP file, which are approximate, may overlap by this length divided by the diagonal of the surface."""
+"""Largest allowed overlap of a STEP file's facets, divided by the diagonal of the surface; facets are approximate."""
 OUTWARD, INWARD = "out of the material", "into the material"
 
 

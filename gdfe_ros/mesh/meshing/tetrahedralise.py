@@ -94,7 +94,7 @@ def _read(path: Path, heading: str, changed: int) -> dict[str, NDArray]:
 def step_surface(path: str | Path) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.int64]]:
     """Return facets of a STEP file's solids: vertices (n, 3) [m], triangles (t, 3), and the number (t,) of their solid.
 
-    The normals of the triangles point out of their solid. Where two solids touch, there is a triangle for each.
+    The normals of the triangles point out of their solid. Where two solids touch, each of them has its own triangles.
     """
     edge = float(np.ptp(step_bounds(path), axis=0).max()) / FACETS_ALONG
     heading = f"step {path}"
@@ -196,9 +196,8 @@ def from_surface(
 def _nothing_inside(vertices: NDArray[np.float64], triangles: NDArray[np.int64], envelope: float, closed: bool) -> str:
     """Return the text of the defect that no tetrahedron is inside a surface.
 
-    The mesher may move the surface by up to ``envelope`` [m].
-
-    The thickness of a sheet is 2 V / A, with the volume V inside its surface and the area A of the surface.
+    The text states how far the mesher may move the surface, ``envelope`` [m], and the thickness of the walls. For a
+    thin sheet, the thickness is 2 V / A, where V is the volume inside its surface and A the area of the surface.
     """
     if not closed:
         return "no tetrahedron is inside: the surface encloses nothing; remedy: close it, see `gdfe inspect`"

@@ -131,7 +131,9 @@ MERGED_DIGITS = 8
 SMALLEST, LARGEST = 1e-12, 1e12
 
 _STL_HEAD, _STL_FACE = 84, 50
-"""Bytes of a binary STL file's header, which ends in the number of triangles (four bytes), and of each triangle."""
+"""Sizes of the header of a binary STL file, and of each triangle [bytes]. The last four bytes of the header are the
+number of triangles.
+"""
 
 
 class CutCubes(str, Enum):

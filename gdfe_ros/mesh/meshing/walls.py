@@ -110,7 +110,8 @@ clamped strip, 20 times as wide as thick, with one cell through its thickness wa
 at 4.0, 15 % at 5.7, and 25 % at 7.1.
 """
 LEAST_FRACTION = 0.01
-"""A remark on flat cells is given if they cover at least this fraction of the surface; at sharp edges some always are.
+"""A remark on flat cells is given if they cover at least this fraction of the surface: at sharp edges there are always
+some flat cells.
 """
 
 

@@ -153,8 +153,8 @@ def first_hits(starts, directions, corners, boxes, least, lengths, hits):
 
 
 APART = 10.0
-"""Two triangles cut each other only if their sections, which lie on the common line of their planes up to rounding, are
-at most this many tolerances apart.
+"""Two triangles cut each other only if their sections are at most this many tolerances apart. Up to rounding, both
+sections lie on the common line of the planes.
 """
 
 

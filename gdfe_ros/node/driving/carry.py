@@ -99,7 +99,11 @@ def with_bodies_of(moving: Snapshot, fresh: Snapshot, same: Correspondence) -> S
 
 
 def _continue(old: Saved | None, own: Saved) -> Saved:
-    """Return a term's old stored state; if its arrays changed their shapes, ``own`` with the old dissipated energy."""
+    """Return a term's stored state for the new scene.
+
+    This is ``old`` if its arrays have the shapes of ``own``. Otherwise it is ``own`` with the dissipated energy of
+    ``old``.
+    """
     if old is None:
         return own
     if all(np.shape(old.get(name, array)) == np.shape(array) for name, array in own.items()):
@@ -118,7 +122,7 @@ def _carry_viscosity(old: Saved, own: Saved, cells: NDArray[np.intp]) -> Saved:
 
 
 def _carry_elements(old: ElementState, new: ElementState, same: Correspondence) -> ElementState:
-    """Return the state of the elements, with the values of ``old`` in the cells and materials that it has."""
+    """Return the state of the elements, with the values of ``old`` in the cells and materials that ``old`` has."""
     rows = {field.name: same.materials if field.name == "bulk" else same.cells for field in fields(ElementState)}
     return ElementState(**{name: _take(getattr(old, name), getattr(new, name), rows[name]) for name in rows})
 
@@ -126,7 +130,10 @@ def _carry_elements(old: ElementState, new: ElementState, same: Correspondence) 
 def match_vertices(
     old: Sequence[Handle], new: Sequence[Handle], parts: NDArray[np.intp], count: int
 ) -> NDArray[np.intp]:
-    """Return the old index of each of ``count`` vertices: ``parts`` (n,) for the soft bodies, then the rigid bodies."""
+    """Return the old index of each of ``count`` vertices; -1 if ``old`` does not have it.
+
+    ``parts`` (n,) are the old indices of the soft bodies' vertices. The vertices of rigid bodies follow them.
+    """
     known = {body.name: body.vertices for body in rigid_among(old)}
     rows = np.concatenate([parts, np.full(count - len(parts), -1)])
     for body in rigid_among(new):

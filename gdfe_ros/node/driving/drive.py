@@ -36,7 +36,7 @@ _HELD, _BACK = 200, 2000
 that converges needs 5 to 150 iterations.
 """
 _LEAST = 4
-"""A step counts as at least this number of iterations: near an instability, other work takes most of its time."""
+"""A step counts as at least this number of iterations: near an instability, most of its time is other work."""
 
 
 class _Phase(Enum):
@@ -54,7 +54,7 @@ class _Phase(Enum):
 
 
 class Slew:
-    """Limits the rate of actuator commands to a fraction of the full rate, which is range / slew_time.
+    """Limits the rate of actuator commands to a fraction of the full rate, range / slew_time.
 
     In a step an actuator's command changes by at most ``share`` * range / slew_time * dt. Initially ``share`` is 1. If
     a deadline ends a step before it converges, ``share`` is halved, and the command stays constant until a later step,
@@ -220,7 +220,10 @@ class CommandAssembler:
         self._resting: Command | None = None
 
     def take_over(self, other: CommandAssembler, bodies: Collection[str]) -> None:
-        """Continue the velocities, trajectories and resets of another assembler; only ``bodies`` stay teleported."""
+        """Continue the velocities, trajectories and resets of another assembler.
+
+        Waiting teleports are kept only for the free bodies named in ``bodies``.
+        """
         self._twists, self._courses, self._resting = other._twists, other._courses, other._resting
         self.slew = other.slew
         if self._resting is not None:

@@ -32,7 +32,7 @@ class _ItemOrder:
 
     @property
     def names(self) -> tuple[str]:
-        """The name, alone."""
+        """Name of the handle or body, as the only name."""
         return (self.name,)
 
 
@@ -52,7 +52,7 @@ class PlaceOrder(_ItemOrder):
     def without(self, later: Order) -> PlaceOrder | None:
         """Return this order, or None if ``later`` is an order of the same kind for the same handle or body.
 
-        A later velocity order does not replace this order: the motion starts from this place.
+        A later velocity order does not replace this order: the motion starts from this pose.
         """
         return None if type(later) is type(self) and later.name == self.name else self
 
@@ -214,7 +214,7 @@ def require_near(translation: tuple[float, float, float], size: float) -> None:
 
 
 def require_order(name: str, order: Order, size: float) -> None:
-    """Check an order that was not made from a command message, e.g. an order of the live page.
+    """Check a pose or actuator order that was not made from a command message, e.g. an order of the live page.
 
     Args:
         name: name of the commanded handle or body, for messages.

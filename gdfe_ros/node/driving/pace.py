@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from gdfe_ros.recording.step import Step
 
 _STILL = 1.0
-"""An idle process that wakes up later than its next heartbeat by more than this time [s] has stood still, e.g. stopped
-by a signal.
+"""If an idle process wakes up more than this time [s] after a heartbeat was due, it stood still, e.g. stopped by a
+signal.
 """
 FARTHEST_JUMP = 10.0
 """Largest forward jump of an external clock [s] for which steps are made. After a larger jump, the time is skipped."""
@@ -38,7 +38,7 @@ class Timing:
     Attributes:
         rate: steps per second of wall time [Hz].
         dt: simulation time of a step [s].
-        heartbeat: interval of the steps while idle, called heartbeats [s]; 0: no heartbeats.
+        heartbeat: interval of heartbeats, the steps made while idle [s]; 0: no heartbeats.
         ticking: whether to keep stepping while idle.
     """
 
@@ -49,7 +49,7 @@ class Timing:
 
 
 class _OwnPace:
-    """A pace, which decides when to make a step, without an external clock.
+    """Base class of paces without an external clock; a pace decides when to make a step.
 
     Each pace has three methods. `delay` returns the wall time to wait before the next step [s]: 0 to step now, None to
     wait for an event. It depends on whether orders are ``pending``, and on whether the state is ``settled``, i.e. stays
@@ -130,7 +130,10 @@ class WallPace(_OwnPace):
         return timing.heartbeat
 
     def _end(self, now: float, period: float) -> None:
-        """Record the end of a step. If the next step is late by a period or more, count overruns and restart now."""
+        """Record the end of a step.
+
+        If the next step is late by a period or more, count overruns and restart the periods.
+        """
         self._running = False
         if (late := now - self._due) >= period:
             self.overruns += int(late / period)
@@ -192,7 +195,7 @@ class ExternalPace:
             self._leapt += ahead
 
     def delay(self, *, pending: bool, settled: bool) -> float | None:
-        """Return 0 if a step of dt is due, or a heartbeat while idle; otherwise None, to wait for the clock."""
+        """Return 0 if a step of dt or, while idle, a heartbeat is due; otherwise None, to wait for the clock."""
         timing, due = self._timing(), self._due()
         if pending or not settled or timing.ticking:
             return 0.0 if due else None
@@ -292,7 +295,7 @@ class Solves:
         """Return the text of a warning if the last step did not converge, or has a message; else None.
 
         Each step is reported once. Two kinds are never reported: steps that a deadline ended, because the next step
-        continues them, and states that are only published, e.g. after a body has joined.
+        continues them, and states that are published without a solve, e.g. after a body was added.
         """
         if last is None or last.first or last.record.step == self._known:
             return None

@@ -59,7 +59,8 @@ def with_moduli(
     Args:
         old: present simulation; it is not changed.
         moduli: Young's modulus [Pa] of each material that changes.
-        interrupted: as in ``Simulation.step``, for the solve for the new equilibrium.
+        interrupted: function that is called repeatedly. If it returns True, the solve for the new equilibrium ends
+            early.
 
     Raises:
         GdfeError: without dynamics, a grip holds something.
@@ -82,12 +83,12 @@ def with_moduli(
 
 
 def take_over(old: Simulation, new: Simulation) -> None:
-    """Continue the motion of ``old`` in ``new``, whose scene differs in its rigid bodies and soft bodies only.
+    """Continue the motion of ``old`` in ``new``; their scenes differ only in rigid bodies and soft bodies.
 
     In the energy account, the energy of added or removed bodies counts as work.
 
     Raises:
-        OverlapError: a new body is inside of an obstacle or of another body; ``new`` is at rest.
+        OverlapError: a new body is inside of an obstacle or of another body; ``new`` stays in its initial state.
     """
     fresh = new.snapshot()
     new.restore(with_bodies_of(old.snapshot(), fresh, _correspondence(old, new)))

@@ -37,8 +37,8 @@ class StepFailure(GdfeError):
 _GRACE = 0.5
 """A request to end a solve has an effect once the solve has taken longer than this time [s]."""
 _LONG = 0.1
-"""If a step takes longer than this time [s], the step before it and its own result are published even without
-subscribers. The middleware stores them for later subscribers, which the node itself tells only after shorter steps.
+"""Least duration of a long step [s]. The step before a long step, and the long step itself, are published even without
+subscribers, so that the middleware can deliver them to late subscribers while the thread is busy.
 """
 _MOST_RETRIES = 20
 """Largest number of successive steps without a new command that continue an unconverged solve. Steps that a deadline
@@ -52,8 +52,8 @@ class SteppingThread:
     Args:
         run: owner of the simulation.
         deliver: function that receives each step; it may block to slow the stepping.
-        store: function that publishes the last step without subscribers; called once during a step that takes long.
-            None: steps are not published without subscribers.
+        store: function that publishes the last step even without subscribers; called once during a long step. None:
+            steps are not published without subscribers.
 
     Attributes:
         changed: condition that wakes the thread; its lock guards the inbox.
@@ -124,7 +124,7 @@ class SteppingThread:
     def stop(self, *, drain: bool = False) -> None:
         """End the thread after the step in progress; a long solve ends early. Without a thread, do nothing.
 
-        ``drain``: first run the functions that wait to run between two steps; otherwise they are refused.
+        ``drain``: first run the functions of `post` that still wait; without ``drain`` they are refused.
         """
         if self._thread is None:
             return
@@ -250,7 +250,7 @@ class SteppingThread:
                 self._jobs.popleft()[1].set_exception(GdfeError("the stepping has ended"))
 
     def _await(self) -> Callable[[], None] | None:
-        """Return the next task as `_next` does; if `_next` fails, pause the stepping and wait for jobs."""
+        """Return the next task as `_next` does; if `_next` fails, pause the stepping and wait for posted functions."""
         try:
             return self._next()
         except Exception as error:
@@ -355,7 +355,7 @@ class SteppingThread:
         return run.last
 
     def _try_step(self, command: Command, **given: Any) -> tuple[Command, StepResult]:
-        """Make a step and return its command and result; a refused teleport, or a refused command, is left out."""
+        """Make a step and return its command and result; leave out a refused teleport or a refused command."""
         run, step = self._run, self._simulation.step
         try:
             return command, step(command, **given)

@@ -29,13 +29,13 @@ class Delivery(Enum):
 
     Attributes:
         reliable: whether the middleware sends lost messages again.
-        local: whether late subscribers that ask for it receive the last messages (transient local).
+        local: whether late subscribers receive the last messages, if they ask for them (transient local).
         depth: number of messages that are kept.
         always: whether the topic is published while the node is not active, too.
     """
 
     STATE = True, True, 10
-    """Subscribers that ask for it miss no step during discovery."""
+    """Subscribers that ask for transient local durability miss no step during discovery."""
     CLOUD = True, True, 1
     """A late subscriber needs the present cloud only, and ten clouds of a large body are many bytes."""
     COMMAND = True, False, 1000
@@ -43,7 +43,7 @@ class Delivery(Enum):
     EVENT = True, False, 100, True
     CLOCK = False, False, 1
     TRANSFORMS = True, False, 100
-    """The same as in tf2_ros."""
+    """The same quality of service as in tf2_ros."""
     FOLLOWED = False, False, 10
     """The leader's publisher may be reliable or not."""
 

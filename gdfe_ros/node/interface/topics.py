@@ -337,12 +337,12 @@ def put_key(handle: Handle) -> str:
 
 
 def step_topic(key: str) -> TopicSpec:
-    """Return the output topic with a name relative to the node's: `HANDLE_POSE` for ``handles/tip/pose``."""
+    """Return the output topic for a name relative to the node's name, e.g. `HANDLE_POSE` for ``handles/tip/pose``."""
     return next(spec for spec in OUTPUTS if re.fullmatch(re.sub("{.*}", "[^/]+", spec.name), f"~/{key}"))
 
 
 def state_topics(scene: Scene) -> dict[str, TopicSpec]:
-    """Return a dict from key to topic for the recorded topics that each step is published on; the step record first."""
+    """Return a dict from key to topic for the recorded topics with a message for each step; the step record first."""
     from gdfe_ros.recording.message_tables import tables_of  # the terminal's commands for other nodes need no scene
 
     specs = {key: step_topic(key) for key in (STEP_RECORD.key(), *tables_of(scene))}

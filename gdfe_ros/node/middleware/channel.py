@@ -87,9 +87,9 @@ class Channel:
     def look_for_newcomers(self, *, thorough: bool = False) -> bool:
         """Return whether a subscriber is new since the last call, or lacks the last message.
 
-        The ROS graph shows which new subscribers have volatile durability. It is read if the number of subscribers has
-        grown, or if it showed too few of them at the last reading. With ``thorough`` it is read if there is any
-        subscriber, because a new one may have replaced another one.
+        The ROS graph shows which new subscribers have volatile durability. The graph is read if the number of
+        subscribers has grown, or if the last reading showed fewer subscribers than this number. With ``thorough`` it is
+        read if there is any subscriber, because a new one may have replaced another one.
         """
         if not self._repeated:
             return False

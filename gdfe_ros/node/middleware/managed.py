@@ -46,7 +46,7 @@ class EventlessNode(Node):
 
 
 _KEPT = 2
-"""Number of turns (`ManagedNode.turn`) for which a destroyed subscription or timer stays in memory."""
+"""Number of calls of `ManagedNode.turn` for which a destroyed subscription or timer stays in memory."""
 _MOST_ENTRIES = 10_000
 """Largest number of entries in a list of a request; rclpy's answer for 500000 names of parameters takes 15 s."""
 _TRIM = getattr(ctypes.CDLL(None), "malloc_trim", None)
@@ -124,13 +124,17 @@ class ManagedNode(EventlessNode, LifecycleNode):
     def list_unknown_parameters(self) -> set[str]:
         """Return the names of parameters that were given at start and are not declared.
 
-        Parameters of rclpy are excluded, and moduli, which are declared when a scene is configured.
+        Parameters of rclpy are excluded. Young's moduli are excluded, too, because they are declared with the scene.
         """
         later = ("materials.", "qos_overrides.", "start_type_description_service", "use_sim_time")
         return {name for name in self.given_parameters if not self.has_parameter(name) and not name.startswith(later)}
 
     def offer(self, offered: Mapping[ServiceSpec, Callable[[Any, Any], Any]]) -> None:
-        """Offer the services whose types are installed; see ``action`` of `answer` for their functions."""
+        """Offer the services whose types are installed.
+
+        Args:
+            offered: dict from service to the function that carries out a request (``action`` of `refusals.answer`).
+        """
         for spec, action in offered.items():
             if available(spec.type):
                 note = partial(self.faults.note, f"the service {spec.name}")
@@ -138,7 +142,7 @@ class ManagedNode(EventlessNode, LifecycleNode):
                 self._shield(self.create_service(interface_class(spec.type), spec.name, callback))
 
     def create_timer(self, timer_period_sec: float, callback: Callable[[], None], *more: Any, **options: Any) -> Any:
-        """Create a timer, as rclpy does, that survives exceptions in its callback."""
+        """Create a timer that survives exceptions in its callback."""
         return super().create_timer(timer_period_sec, self.guard(callback, "a timer"), *more, **options)
 
     def create_lifecycle_publisher(self, *arguments: Any, **options: Any) -> Any:
@@ -148,7 +152,7 @@ class ManagedNode(EventlessNode, LifecycleNode):
     def create_subscription(
         self, msg_type: type, topic: str, callback: Callable[..., None], *more: Any, **options: Any
     ) -> Any:
-        """Create a subscription, as rclpy does, that survives exceptions in its callback."""
+        """Create a subscription that survives exceptions in its callback."""
         guarded = self.guard(callback, f"the subscription of {topic}")
         return super().create_subscription(msg_type, topic, guarded, *more, **options)
 
@@ -167,8 +171,8 @@ class ManagedNode(EventlessNode, LifecycleNode):
     def turn(self) -> None:
         """Free subscriptions and timers destroyed before the previous call; to be called by a timer of this node.
 
-        EventsExecutor accesses subscriptions and timers by their addresses, which may be in its queue. The queue is in
-        order: after two calls by a timer that were queued later, nothing refers to them.
+        The queue of EventsExecutor contains addresses of subscriptions and timers. The executor processes the queue in
+        order. Once two later calls by a timer are processed, no address of a destroyed object is left in the queue.
         """
         self._turns += 1
         released = False
@@ -185,8 +189,9 @@ class ManagedNode(EventlessNode, LifecycleNode):
     def collect() -> None:
         """Free the memory of a dropped simulation, and return it to the system.
 
-        A simulation has reference cycles, which Python collects only after many allocations; a node makes few. glibc
-        would keep freed memory in the pools of ended threads: 50 MB after 1000 replacements of the scene `grasp`.
+        A simulation has reference cycles. Python collects them only after many allocations, and a node makes few
+        allocations. glibc would keep freed memory in the pools of ended threads: 50 MB after 1000 replacements of the
+        scene `grasp`.
         """
         gc.collect()
         if _TRIM is not None:
@@ -312,7 +317,10 @@ class ManagedNode(EventlessNode, LifecycleNode):
         return code
 
     def _check_transition(self, change: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
-        """Return a callback that calls ``change`` only for transitions that the present state allows."""
+        """Return a callback that refuses transitions that the present state does not allow.
+
+        The transition ``configure`` is made by `configure_later`, all others by ``change``.
+        """
 
         def answer(request: Any, response: Any) -> Any:
             wanted, state = request.transition, self.lifecycle_state

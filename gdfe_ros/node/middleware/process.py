@@ -174,7 +174,11 @@ def _without_ros(args: Sequence[str]) -> list[str]:
 
 
 def _spin(executor: Executor, nodes: Sequence[Any], stopping: threading.Event) -> None:
-    """Spin until ``stopping`` is set; continue after exceptions, e.g. for a request that rclpy cannot deserialise."""
+    """Spin until ``stopping`` is set.
+
+    Spinning continues after exceptions, e.g. for a request that rclpy cannot deserialise, but not after `_MOST_FAULTS`
+    in a row.
+    """
     faults = [node.faults for node in nodes if isinstance(node, ManagedNode)]
     faults = faults or [Faults(lambda text: nodes[0].get_logger().error(text))]
     in_a_row = 0

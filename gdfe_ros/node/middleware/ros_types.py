@@ -84,10 +84,10 @@ _CONVERSION = ctypes.PYFUNCTYPE(ctypes.py_object, ctypes.c_void_p)
 
 @cache
 def bound_request(kind: type) -> type:
-    """Return a class that rclpy reads in place of the request class ``kind``, see the module.
+    """Return a class for rclpy in place of the request class ``kind``; it limits the size of requests (see the module).
 
-    The requests it reads are instances of ``kind``. A request that was too large is an empty instance of a subclass;
-    its attribute ``unread`` is the size [bytes].
+    Requests within the limit are instances of ``kind``. A request that was too large is an empty instance of a
+    subclass; its attribute ``unread`` is the request's size [bytes].
 
     Raises:
         OSError, AttributeError, ValueError: the type support of Fast DDS is not installed for this package.
@@ -117,7 +117,7 @@ def bound_request(kind: type) -> type:
 def bound_service(kind: type, warn: Callable[[str], object]) -> Any:
     """Return the type ``kind`` of a service with a bounded request, for the attribute ``srv_type`` of a service.
 
-    The service must have been created before, which loads the type support. Without the type support of Fast DDS,
+    The service must exist already, because its creation loads the type support. Without the type support of Fast DDS,
     return ``kind``, and call ``warn`` with the reason.
     """
     try:

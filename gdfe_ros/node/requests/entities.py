@@ -77,7 +77,7 @@ class Entities:
         self._inner.clear()
 
     def all(self) -> list[Thing]:
-        """Return the entities of the present scene; raise `Refused` if there is none."""
+        """Return the entities of the present scene; raise `Refused` if the node has no scene."""
         return things_of(self._node.require_session().scene, self._inner)
 
     def find(self, name: str) -> Thing:
@@ -319,7 +319,7 @@ class _Change:
         make: function that returns the new scene from the present one.
         anew: whether the new simulation starts at rest at time 0; otherwise it continues the motion.
         outcome: ``Future`` of the new scene.
-        before: scene from which the new one was built; None before that.
+        before: scene from which the new one was built; None until it is built.
     """
 
     make: Callable[[Scene], Scene]

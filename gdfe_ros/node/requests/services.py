@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The node that has a session, and its services: each is executed between two steps and answers with its outcome.
+"""A node with a session, and its services: each service is executed between two steps and answers with the outcome.
 
 No service blocks the node's other callbacks. If the answer depends on a later step, it is sent after that step. Worlds
 of ``simulation_interfaces`` are scenes: they are loaded, unloaded and listed here.
@@ -57,7 +57,7 @@ class SessionNode(ManagedNode):
         return self.session
 
     def active(self) -> SimulationSession:
-        """Return the session, whose stepping runs.
+        """Return the session, after a check that its stepping runs.
 
         Raises:
             Refused: the node is not active.
@@ -350,7 +350,7 @@ def _scene(uri: str, text: str) -> Scene:
 
 
 def _resource(world: Any) -> Any:
-    """Return the part of a ``WorldResource`` with its URI; version 2 has a message of its own for it."""
+    """Return the part of a ``WorldResource`` that has the URI; in version 2 this is a nested message."""
     return getattr(world, "world_resource", world)
 
 

@@ -84,7 +84,7 @@ class StandardServices:
 
     Args:
         node: node that offers the services.
-        entities: the spawned bodies, which some requests remove.
+        entities: the spawned bodies; some requests remove them.
         worlds: loader of scenes.
         quit: event that ends the process; None: this node cannot end it.
     """
@@ -105,7 +105,7 @@ class StandardServices:
         self._offer_action()
 
     def stop_at_start(self) -> None:
-        """Answer that the simulation is stopped, not paused, as long as it stays at time 0."""
+        """Report the state stopped, instead of paused, as long as the simulation stays at time 0."""
         self._at_start = True
 
     def _features(self, request: Any, response: Any) -> None:
@@ -121,7 +121,10 @@ class StandardServices:
         response.state.state = int(self._state())
 
     def _state(self) -> _State:
-        """Return the simulation state; stopped means not active, or paused at time 0 by a request to stop."""
+        """Return the state of the simulation.
+
+        Stopped means not active, or paused at time 0 after a request to stop or to load a scene.
+        """
         session, label = self._node.session, self._node.lifecycle_state
         if session is None:
             if label == "configuring" or self._worlds.loading:
@@ -170,7 +173,7 @@ class StandardServices:
         return self._restart(session, spawned=bool(scope & _SPAWNED))
 
     def _restart(self, session: SimulationSession, *, spawned: bool) -> Future[Any]:
-        """Go back to rest at time 0; ``spawned``: without the spawned bodies."""
+        """Restart the simulation at rest at time 0; if ``spawned``, remove the spawned bodies."""
         if spawned and self._entities.any_spawned:
             return self._entities.remove(anew=True)
         return session.stepper.post(session.reset, urgent=True)
@@ -250,7 +253,7 @@ class TrajectoryAction:
             unread = 0
 
             async def execute(self, taken_data: Any) -> None:
-                """Respond to requests, as rclpy does."""
+                """Note whether a goal was too large, and respond to requests as rclpy does."""
                 self.unread = unread_size(taken_data["goal"][1]) if "goal" in taken_data else 0
                 await super().execute(taken_data)
 
@@ -268,7 +271,7 @@ class TrajectoryAction:
         self._action._action_type = bound_action(self._kind, node.get_logger().warning)
 
     def _too_large(self) -> bool:
-        """Return whether the goal that has come was too large to be read, and log that."""
+        """Return whether the received goal was too large to be read, and log a refusal if so."""
         size = self._action.unread
         if size:
             text = f"a goal of {FOLLOW_TRAJECTORY.name} is refused: it has {size} bytes; allowed: up to {LARGEST}"
@@ -312,7 +315,7 @@ class TrajectoryAction:
 
 
 def _tolerances(request: Any) -> Tolerances:
-    """Return the position tolerances of a goal, which limit commands here; a value of 0 or -1 sets no limit.
+    """Return the position tolerances of a goal, as tolerances of commands; a value of 0 or -1 sets no limit.
 
     Tolerances of velocities and accelerations are ignored.
 

@@ -53,7 +53,7 @@ class Thing:
         vertices: ids of the body's vertices in the simulation's state.
         rigid: the rigid body; None for a soft one.
         part: the soft body's mesh; None for a rigid one.
-        inner: placement in the entity's frame of the rigid body's own frame.
+        inner: placement of the rigid body's own frame in the entity's frame.
     """
 
     name: str
@@ -153,7 +153,7 @@ def _tags(kind: str, name: str, spawned: Collection[str]) -> tuple[str, ...]:
 
 
 LONGEST = 60
-"""Largest number of letters of a body's name, which becomes a part of the names of topics."""
+"""Largest number of letters of a body's name; the name becomes a part of names of topics."""
 
 
 class EntityRequest:
@@ -269,7 +269,7 @@ _REPETITION = re.compile(r"[*+?{]")
 
 
 _MOST_REPETITIONS, _LONGEST_FILTER = 3, 100
-"""Largest number of repetitions in, and of characters of, an expression that filters names: more could take hours."""
+"""Largest number of repetitions, and of characters, in an expression that filters names: more could take hours."""
 
 
 _ALL = 1
@@ -277,7 +277,7 @@ _ALL = 1
 
 
 def list_poses(scene: Scene) -> Iterator[tuple[str, str, Placement]]:
-    """Yield name, kind (``handle``, ``obstacle`` or ``probe``) and initial placement in the node's frame."""
+    """For each handle, obstacle and probe, yield its name, its kind, and its initial placement in the node's frame."""
     for each in scene.handles:
         if isinstance(each, Obstacle) and not isinstance(each, RigidBody):
             yield each.name, "obstacle", rest_place(each)
@@ -288,7 +288,10 @@ def list_poses(scene: Scene) -> Iterator[tuple[str, str, Placement]]:
 
 
 def has_tags(tags: tuple[str, ...], asked: Any) -> bool:
-    """Return whether tags contain any tag of a ``TagsFilter``, or all of them; without tags, the filter passes all."""
+    """Return whether a body's tags pass a ``TagsFilter``.
+
+    The filter requires one of its own tags or, in the mode `_ALL`, all of them. Without tags it passes every body.
+    """
     wanted = set(asked.tags)
     return not wanted or (wanted <= set(tags) if asked.filter_mode == _ALL else bool(wanted & set(tags)))
 
@@ -308,7 +311,7 @@ def name_filter(pattern: str) -> Callable[[str], object]:
 
 
 def require_bounds(bounds: Any) -> None:
-    """Raise `Refused` if the bounds of a filter are not two points of a box or a sphere, or none."""
+    """Raise `Refused` unless the bounds of a filter are empty, or a box or sphere with two finite points."""
     if bounds.type == EMPTY:
         return
     if bounds.type not in (BOX, SPHERE):

@@ -145,7 +145,7 @@ class _Builder:
         return replace(robot, joints=joints)
 
     def _limit(self, joint: Joint) -> Joint:
-        """Return the joint with a limit of its acceleration: its own limit, the arm's, or that from `SPIN_UP`."""
+        """Return the joint with a limit of its acceleration: its own limit, else the arm's, else one from `SPIN_UP`."""
         limits = joint.limits
         if limits is None or np.isfinite(limits.acceleration):
             return joint
@@ -238,7 +238,11 @@ class _Builder:
         return not unknown
 
     def _touching(self, robot: Description) -> list[str]:
-        """Return the names of the links in contact: the given ones, or all with a shape that are not on the flange."""
+        """Return the names of the links in contact.
+
+        The key `links` lists them. By default, they are all links with a collision shape, except those that fixed
+        joints connect with the flange.
+        """
         given = self._model.links
         if given is None:
             mounted = robot.rigid_with(self._model.flange)

@@ -23,7 +23,7 @@ from gdfe_ros.scene.report import WHOLE, Defects, Unfit, require_known
 from gdfe_ros.scene.schemas.scene_schema import Draft, HandleModel, RegionModel
 
 _TESTED = {"cell": "cell centroids", "point of the skin": "points about half a cell's edge apart"}
-"""Dict from the kind of selected items to the points that are tested to be in the selection; by default, vertices."""
+"""Points that a selection tests for each kind of item, named in errors; for other kinds: vertices."""
 
 
 def build_materials(draft: Draft, carried: Carried, report: Defects) -> dict[str, Material]:
@@ -115,10 +115,10 @@ def _handle(name: str, vertices: NDArray[np.int32], model: HandleModel) -> Handl
 
 
 def _apart(handles: Sequence[Handle]) -> Iterator[Handle]:
-    """Yield the handles after each vertex that rollers share with other handles is left to one of them.
+    """Yield the handles after rollers (handles with `slide`) have given up vertices that they share.
 
-    Rollers (handles with `slide`) leave a shared vertex to a rigid handle, or to the first of several rollers. It then
-    slides only along the axes that all of these rollers leave free.
+    A roller leaves a shared vertex to a rigid handle that does not slide or turn. Several rollers leave a shared vertex
+    to the first of them. The vertex then slides only along the axes that all of these rollers leave free.
     """
     for number, handle in enumerate(handles):
         if handle.slide is None:

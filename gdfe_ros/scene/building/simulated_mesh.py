@@ -32,7 +32,7 @@ Texts = tuple[str | None, str | None]
 """Packed mesh and packed skin as text; None for a generated mesh, and without a skin."""
 _MESH, _SKIN, _TOUCHING, _TEXTS = "mesh:", "skin:", "touching:", "texts"
 _OF_FILES = ("file", "voxels", "tets", "embedded", "scale", "merge", "first_order")
-"""Keys that the contents of an embedded mesh or surface replace in its entry."""
+"""Keys of a mesh's or skin's entry that the key `embedded`, with the contents of the files, replaces."""
 _CONTACT = ("corners", "weights", "faces", "vertices")
 """Fields of `Touching` that are stored in the cache."""
 
@@ -128,7 +128,7 @@ def build_part(model: PlacedMeshModel, path: KeyPath, carried: Carried, report: 
 
 
 def of_tetrahedra(path: KeyPath, part: MeshPart, report: Defects) -> MeshPart:
-    """Return one mesh of a scene with tetrahedra; hexahedra are divided, and their skin or cut cells are defects."""
+    """Return a mesh as tetrahedra: hexahedra are divided, and a skin or cut cells of hexahedra are defects."""
     mesh = part.mesh
     if isinstance(mesh, TetMesh):
         return part
@@ -203,7 +203,7 @@ def require_apart(
 
 
 def require_part(mesh: Mesh, name: str | None, key: str = "mesh") -> None:
-    """Raise `Unfit` if the mesh ``name`` does not exist, which an entry names at ``key``; None is valid."""
+    """Raise `Unfit` if no mesh has the ``name`` that an entry gives at ``key``; None, no name, is valid."""
     if name is not None and not mesh.parts:
         text = "the one `mesh` of this scene has no name; remedy: leave this key out, or give `meshes` by name"
         raise Unfit(key, text)

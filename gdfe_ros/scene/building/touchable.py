@@ -108,7 +108,7 @@ def _renumber(faces: NDArray[np.int32], mesh: HexMesh, whole: HexMesh) -> NDArra
 
 
 def _beside(faces: NDArray[np.int32], mesh: HexMesh, whole: HexMesh) -> NDArray[np.int32]:
-    """Return the faces of ``whole`` that do not belong to ``mesh``, whose vertices and contact points come first."""
+    """Return the ``faces`` of ``whole`` outside of ``mesh``, which has the first vertices and contact points."""
     points = whole.n_vertices + (0 if mesh.touching is None else len(mesh.touching.corners))
     first = faces[:, 0]
     return faces[np.where(first < whole.n_vertices, first >= mesh.n_vertices, first >= points)]
@@ -117,7 +117,7 @@ def _beside(faces: NDArray[np.int32], mesh: HexMesh, whole: HexMesh) -> NDArray[
 def _touching_faces(mesh: HexMesh, where: Where | None = None) -> NDArray[np.int32]:
     """Return the contact faces (q, 4) of cells and skins that ``where`` selects; without ``where``, all of them.
 
-    An index i is that of a vertex, or of contact point i - n_vertices if i >= n_vertices.
+    An index i < n_vertices is a vertex; any other index i is the contact point i - n_vertices.
     """
     quads = flat_quads(mesh.surface() if where is None else select_faces(mesh, where))
     if mesh.touching is None:
@@ -127,7 +127,7 @@ def _touching_faces(mesh: HexMesh, where: Where | None = None) -> NDArray[np.int
 
 
 def build_sensors(draft: Draft, mesh: HexMesh | None, report: Defects) -> dict[str, ContactSensor]:
-    """Return a dict from name to contact sensor of the sensors with valid faces, or valid contact points of a skin."""
+    """Return a dict from name to contact sensor; report sensors without valid faces or contact points."""
     found = {}
     for name, model in draft.sensors.items() if mesh is not None else ():
         with report.entry("sensors", name):

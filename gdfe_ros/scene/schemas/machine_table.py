@@ -203,8 +203,8 @@ def read_stress_table(path: Path) -> StressTable:
 
     Separators are commas, semicolons or tabs, decimals have points or commas. Lines above the header are skipped, as
     are lines that start with #. Units are in the header, ``Stress [MPa]``, or in a row below it. Force and extension
-    are converted if the lines above the header state width, thickness (or area) and length of the specimen. Rows
-    without numbers at the end are left out.
+    are converted if the lines above the header state width, thickness (or area) and length of the specimen. Rows at the
+    end without numbers are left out.
 
     Args:
         path: the file.
@@ -247,7 +247,7 @@ def _number_rows(text: str) -> list[tuple[int, list[str]]]:
 
 
 def _find_test(rows: Sequence[tuple[int, list[str]]], places: Sequence[int]) -> tuple[int, int]:
-    """Return the index of the header of the only test, and of the row after its end.
+    """Return the index of the header of the only test, and the index of the row after the end of the test.
 
     ``places`` are the indices of all headers. Short tables are summaries (`_SUMMARY`). Several tests are an error.
     """

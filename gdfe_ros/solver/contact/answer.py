@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The compiled minimisation with contact: each quasi-Newton step gets the forces with which it keeps the laws.
+"""The compiled minimisation with contact: each quasi-Newton step includes forces that satisfy the laws of contact.
 
-A step without change of the forces is d = -H g. With the change df of the forces it is d = -H (g - J^T df), and the
-gaps and slips at its end are p = p0 + J d. The forces f + df keep the laws between p and f, see `complementarity`.
+Let g be the gradient of the potential, H the approximate inverse of its Hessian, and J the derivative of gaps and
+slips. While the contact forces f are constant, the step is d = -H g. If they change by df, the step is
+d = -H (g - J^T df), and the gaps and slips at its end are p = p0 + J d. The change df is chosen so that f + df and p
+satisfy the laws (see `complementarity`).
 """
 
 from __future__ import annotations
@@ -23,29 +25,31 @@ from gdfe_ros.solver.matrix.unknowns import add_rows, gather_rigid_rows
 from gdfe_ros.solver.outcome import Outcome
 
 BEGIN, SEARCH, ANSWER, MOVE = range(4)
-"""Stages of an iteration: find the step without new forces, let the caller search parts of the body that may meet in
-it, find the forces, and make the step.
+"""Stages of an iteration: find the step at constant contact forces; let the caller search for parts of the body that
+may meet in this step; find the new forces; make the step.
 """
 ROUNDS = 8
-"""Largest number of rounds in one step in which further points join; what is left enters the next step."""
+"""Largest number of attempts at the forces of a step. Another attempt follows if points entered, which then join, or if
+a large violation has halved. The next step takes over what remains.
+"""
 EXACT, ROUGH = 1e-6, 1e-3
-"""Allowed violation of the laws, divided by the target of the minimisation, in a step as long as the target. It grows
-with the square of the step's length, up to the second number times this length: the first steps of a minimisation are
-wrong by more than that.
+"""In a step as long as the target of the minimisation, the laws may be violated by the first number times the target.
+In longer steps, the allowed violation grows with the square of the step's length, up to the second number times this
+length. The errors of the first steps of a minimisation are larger than that anyway.
 """
 MOST_CHANGES = 30
-"""Number of iterations in which surfaces touch other faces, while no step is half as long as the shortest one before,
-or in which the laws are violated, and by no less than half of the least violation before: with more, contact does not
-settle.
+"""Contact does not settle if either of two counts of iterations exceeds this. The first counts iterations in which
+pressing points touch other faces; it restarts when the length of the step falls to half of its least value. The second
+counts iterations in which the laws are violated; it restarts when the violation falls to half of its least value.
 """
 REVERSED, MOST_INERTIA, FADING = 0.7, 64.0, 0.7
-"""A step reverses the last one if the cosine between both is below minus the first number. Forces and steps then get an
-inertia of at least 1 and at most the second number, which fades by the last one in each step that does not reverse the
-last one. It is the compliance against a change of a force, divided by that of the body at the point, and the fraction
-1 / (1 + inertia) of each step is made. Without it, the notched finger of a test closes 0.7 mm beside its plane.
+"""A step reverses the last one if the cosine between both is below minus the first number. The inertia, a number, then
+doubles, from at least 1 to at most the second number. In every other step, it is multiplied by the third number. The
+inertia times the body's compliance at a point is added to the point's compliance, and only the fraction
+1 / (1 + inertia) of the step is made. Without inertia, the notched finger of a test closes 0.7 mm beside its plane.
 """
 LEAST_SLOPE = 0.1
-"""A point takes no part where the gradient of its distance is shorter than this: in the middle of an obstacle."""
+"""A point is left out of a step if the gradient of its distance is shorter than this: in the middle of an obstacle."""
 
 TALLY = np.dtype(
     [
@@ -57,14 +61,14 @@ TALLY = np.dtype(
         ("count", np.int64),  # number of points that take part in it
         ("rounds", np.int64),  # number of times that its forces were found
         ("changed", np.int64),  # whether points that press touch other faces than in the last step
-        ("changes", np.int64),  # iterations in which they did
-        ("in_vain", np.int64),  # iterations in which no forces kept the laws
-        ("idle", np.float64),  # iterations in which no step was half as long as the shortest one before
-        ("nearest", np.float64),  # that shortest one [m]
+        ("changes", np.int64),  # number of iterations in which they do
+        ("in_vain", np.int64),  # number of iterations in which the laws are violated
+        ("idle", np.float64),  # number of iterations since a step was half as long as the shortest before
+        ("nearest", np.float64),  # length of this shortest step [m]
         ("left", np.float64),  # largest violation of the laws in the last step [m]
-        ("least", np.float64),  # least one so far [m]
-        ("allowed", np.float64),  # violation that is aimed at [m]
-        ("faint", np.float64),  # violation that counts as nothing [m]
+        ("least", np.float64),  # least violation so far [m]
+        ("allowed", np.float64),  # allowed violation [m]
+        ("faint", np.float64),  # negligible violation [m]
         ("inertia", np.float64),  # of forces and steps
         ("gone", np.float64),  # bound of the motion of any vertex since points were chosen [m]
         ("room", np.float64),  # motion after which points are chosen again [m]
@@ -76,20 +80,20 @@ TALLY = np.dtype(
 
 @internal
 def holds(held, i):
-    """Return whether point ``i`` holds a force."""
+    """Return whether point ``i`` has a force."""
     return held[i, 0] != 0.0 or held[i, 1] != 0.0 or held[i, 2] != 0.0
 
 
 @internal
 def gap_ahead(field, i):
-    """Return the gap [m] of point ``i`` at the end of the step, with the length of its spring."""
+    """Return the gap [m] of point ``i`` at the end of the step, plus the compression of the point's spring."""
     s = field.stencils
     return s.places[i, 0] + s.soft[i] * s.held[i, 0] + field.ahead[i, 0]
 
 
 @internal
 def exchange_loads(problem, work, field):
-    """Replace the loads of the contacts by those of the present forces; correct energy and gradient for them."""
+    """Set the dead loads of the contacts to the present contact forces; add the difference to energy and gradient."""
     loads, change, unknowns, x = field.loads, field.change, problem.unknowns, work.x
     for v in range(len(loads) if field.acting[0] == 1 else 0):
         for j in range(3):
@@ -113,9 +117,9 @@ def exchange_loads(problem, work, field):
 
 @internal
 def curve(work, field):
-    """Add to the newest pair the change of the gradient by forces that turned in the last step.
+    """Correct the newest pair of L-BFGS for the contact forces that turned in the last step.
 
-    The pairs thus contain the curvature of the surfaces: forces turn where a point moves along them.
+    A force turns where its point moves along a curved surface. The pairs thus contain the curvature of the surfaces.
     """
     status, before = work.status[0], field.before
     newest, fresh = (status.head - 1) % len(work.curvature), status.head != field.head[0]
@@ -133,7 +137,7 @@ def curve(work, field):
 
 @internal
 def begin_step(problem, work, metric, field, rows, tally, size, most):
-    """Turn the forces of all points with the surfaces; find the step with them, its points, and the next stage."""
+    """Begin an iteration: turn the forces with the surfaces, find the step and its points, and set the next stage."""
     for n in range(len(field.before)):
         field.before[n] = work.gradient[n]
     find_stencils(work.x, field.surfaces, field.faces, field.owner, field.stencils)
@@ -148,7 +152,7 @@ def begin_step(problem, work, metric, field, rows, tally, size, most):
 
 @kernel
 def look_again(problem, work, field, rows, size):
-    """Find the stencils of points that were gathered anew, and those that take part; return their number."""
+    """Find the stencils of points that were gathered anew; return the number of points that take part in the step."""
     find_stencils(work.x, field.surfaces, field.faces, field.owner, field.stencils)
     return find_joins(problem, work, field, rows, size)
 
@@ -157,7 +161,7 @@ def look_again(problem, work, field, rows, size):
 def find_joins(problem, work, field, rows, size):
     """Find the points that take part in the step; return their number.
 
-    ``rows`` are the row of each free vertex, and the number of each vertex' handle, see `differentiate`.
+    ``rows`` is a pair: the row of each free vertex, and the number of each vertex' handle (see `differentiate`).
     """
     s, count = field.stencils, 0
     given = *rows, s.axes, s.ends, s.pressing, s.rubbing, field.rows, field.blocks, field.used
@@ -175,7 +179,7 @@ def find_joins(problem, work, field, rows, size):
 
 @internal
 def linearise(field, chosen, w, q, start):
-    """Write the displacements ``q`` (3 c,) [m] of the ``chosen`` points without forces, and their present forces."""
+    """Write the gaps and slips ``q`` (3 c,) [m] of the ``chosen`` points without forces, and their present forces."""
     s = field.stencils
     for a in range(len(chosen)):
         i = chosen[a]
@@ -188,7 +192,7 @@ def linearise(field, chosen, w, q, start):
 
 @internal
 def hold(field, chosen, now):
-    """Set the forces ``now`` (3 c,) [N] of the ``chosen`` points; those that are not usable lose theirs.
+    """Set the forces of the ``chosen`` points to ``now`` (3 c,) [N]; points that are not usable lose their forces.
 
     Return whether any force has changed.
     """
@@ -210,9 +214,9 @@ def hold(field, chosen, now):
 def settle(problem, work, metric, field, known, count, size, target, allowed, faint):
     """Find the forces of the points that take part, and the step with them.
 
-    The first c = ``count`` of ``field.chosen`` take part; their compliance, and the problem's displacements and forces,
-    are in ``known``. Others that enter by more than ``target`` [m] join. ``allowed`` and ``faint`` [m] are those of
-    `solve_laws`.
+    The first c = ``count`` points of ``field.chosen`` take part. ``known`` has their compliance, and receives their
+    displacements and forces. Other points that enter by more than ``target`` [m] join. ``allowed`` and ``faint`` [m]
+    are the tolerances of `solve_laws`.
 
     Return the largest violation of the laws [m], the result of `choose`, whether forces changed, and the number of
     points that join.
@@ -242,7 +246,7 @@ def allow(target, step):
 
 @internal
 def find_forces(problem, work, metric, field, known, tally, size, target):
-    """Find the forces with which the step keeps the laws, and write that step.
+    """Find the forces with which the step satisfies the laws, and write that step.
 
     Return False if `Compliance.prepare` must be called first.
     """
@@ -276,11 +280,11 @@ def find_forces(problem, work, metric, field, known, tally, size, target):
 
 @internal
 def shorten(work, field, tally):
-    """Shorten the step if it swings, or if points move farther past what they touch than their stencils hold.
+    """Shorten the step if it reverses the last one, or if points move farther than their stencils are valid.
 
-    Faces that touch are found anew before each step. Forces may then change from one side to the other and back, and
-    turn back and forth with their normals: the inertia doubles in a step that reverses the last one, otherwise it
-    fades. The distance to the equilibrium is still measured by the whole step.
+    Faces that touch are found anew before each step. Forces may then change sides and directions from step to step. The
+    inertia therefore doubles in a step that reverses the last one; otherwise it decreases (see `REVERSED`). The
+    distance to the equilibrium is still estimated from the whole step.
     """
     t, step, last = tally[0], work.direction, field.last
     if inner(last, step) < -REVERSED * math.sqrt(inner(last, last) * inner(step, step)):
@@ -299,16 +303,17 @@ def shorten(work, field, tally):
 
 @kernel
 def is_settling(tally):
-    """Return whether the places that touch, and the forces on them, have settled or may still do so."""
+    """Return whether the touching points and their forces have settled, or may still settle."""
     t = tally[0]
     return max(t.changes, t.in_vain) <= MOST_CHANGES and t.idle <= MOST_FLAT
 
 
 @internal
 def go_on(work, tally, trust):
-    """Count the iterations in which contact does not settle; return whether it still may.
+    """Count the iterations in which contact does not settle; return whether it may still settle.
 
-    An idle iteration counts as ``trust``, the part of the distance to the equilibrium that a step covers.
+    An iteration whose step is not half as long as the shortest one counts as ``trust``, the assumed least ratio of a
+    step to the distance to the equilibrium.
     """
     t, status = tally[0], work.status[0]
     rough = max(ROUGH * status.step, t.faint)
@@ -328,9 +333,10 @@ def descend_touching(problem, work, metric, field, known, tally, rows, size, tar
     """Do `descend` with contact, from the stage in ``tally`` on; return the number of iterations.
 
     It returns early where the caller has to act: before points may have to be chosen again, at the stage `SEARCH`,
-    before forces are found for which `Compliance.prepare` must be called, and before a step that the caller shows. The
-    arguments are those of `descend`, and the near points ``field``, what is ``known`` of their compliance, the progress
-    ``tally`` (1,) with the fields of `TALLY`, and the ``rows`` of `find_joins`.
+    before forces whose compliance `Compliance.prepare` must provide first, and before a step that the caller shows.
+
+    The arguments are those of `descend` and four more: the near points ``field``, the part of their compliance that is
+    ``known``, the progress ``tally`` (1,) with the fields of `TALLY`, and the ``rows`` of `find_joins`.
     """
     t, made = tally[0], 0
     while made < limit:

@@ -8,12 +8,12 @@ since the step began. Within one quasi-Newton step they depend linearly on all f
 
 With any r > 0 they are equivalent to the equations of Alart and Curnier (1991),
 
-    f_n = max(0, f_n - r p_n),      f_t = the point of the disc |t| <= mu f_n nearest to f_t - r p_t,
+    f_n = max(0, f_n - r p_n),      f_t = the point of the disc |t| <= mu f_n nearest to f_t - r p_t.
 
-which a semismooth Newton method solves: each iteration classifies the points as free, sticking or slipping, and solves
-one linear system in the forces of those that touch. Block Gauss-Seidel sweeps over the points give the start, and take
-over where Newton does not descend. They always make progress, but stall where neighbouring points are almost equally
-compliant.
+A semismooth Newton method solves these equations. Each iteration classifies the points as free, sticking or slipping,
+and solves one linear system in the forces of the touching points. Block Gauss-Seidel sweeps over the points give the
+start, and replace Newton iterations that do not reduce the violation. Sweeps always make progress, but stall where
+neighbouring points are almost equally compliant.
 """
 
 from __future__ import annotations
@@ -25,28 +25,31 @@ import numpy as np
 from gdfe_ros.compiled import internal, kernel, vector_kernel
 
 SWEEPS, MOST_SWEEPS, MOST_NEWTON, MOST_FIRM, ROUNDS = 12, 2000, 12, 40, 30
-"""Numbers of Gauss-Seidel sweeps before Newton iterations, and limit to which they double where these fail; numbers of
-Newton iterations in a row with the compliances `RIDGE` and `FIRM`, and of rounds of both.
+"""Number of Gauss-Seidel sweeps before Newton iterations; limit up to which this number doubles if Newton fails;
+largest numbers of successive Newton iterations with the compliances `RIDGE` and `FIRM`; largest number of rounds of
+sweeps and Newton iterations.
 """
 HALF, WORSE = 0.5, 1.5
-"""A violation that counts as nothing ends the search if it does not fall to the first fraction any more. Points that
-hold the same place, such as vertex on vertex, contradict each other by what is of second order in the step. The second
-number is the largest violation with bounded forces, divided by the least one, where the laws have no solution.
+"""A negligible violation ends the search once a round no longer reduces it to the first fraction. Points that touch at
+the same place, such as vertex on vertex, contradict each other by amounts of second order in the step. If the laws have
+no solution, bounded forces are accepted if they violate the laws by at most the second number times the least
+violation.
 """
 MANY, BRISK = 150, 0.3
 """With more unknown forces than the first number, sweeps come first, as long as each dozen of them lowers the violation
-to this fraction.
+below the second number times its last value.
 """
 FINER = 1e-3
-"""With at most `MANY` unknown forces, the last Newton iteration costs little: the violation may be this fraction of the
-tolerance.
+"""With at most `MANY` unknown forces, a further Newton iteration costs little. Newton's method then aims at this
+fraction of the tolerance.
 """
 LARGEST = 900
 """Largest number of unknown forces for which Newton's linear systems are solved."""
 RIDGE, FIRM = 1e-9, 5e-3
-"""Compliance, divided by each force's own, that is added to Newton's matrix: forces of redundant points, such as the
-four corners of a rigid box, are not unique. If the first fails, every other round has the second: forces of a stack
-would jump far along what is not unique, and points would change their state in turn.
+"""Two compliances, divided by the compliance of each force, that are added to Newton's matrix, because forces of
+redundant points, such as the four corners of a rigid box, are not unique. If Newton's method fails with the first
+compliance, every other round uses the second. Without it, the forces of a stack would jump far in directions that are
+not unique, and points would alternate between states.
 """
 
 
@@ -74,7 +77,7 @@ def tangential_compliance(w, i):
 
 @internal
 def onto_disc(w, mu, f, slip, i, press):
-    """Return the point of Coulomb's disc nearest to the trial friction force of point ``i`` (two numbers) [N].
+    """Return the friction force of point ``i`` (two numbers) [N] on Coulomb's disc that is nearest to the trial force.
 
     The trial force is f_t - r p_t with the ``slip`` p_t (two numbers) [m]; the disc has the radius mu ``press`` [N].
     """
@@ -114,7 +117,7 @@ def find_violations(w, q, mu, f, out):
 
 @kernel
 def sweep(w, mu, f, p):
-    """Solve the laws of one point after the other, with the forces of all others held; ``p`` follows ``f``."""
+    """Solve the laws of one point after the other at constant forces of all others; update ``f``, and ``p`` with it."""
     for i in range(len(mu)):
         n = 3 * i
         press = max(0.0, f[n] - p[n] / w[n, n])
@@ -131,8 +134,9 @@ def sweep(w, mu, f, p):
 def classify(w, q, mu, f, p, on):
     """Decide which points touch, and return the number of forces that Newton's method has to find.
 
-    The indices of these forces are written to ``on``. The forces ``f`` of points that part, and friction forces of
-    points without friction, are set to zero. Then the displacements ``p`` are computed again from ``f``.
+    The indices of these forces are written to ``on``. The forces ``f`` of points that do not touch, and the tangential
+    forces of points with friction coefficient zero, are set to zero. Then the displacements ``p`` are computed again
+    from ``f``.
     """
     count = 0
     for i in range(len(mu)):
@@ -206,7 +210,7 @@ def newton_step(w, mu, f, p, on, ridge):
 
 @internal
 def newton(w, q, mu, f, p, best, tolerance, faint, ridge, most):
-    """Make Newton iterations; return the least violation [m], of which the forces are in ``best``."""
+    """Make Newton iterations; return the least violation [m] and write its forces to ``best``."""
     least, on, aim, idle = math.inf, np.empty(len(q), np.int64), tolerance, 0
     if len(q) <= MANY:
         aim *= FINER
@@ -237,7 +241,7 @@ def newton(w, q, mu, f, p, best, tolerance, faint, ridge, most):
 
 @internal
 def sweep_often(w, q, mu, start, f, p, sweeps):
-    """Write the forces after ``sweeps`` from the forces ``start`` to ``f``, and their displacements to ``p``."""
+    """Make a number of ``sweeps`` from the forces ``start``; write the forces to ``f``, the displacements to ``p``."""
     f[:] = start
     displace(w, q, f, p)
     for _ in range(sweeps):
@@ -247,10 +251,11 @@ def sweep_often(w, q, mu, start, f, p, sweeps):
 
 @internal
 def bound_forces(w, q, mu, f, p, least, tolerance):
-    """Replace the forces ``f``, which violate the laws by ``least`` [m], by those of firm springs if these do no worse.
+    """Replace the forces ``f``, which violate the laws by ``least`` [m], by bounded forces unless these are much worse.
 
-    Return the violation [m]. Where the laws have no solution, as for a rigid body between two obstacles that approach,
-    forces would grow in each iteration.
+    Return the violation [m]. The bounded forces solve the laws with slightly more compliant points (`FIRM`). The laws
+    have no solution, for example, for a rigid body between two obstacles that approach: forces would then grow in each
+    iteration.
     """
     soft, found, best = w.copy(), np.zeros(len(f)), np.zeros(len(f))
     for n in range(len(f)):
@@ -275,7 +280,7 @@ def solve_laws(w, q, mu, f, tolerance, faint):
         mu: (c,) friction coefficients.
         f: (3 c,) [N] forces from which the search starts, and the result.
         tolerance: wanted violation [m].
-        faint: violation [m] that counts as nothing, if the wanted one is out of reach.
+        faint: negligible violation [m], accepted if the tolerance cannot be reached.
     """
     p, best, trial = np.empty(len(q)), f.copy(), f.copy()
     displace(w, q, f, p)

@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compliance W = J H J^T of contact points, with H the inverse Hessian of the quasi-Newton method.
+"""Compliance W = J H J^T of contact points, with the quasi-Newton method's approximate inverse H of the Hessian.
 
-H is the inverse M^-1 of the initial matrix, changed by the pairs (s, y) of L-BFGS. With rho = 1 / s . y, each pair
-turns the operator H into H - rho (s z^T + z s^T) + rho (1 + rho y . z) s s^T, where z = H y.
+J is the derivative of gaps and slips with respect to the unknowns. H is the inverse M^-1 of the initial matrix, updated
+by the pairs (s, y) of L-BFGS. With rho = 1 / s . y, each pair turns the operator H into H - rho (s z^T + z s^T) + rho
+(1 + rho y . z) s s^T, where z = H y.
 
-M turns with the vertices: M^-1 = R C R^T, and C is constant as long as M is kept, see `kept_columns`.
+M turns with the rotations R of the vertices: M^-1 = R C R^T. C is constant as long as M is kept (see `kept_columns`).
 """
 
 from __future__ import annotations
@@ -28,10 +29,10 @@ from gdfe_ros.solver.matrix.unknowns import rigid_part
 def differentiate(x, u, frame, unknowns, row_of, handle_of, axes, ends, pressing, rubbing, rows, blocks, counts):
     """Write the derivative of each point's gap and slip with respect to the rows of unknowns.
 
-    ``row_of`` and ``handle_of`` (n,) are the row of each free vertex, and the number of each vertex' handle with a free
-    axis; otherwise -1. ``axes``, ``ends``, ``pressing`` and ``rubbing`` are those of `Stencils`. The results are the
-    ``rows`` (k, e) on which each point depends, their number ``counts`` (k,), and the derivatives ``blocks``
-    (k, e, 3, 3).
+    ``row_of`` (n,) is the row of each free vertex, and ``handle_of`` (n,) the number of each vertex' handle with a free
+    axis; both are -1 for other vertices. ``axes``, ``ends``, ``pressing`` and ``rubbing`` are arrays of `Stencils`. The
+    results are the ``rows`` (k, e) on which each point depends, their number ``counts`` (k,), and the derivatives
+    ``blocks`` (k, e, 3, 3).
     """
     count = len(unknowns.free)
     for i in range(len(ends)):
@@ -71,7 +72,7 @@ def differentiate(x, u, frame, unknowns, row_of, handle_of, axes, ends, pressing
 
 @internal
 def entry_of(row, i, rows, blocks, counts):
-    """Return the place of a row among those of point ``i``; append it if it is new."""
+    """Return the index of ``row`` among the rows of point ``i``; append the row if it is new."""
     for e in range(counts[i]):
         if rows[i, e] == row:
             return e
@@ -106,7 +107,7 @@ def pull(forces, rows, blocks, counts, out):
 
 @internal
 def turn_blocks(chosen, rows, blocks, counts, frames):
-    """Return the ``blocks`` (c, e, 3, 3) of the ``chosen`` points in the frames (f, 9) of the vertices."""
+    """Return the ``blocks`` (c, e, 3, 3) of the ``chosen`` points, rotated to the ``frames`` (f, 9) of the vertices."""
     turned = np.empty((len(chosen), rows.shape[1], 3, 3))
     for c in range(len(chosen)):
         i = chosen[c]
@@ -126,7 +127,7 @@ def turn_blocks(chosen, rows, blocks, counts, frames):
 
 @kernel
 def find_unknown(chosen, rows, counts, place):
-    """Return the rows on which the ``chosen`` points depend and that have no ``place`` (r,); some more than once."""
+    """Return the rows without a ``place`` (r,) on which the ``chosen`` points depend; rows may appear repeatedly."""
     found, count = np.empty(len(chosen) * rows.shape[1], np.int64), 0
     for i in chosen:
         for e in range(counts[i]):
@@ -138,7 +139,7 @@ def find_unknown(chosen, rows, counts, place):
 
 @internal
 def list_places(chosen, rows, counts, place, most):
-    """Return the places of all rows on which the ``chosen`` points depend; all are below ``most``."""
+    """Return the places, all below ``most``, of all rows on which the ``chosen`` points depend."""
     found, listed, count = np.empty(most, np.int64), np.zeros(most, np.bool_), 0
     for i in chosen:
         for e in range(counts[i]):
@@ -153,7 +154,7 @@ def list_places(chosen, rows, counts, place, most):
 def join(chosen, rows, blocks, counts, place, between, frames, out):
     """Write J M^-1 J^T (3 c, 3 c) [m/N] of the ``chosen`` points; ``frames`` (f, 9) rotate the vertices.
 
-    ``place`` (r,) is the place of each row in C, which is ``between`` (3 m, 3 m).
+    ``between`` (3 m, 3 m) is the known part of C, and ``place`` (r,) the place of each row in it.
     """
     turned, half = turn_blocks(chosen, rows, blocks, counts, frames), np.empty((3, len(between)))
     places = list_places(chosen, rows, counts, place, len(between) // 3)
@@ -192,17 +193,18 @@ def project_one(vector, i, rows, blocks, counts, k):
 
 
 class PointCompliance(NamedTuple):
-    """What is known of the compliance of the points that take part in a step.
+    """The computed parts of the compliance of the points that take part in a step.
 
     Attributes:
         place, between: see `KeptColumns`.
         frames: (f, 9) the rotations of the vertices for which `joined` holds; none for the constant matrix.
-        images, curvature: products M^-1 y of pairs of L-BFGS (memory, 3 r), and those pairs' s . y; NaN if not known.
+        images, curvature: products M^-1 y (memory, 3 r) and s . y (memory,) of the pairs (s, y) of L-BFGS; s . y is NaN
+            if the product is not known.
         wild: (1,) whether the constant matrix replaces the tangent for this minimisation only.
-        scale: (1,) its factor then.
+        scale: (1,) factor of the inverse of the constant matrix while it replaces the tangent, otherwise 1.
         valid: (1,) whether `joined` is J M^-1 J^T of points with the derivatives `rows`, `blocks` and `used`.
-        joined, w: (3 c, 3 c) [m/N].
-        rows, blocks, used: those of the points in `joined`.
+        joined, w: (3 c, 3 c) [m/N] J M^-1 J^T without the scale, and the compliance W.
+        rows, blocks, used: derivatives of the points in `joined`, see `PointField`.
         q, forces: (3 c,) displacements without forces [m], and forces [N].
     """
 
@@ -225,7 +227,7 @@ class PointCompliance(NamedTuple):
 
 @internal
 def follow_frames(frames, known):
-    """Take the present rotations of the vertices; what was found with others is not valid any more."""
+    """Store the present rotations of the vertices; if they have changed, mark the stored products as invalid."""
     same = True
     for n in range(len(known.frames)):
         for k in range(9):
@@ -238,7 +240,7 @@ def follow_frames(frames, known):
 
 @internal
 def is_joined(field, chosen, known):
-    """Return whether `PointCompliance.joined` is that of the ``chosen`` points; take their derivatives."""
+    """Return whether `PointCompliance.joined` still is valid for the ``chosen`` points; store their derivatives."""
     same = known.valid[0]
     for c in range(len(chosen)):
         i = chosen[c]
@@ -281,7 +283,7 @@ def find_compliance(work, metric, field, known, count):
 
 @internal
 def add_history(work, metric, known, chosen, rows, blocks, counts, soft):
-    """Add to W the change by the pairs of L-BFGS, and the points' springs."""
+    """Add the updates by the pairs of L-BFGS and the compliances of the points' springs to W."""
     status, memory = work.status[0], len(known.curvature)
     pairs = (status.head - 1 - np.arange(status.count)) % memory
     new = pairs[known.curvature[pairs] != work.curvature[pairs]]
@@ -297,7 +299,7 @@ def add_history(work, metric, known, chosen, rows, blocks, counts, soft):
 
 @internal
 def add_pairs(work, images, chosen, rows, blocks, counts, out):
-    """Add the change by the pairs of L-BFGS to W; ``images`` (memory, 3 r) are the products M^-1 y.
+    """Add the updates by the pairs of L-BFGS to W; ``images`` (memory, 3 r) are the products M^-1 y.
 
     For each pair, W changes by js u^T + jz v^T, with js = J s, jz = J z, u = rho (1 + rho y . z) js - rho jz and
     v = -rho js.
@@ -329,7 +331,7 @@ def add_pairs(work, images, chosen, rows, blocks, counts, out):
 
 
 class Compliance:
-    """Prepares what `find_compliance` needs, and keeps what does not change from step to step.
+    """Provides the data of `find_compliance`, and keeps the data that do not change from step to step.
 
     Args:
         vertices: vertices on which contact forces can act, ascending.
@@ -345,10 +347,11 @@ class Compliance:
     def prepare(
         self, problem: Problem, work: Workspace, metric: Metric, key: tuple[object, ...], field: PointField, count: int
     ) -> PointCompliance:
-        """Return what is known of the first ``count`` chosen points of a ``field``; of those at hand if it is negative.
+        """Return the compliance data for the first ``count`` chosen points of a ``field``.
 
-        Columns of another tangent than the present one are dropped; those of the constant matrix, which may replace it
-        for a while, are kept beside it. ``key`` has the arrays of the tangent; the constant matrix is known by its own.
+        If ``count`` is negative, the data are those of the points in the last call. Columns of an earlier tangent are
+        dropped. The constant matrix may replace the tangent for a while; its columns are kept beside those of the
+        tangent. ``key`` has the arrays that identify the tangent.
         """
         free, wild, known = problem.unknowns.free, int(numbers(work)["wild"]), self.known
         constant = bool(wild) or not len(metric.kept.order)

@@ -28,9 +28,9 @@ moves from outside into the obstacle within one step gets an entry plane: the ta
 point entered. Contact pushes the point back across this plane, and not out of the obstacle on another side.
 """
 REACH = 0.05
-"""Points take part in contact if their distance from the obstacle, divided by the body's size, is below this. Distances
-are computed again after the body has moved by half of this. If every point was farther away, they are computed again
-only after a motion that may bring a point within this distance.
+"""Points take part in contact if their distance from the obstacle, divided by the body's size, is below this number.
+Distances are computed again after the body has moved by half of this number times its size. If all points are outside
+of this distance, they are computed again only after a motion that may bring a point within it.
 """
 
 
@@ -47,7 +47,7 @@ class Contact(ContactTerm):
     """
 
     OTHERS = 12
-    """Rotation and origin of the obstacle's frame."""
+    """Count of the numbers of the obstacle's frame: rotation and origin."""
 
     def __init__(
         self,
@@ -88,9 +88,9 @@ class Contact(ContactTerm):
 
     @property
     def _bounces(self) -> bool:
-        """Whether a ball meets an obstacle, off which the plane at its entry throws it.
+        """Whether a ball that presses keeps its entry plane: only balls that touch an obstacle do.
 
-        A plane that a force turns with a rigid body, whose centre it misses, would not hold.
+        On a rigid body, a contact force that misses the body's centre would turn the body, and the plane with it.
         """
         return self._radius > 0.0 and not isinstance(self._touched, RigidBody)
 
@@ -100,14 +100,14 @@ class Contact(ContactTerm):
         return bool(self._distances.min(initial=0.0) < -FAINT * self._body.size)
 
     def fit(self, matrix: ConstantMatrix) -> None:
-        """Take the stiffnesses of the points from the constant matrix' diagonal."""
+        """Compute the stiffness of each point from the constant matrix' diagonal."""
         self._scale = 1.0 / self._points.compliance(self._body, matrix.assembled.diagonal())
 
     def leave_out(self, held: Sequence[tuple[str, NDArray[np.int32]]]) -> None:
-        """Leave out points that something else holds in their places: a grip's and a contact's forces would add up.
+        """Leave out points that a grip holds in their places: otherwise the forces of grip and contact would add up.
 
         Args:
-            held: name of an obstacle or rigid body, and the vertices that keep their places on it.
+            held: pairs of the name of an obstacle or rigid body, and the vertices that a grip holds on it.
         """
         own = [vertices for name, vertices in held if name == self._touched.name]
         carriers = self._points.carriers
@@ -125,12 +125,12 @@ class Contact(ContactTerm):
         self._choose(saved, positions)
 
     def room(self, positions: NDArray[np.float64]) -> float:
-        """Return how far [m] vertices may move from ``positions`` (n, 3) [m] before other points may be near."""
+        """Return the distance [m] that vertices may move from ``positions`` (n, 3) [m] before other points are near."""
         room = max(self._clear, 0.5 * REACH * self._body.size) - self._bound_motion(positions)
         return room / (self._points.reach + TURNED * isinstance(self._touched, RigidBody))
 
     def follow(self, positions: NDArray[np.float64], ahead: float) -> None:
-        """Choose the points again at ``positions`` (n, 3) [m]; those that stay keep their forces."""
+        """Choose the points again at ``positions`` (n, 3) [m]; points that stay chosen keep their forces."""
         press, shear = self._free["press"].copy(), self._free["shear"].copy()
         press[self._chosen], shear[self._chosen] = self.stencils.held[:, 0], self.to_stored_axes(self.stencils.shears)
         if self._bounces:  # this force is what keeps a ball from entering
@@ -161,7 +161,8 @@ class Contact(ContactTerm):
     def keep_places(self, kept: Saved) -> None:
         """Write the anchors of the points that stick.
 
-        Points that slip store none: in the next step, their anchors are their positions at its start.
+        Points that slip have no stored anchor: in the next step, their anchors are their positions at the start of that
+        step.
         """
         sticks = kept["slips"][self._chosen] == 0.0
         kept["anchor"][self._chosen[sticks]] = self._pack_anchors()[sticks]
@@ -186,7 +187,8 @@ class Contact(ContactTerm):
     def wrench(self, positions: NDArray[np.float64], saved: Saved | None = None) -> NDArray[np.float64]:
         """Return the obstacle's wrench (6,) on the points: force [N], then moment [N m] about the obstacle's origin.
 
-        It is that of the mean forces in the stored state ``saved`` of the term, or else of the multipliers.
+        If a stored state ``saved`` of the term is given, the forces are its mean forces; otherwise they are the
+        multipliers.
         """
         if not self.acts:
             return np.zeros(6)
@@ -200,7 +202,7 @@ class Contact(ContactTerm):
     def find_led_motion(self, positions: NDArray[np.float64], before: State) -> NDArray[np.float64]:
         """Return the obstacle's displacement (k, 3) [m] at the chosen points since the state ``before``.
 
-        The displacement of a touched rigid body is that of its vertices.
+        It is zero for a touched rigid body, because the body moves by its own vertices and not by a commanded pose.
         """
         if isinstance(self._touched, RigidBody):
             return np.zeros((self.count, 3))
@@ -215,7 +217,7 @@ class Contact(ContactTerm):
     ) -> Touch:
         """Return the contacts and forces in the stored state ``saved``.
 
-        ``positions`` (n, 3) [m] and ``poses`` are those of the same state, relative to ``origin`` (3,) [m].
+        ``positions`` (n, 3) [m] and ``poses`` belong to the same state, and are relative to ``origin`` (3,) [m].
         """
         on = np.flatnonzero(saved["push"])
         if not len(on):
@@ -279,9 +281,9 @@ class Contact(ContactTerm):
         return (places - self._origin) @ self._axes
 
     def _see(self, saved: Saved, positions: NDArray[np.float64]) -> tuple[NDArray, NDArray, NDArray]:
-        """Measure all points at ``positions`` (n, 3) [m]; return their places, entry planes and the near ones.
+        """Measure all points at ``positions`` (n, 3) [m]; return their places and entry planes, and the near points.
 
-        Without a last step, the step begins at ``positions``.
+        If there is no last step, the step begins at ``positions``.
         """
         before = self._others
         if self._last is not None:
@@ -313,10 +315,10 @@ class Contact(ContactTerm):
         self.lay_out(positions, self.hold_forces(saved["press"][chosen], saved["shear"][chosen] @ self._axes.T))
 
     def _fix_planes(self, places: NDArray[np.float64], positions: NDArray[np.float64]) -> None:
-        """Give some chosen points at ``places`` (k, 3) [m] a plane that holds wherever they leave."""
+        """Give some chosen points at ``places`` (k, 3) [m] a plane that replaces the whole surface of the obstacle."""
 
     def _first_to_touch(self, near: NDArray[np.int64], places: NDArray[np.float64]) -> NDArray[np.int64]:
-        """Return those of the points ``near`` (k,) that may touch before others do; ``places`` are of all points."""
+        """Return the indices, out of ``near`` (k,), of the points that may touch first; ``places`` has all points."""
         return near
 
     def _set_anchors(self, saved: Saved, positions: NDArray[np.float64]) -> None:

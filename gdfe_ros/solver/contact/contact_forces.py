@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The minimisation with contact: choice of near points, and what the compiled loop in `answer` cannot do."""
+"""The minimisation with contact: choice of near points, and work between two calls of the compiled loop in `answer`."""
 
 from __future__ import annotations
 
@@ -30,8 +30,9 @@ from gdfe_ros.solver.matrix.unknowns import Unknowns
 Product = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 
 NEARLY, SLIGHT = 5e-2, 5e-10
-"""Violation of the laws that counts as nothing if less is out of reach, as where forces of redundant points are not
-unique: divided by the target of the minimisation, and by the body's size.
+"""A violation of the laws is negligible if it is at most the first number times the target of the minimisation, or at
+most the second number times the body's size (with self-contact, `FAINT` times its size). It is accepted if no smaller
+violation can be reached, for example, because forces of redundant points are not unique.
 """
 LISTED = 5
 """Number of vertices that a message names."""
@@ -41,7 +42,7 @@ class ContactForces:
     """Finds the contact forces of each step of a minimisation.
 
     Args:
-        held: the near points of all contacts, and the loads that stand for their forces.
+        held: the near points of all contacts, and the dead loads that represent the contact forces.
         unknowns: numbering of the unknowns.
         count: number n of vertices.
 
@@ -77,7 +78,7 @@ class ContactForces:
 
     @property
     def accepted(self) -> float:
-        """Violation [m] of the laws with which they count as solved in the last step."""
+        """Violation [m] up to which the laws counted as satisfied in the last step."""
         return max(float(self._tally["allowed"]), float(self._tally["faint"]))
 
     @property
@@ -86,13 +87,13 @@ class ContactForces:
         return any(contact.near for contact in self.contacts)
 
     def tell_worst(self) -> str:
-        """Return the contacts in the last step, the vertices where the laws are violated most, and by how much."""
+        """Return a text with the contacts in the last step, the largest violation of the laws, and its vertices."""
         names = ", ".join(contact.name for contact in self.contacts if contact.near)
         where = ", ".join(map(str, self._worst_vertices()))
         return f"{names}: {self.left:.3g} m of gap or slip remain, most at vertices {where}"
 
     def _worst_vertices(self) -> NDArray[np.int64]:
-        """Return up to `LISTED` vertices, ascending, where the laws are violated by more than half of the most."""
+        """Return up to `LISTED` vertices, ascending, whose violation of the laws exceeds half of the largest one."""
         field, known = self._unsolved, self._compliance.known
         chosen = field.chosen[: len(known.w) // 3]
         found, vertices = np.empty(len(chosen)), field.stencils.ends[chosen, 0]
@@ -110,11 +111,11 @@ class ContactForces:
         limit: int,
         show: Callable[[], None] | None,
     ) -> int:
-        """Do `descend` with contact, from evaluated terms on; return the number of iterations.
+        """Do `loop.descend` with contact, after all terms have been evaluated; return the number of iterations.
 
-        ``problem``, ``work``, ``metric`` and ``limit`` are those of `descend`, and ``minimum`` has its ``size``,
-        ``target``, ``proven`` and ``most``. ``key`` is the identity of the initial matrix. ``show`` is called after the
-        forces of a step are found, unless it is None.
+        ``problem``, ``work``, ``metric`` and ``limit`` are arguments of `loop.descend`. ``minimum`` has four more of
+        them: size, target, proven and most. ``key`` identifies the initial matrix. ``show``, unless None, is called in
+        each step, after its forces have been found.
         """
         tally, made, (size, target, _, _) = self._tally, 0, minimum
         tally["stage"], tally["over"], tally["shows"], tally["room"] = BEGIN, 0, show is not None, -np.inf
@@ -133,7 +134,7 @@ class ContactForces:
     def _attend(
         self, problem: Problem, work: Workspace, field: PointField | None, size: float, show: Callable[[], None] | None
     ) -> PointField:
-        """Do what the compiled loop cannot do before the next stage; return the near points."""
+        """Choose or search points, or show the step, as the next stage requires; return the near points."""
         tally = self._tally
         if tally["stage"] == BEGIN:
             self._choose_points(work)
@@ -149,7 +150,7 @@ class ContactForces:
         return field
 
     def _choose_points(self, work: Workspace) -> None:
-        """Let contacts choose their points again whose points have moved far; note when this is due again."""
+        """Choose points again for contacts whose points have moved far; store the motion after which this is due."""
         self._waiting = [contact for contact in self._searches if not contact.acts]
         room = spare = np.inf
         for contact in self.contacts:
@@ -164,7 +165,7 @@ class ContactForces:
         self._tally["gone"], self._tally["room"], self._tally["spare"] = 0.0, room, spare
 
     def _approach(self, work: Workspace) -> bool:
-        """Choose the points again of the waiting contacts, before the step in ``work``; return whether any is near."""
+        """Search pairs before the step in ``work`` for self-contact without forces; return whether any are near."""
         self._tally["room"], near = -np.inf, False  # points are chosen again before the next step
         for contact in self._waiting:
             near |= contact.near
@@ -174,14 +175,14 @@ class ContactForces:
 
     @property
     def settled(self) -> bool:
-        """Whether the places that touch, and the forces on them, have settled or may still do so."""
+        """Whether the touching points and their forces have settled, or may still settle."""
         return is_settling(self._record)
 
     def support(self, problem: Problem, work: Workspace, product: Product) -> Product:
-        """Return ``product``, the product with the body's tangent, plus springs where points press or stick.
+        """Return ``product``, the product with the body's tangent, plus that of springs at points that press.
 
-        The body is stable if its tangent is positive definite for the motions that the contacts leave. Springs as stiff
-        as the body stand for the other motions.
+        The body is stable if its tangent is positive definite for all motions that the contacts allow. The springs, as
+        stiff as the body, resist the other motions: along normals, and along the surface at points that stick.
         """
         if not self.near:
             return product

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Points that vertices carry: the vertices and skin points of a body, and points of rigid bodies."""
+"""Points that are weighted sums of vertices: vertices and skin points of a body, and points of rigid bodies."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from gdfe_ros.solver.contact.near import incidence
 from gdfe_ros.solver.contact.stencil import NO_FACES
 
 TURNED = 6.0
-"""Upper bound of the displacement of a point near a rigid body, in the frame of that body, divided by the largest
-displacement of any of its vertices.
+"""Upper bound of the displacement of a point near a rigid body, relative to this body, divided by the largest
+displacement of any vertex of this body.
 """
 HELD = 0.5
 """A point is driven, and left out of contact, if at least this fraction of its weights is on driven vertices."""
@@ -31,7 +31,7 @@ class CarriedPoints:
     """Points that are weighted sums of vertices.
 
     Attributes:
-        carriers: (k, c) int32 vertices that carry each point; those of a vertex are c times itself.
+        carriers: (k, c) int32 vertices of each weighted sum; for a vertex, this vertex c times.
         weights: (k, c) weights of the carriers; for a vertex, the first is one.
     """
 
@@ -65,7 +65,8 @@ class CarriedPoints:
         """Return the compliance (k,) [m/N] of the points, from the constant matrix' diagonal (n,) [N/m].
 
         A point's compliance is the sum of its free carriers' compliances times their squared weights. Points with
-        several carriers divide the stiffness of those in common. The compliance is 0 if handles drive all carriers.
+        several carriers divide the stiffness of carriers that they have in common. The compliance is 0 if handles drive
+        all carriers.
         """
         squares = np.where(driven_vertices(body)[self.carriers], 0.0, self.weights**2)
         alone = (squares / diagonal[self.carriers]).sum(axis=1)
@@ -78,7 +79,7 @@ class CarriedPoints:
 
 @dataclass(frozen=True, eq=False)
 class BodyPoints(CarriedPoints):
-    """The n vertices of a body, and the p contact points of its skins after them.
+    """The n vertices of a body, followed by the p contact points of its skins.
 
     Attributes:
         count: number n of vertices.
@@ -107,9 +108,11 @@ class BodyPoints(CarriedPoints):
         return np.concatenate([positions, np.einsum("pa,pai->pi", weights, positions[carriers])])
 
     def around(self, cells: NDArray[np.int32], chosen: NDArray[np.int32]) -> sparse.csr_matrix:
-        """Return the points (k, n + p) of all cells that share a vertex with each of the ``chosen`` cells (k, c).
+        """Return a sparse matrix (k, n + p) with the points around each of the ``chosen`` cells (k, c).
 
-        ``cells`` (m, c) are all cells, each with its vertices.
+        These are the points of all cells that share a vertex with the chosen cell.
+
+        ``cells`` (m, c) are the vertices of all cells.
         """
         own, every = incidence(chosen, self.count), incidence(cells, self.count)
         skin = incidence(self.carriers[self.count :], self.count)
@@ -123,12 +126,13 @@ class ContactSurface(CarriedPoints):
     """The boundary of a body with its skins, without the points and faces that handles drive.
 
     Attributes:
-        areas: (k,) [m^2] undeformed area of the faces that belongs to each vertex. It is infinite for a skin point, so
-            that integrals over faces have no effect on it.
+        areas: (k,) [m^2] undeformed area of faces assigned to each vertex. It is infinite for a skin point, so that
+            integrals over faces have no effect on the point.
         points: (k,) int32 index of each point among the mesh's skin points, -1 for a vertex.
-        quads: (q, 4) int32 faces that are no part of a skin; none for tetrahedra, whose faces are curved themselves. In
-            a prototype with offsets of gaps, their faces entered a ball by 4 to 9 % of the depth of the ball.
-        gauss: (q, 4) [m^2] undeformed area that belongs to each Gauss point.
+        quads: (q, 4) int32 faces that are no part of a skin, whose points get offsets of gaps; none for tetrahedra,
+            because their faces are curved. With such offsets, faces of tetrahedra entered a ball by 4 to 9 % of the
+            ball's depth.
+        gauss: (q, 4) [m^2] undeformed area of each Gauss point.
     """
 
     areas: NDArray[np.float64]

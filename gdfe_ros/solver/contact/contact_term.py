@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Base class of the contact terms: points near a surface, with the forces that they hold."""
+"""Base class of the contact terms: points near a surface, with their contact forces."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from gdfe_ros.solver.terms.term import Term
 FAINT = 1e-7
 """Displacement, divided by the body's size, that counts as zero."""
 MARGIN = 1e-3
-"""Points take part in a step's complementarity problem if their gap after the step without new forces, divided by the
-body's size, is below this. Others that would enter join in further rounds.
+"""A point takes part in a step's complementarity problem if its gap, divided by the body's size, would be below this
+after a step at constant forces. Other points that would enter are added in further rounds.
 """
 ROUNDING = 1e-9
 """A point slips if its friction force is below Coulomb's limit by less than this fraction."""
@@ -30,9 +30,10 @@ SLIP = 3e-7
 class ContactTerm(Term):
     """Contact with an obstacle, with a rigid body, or between parts of the body.
 
-    The stored state has an entry for each of all points: ``press`` l (p,) [N], ``shear`` t (p, 3) [N], whether it
-    ``slips`` (p,), and the mean forces of the step, ``push`` (p,) and ``rub`` (p, 3) [N]. Vectors are stored in axes
-    that turn with the surface. ``lost`` is the energy that friction has dissipated so far [J].
+    The stored state has an entry for each of all points. ``press`` (p,) [N] is the multiplier l of the normal force,
+    and ``shear`` (p, 3) [N] the vector t of the friction force -t. ``slips`` (p,) is 1 if a point slips. ``push`` (p,)
+    and ``rub`` (p, 3) [N] are the mean normal and friction forces of the step. Vectors are stored in axes that turn
+    with the surface. ``lost`` is the energy that friction has dissipated so far [J].
 
     Args:
         name: name of the term.
@@ -44,24 +45,24 @@ class ContactTerm(Term):
 
     Attributes:
         vertices, friction, restitution: the arguments.
-        stencils: the near points with the forces that they hold. Places and axes are those of the last call of `look`,
-            or of the field of all contacts, of which they are then a view.
-        shape: what the points touch, for the kernels.
+        stencils: the near points with their contact forces. Places and axes are as in the last call of `look`. During a
+            minimisation, the arrays are views of the field of all contacts (`HeldLoads.field`).
+        shape: the touched surface, for the kernels.
         on_body: whether the points of the term belong to the elastic body; False for self-contact.
-        faces: the faces (q, 4), with the areas (q, 4) [m^2] of their Gauss points, that correct gaps.
+        faces: the faces (q, 4) that correct gaps, and the areas (q, 4) [m^2] of their Gauss points.
         held_mass: mass [kg] of a rigid body that the elastic body touches, else 0.
-        valid: relative displacement [m] for which the stencils of the points hold.
-        changed: whether points that press touch other faces since `follow` was last called.
+        valid: largest relative displacement [m] for which the stencils of the points are valid.
+        changed: whether points that press touched other faces after the last call of `follow` than before it.
     """
 
     on_body, held_mass = False, 0.0
     faces: tuple[NDArray[np.int32], NDArray[np.float64]] = NO_FACES
     ANCHOR: int = 3
-    """Numbers of each point that derivatives differentiate: its anchor, the place where its slip begins; for contact
-    with an obstacle or rigid body, also the weights of the material point on which friction acts.
+    """Count of the numbers of each point that are varied for derivatives: the anchor, where the slip begins; for
+    contact with an obstacle or rigid body, also the weights of the material point on which friction acts.
     """
     OTHERS: ClassVar[int] = 0
-    """Further numbers that derivatives differentiate."""
+    """Count of further numbers that are varied for derivatives."""
 
     def __init__(
         self, name: str, body: Body, count: int, vertices: NDArray[np.int32], *, friction: float, restitution: float
@@ -84,7 +85,7 @@ class ContactTerm(Term):
 
     @property
     def near(self) -> bool:
-        """Whether any point or pair is near what it can touch."""
+        """Whether any point or pair is near a surface that it can touch."""
         return len(self._chosen) > 0
 
     @property
@@ -94,7 +95,7 @@ class ContactTerm(Term):
 
     @property
     def acts(self) -> bool:
-        """Whether any point or pair holds a force."""
+        """Whether any point or pair has a contact force."""
         return bool(self.stencils.held[:, 0].any())
 
     @property
@@ -118,8 +119,8 @@ class ContactTerm(Term):
     def hold_forces(self, presses: NDArray[np.float64], shears: NDArray[np.float64]) -> Stencils:
         """Return the stencils of the near points, with these forces.
 
-        ``presses`` (k,) and ``shears`` (k, 3) [N] are the normal forces and the vectors t of the friction forces. The
-        present stencils serve if they have as many points.
+        ``presses`` (k,) and ``shears`` (k, 3) [N] are the normal forces and the vectors t of the friction forces -t.
+        The present stencils are reused if they have as many points.
         """
         if len(self.stencils.ends) != self.count:
             width = int(self.shape.own[0]) + 4 * int(self.shape.turning[0])
@@ -129,27 +130,27 @@ class ContactTerm(Term):
 
     @abstractmethod
     def lay_out(self, positions: NDArray[np.float64], stencils: Stencils) -> None:
-        """Write the ``stencils`` of the near points at ``positions`` (n, 3) [m], but for places, axes and forces."""
+        """Write the ``stencils`` of the near points at ``positions`` (n, 3) [m], except places, axes and forces."""
 
     def look(self, positions: NDArray[np.float64]) -> None:
-        """Take the stencils at ``positions`` (n, 3) [m], for derivatives; the forces turn with the surfaces."""
+        """Update the stencils to ``positions`` (n, 3) [m], for derivatives; the forces turn with the surfaces."""
         if self.near:
             self.lay_out(positions, self.stencils)
             owner = np.zeros(self.count, dtype=np.int64)
             find_stencils(positions, self.shape, GapFaces.join([self.faces]), owner, self.stencils)
 
     def room(self, positions: NDArray[np.float64]) -> float:
-        """Return how far [m] vertices may move from ``positions`` (n, 3) [m] before `follow` has to choose points."""
+        """Return the distance [m] by which vertices may move from ``positions`` (n, 3) [m] before `follow` is due."""
         return 0.0
 
     def find_led_motion(self, positions: NDArray[np.float64], before: State) -> NDArray[np.float64]:
-        """Return the displacement (k, 3) [m] of what commanded poses move, at the near points, since ``before``."""
+        """Return the displacement (k, 3) [m] of the touched surface by commanded poses since the state ``before``."""
         return np.zeros((self.count, 3))
 
     def finish(self, saved: Saved, positions: NDArray[np.float64]) -> Saved:
         """Return the state to store after a solve that ended at ``positions`` (n, 3) [m] and began with ``saved``.
 
-        The stencils must be those at these positions.
+        The stencils must have been updated to these positions.
         """
         if not self.acts:
             return {**self._free, "lost": saved["lost"]}
@@ -183,10 +184,10 @@ class ContactTerm(Term):
         return {**kept, "push": push, "rub": rub, "lost": lost}
 
     def lead(self, found: Saved, positions: NDArray[np.float64]) -> None:
-        """Look at ``positions`` (n, 3) [m] where a solve has ended with the state ``found``, for its linearisation.
+        """Prepare the linearisation of a solve that ended with the state ``found`` at ``positions`` (n, 3) [m].
 
-        The direction of slip must be defined. The anchor of each slipping point is therefore moved, so that its slip is
-        along its friction force, and at least `SLIP` times the body's size.
+        A derivative needs a defined direction of slip. The anchor of each slipping point is therefore moved until the
+        slip is parallel to the friction force and at least `SLIP` times the body's size.
         """
         self.look(positions)
         slips, shear, axes = self.stencils.slips, self.stencils.shears, self.shape.frames[0, :9]
@@ -215,7 +216,7 @@ class ContactTerm(Term):
     def updated(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the multipliers (4 k,) after the projections of `complementarity` at ``positions`` (n, 3) [m].
 
-        The multipliers of a solution do not change. Derivatives differentiate the projections.
+        The projections do not change the multipliers of a solution; they are differentiated for derivatives of solves.
         """
         if not len(self._chosen):
             return np.zeros(0)

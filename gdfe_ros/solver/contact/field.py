@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The near points of all contacts of a body in one set of arrays, and the dead loads that stand for their forces."""
+"""The near points of all contacts of a body in one set of arrays, and the dead loads that represent their forces."""
 
 from __future__ import annotations
 
@@ -33,18 +33,18 @@ class PointField(NamedTuple):
     """The k near points of all t contacts.
 
     Attributes:
-        stencils: their stencils; ends beyond a contact's own have no weight.
-        surfaces, faces: what they touch, and the faces that correct their gaps.
+        stencils: stencils of the points, with the same number of ends for all contacts; unused ends have no weight.
+        surfaces, faces: the touched surfaces, and the faces that correct the points' gaps.
         owner: (k,) number of the contact of each point.
-        friction, restitution, valid: (k,) those of each point's contact, see `ContactTerm`.
+        friction, restitution, valid: (k,) attributes of each point's `ContactTerm`.
         rows, blocks, used: derivatives with respect to the rows of unknowns, see `differentiate`.
         ahead: (k, 3) [m] changes of gaps and slips in the step.
-        usable, joins: (k,) whether a point may take part in the step, and whether it does.
-        chosen: (k,) the points that take part, first.
-        loads, acting: dead loads (n, 6) of all vertices, and whether any acts (1,): those of `HeldLoads`.
+        usable, joins: (k,) whether a point may take part in the step, and whether it takes part.
+        chosen: (k,) indices; the first ones are of the points that take part in the step.
+        loads, acting: dead loads (n, 6) of all vertices, and whether any acts (1,); the data of the term `HeldLoads`.
         change: (n, 3) [N] scratch, zero.
-        before, last: (3 r,) scratch [N], and the last step [m].
-        head: (1,) the history's next row when a pair was last changed.
+        before, last: (3 r,) gradient before the forces turn [N], and the last step [m].
+        head: (1,) index of the next row of the L-BFGS history when a pair was last corrected for turned forces.
     """
 
     stencils: Stencils
@@ -70,7 +70,7 @@ class PointField(NamedTuple):
 
 
 class HeldLoads(Term):
-    """The near points of all contacts, and the dead loads of their forces while a step of the minimisation is made.
+    """The near points of all contacts, and the dead loads that replace the contact forces during a minimisation's step.
 
     Args:
         body: the discretised body.
@@ -135,14 +135,14 @@ class HeldLoads(Term):
         return self.field
 
     def look(self, positions: NDArray[np.float64]) -> PointField:
-        """Turn the forces of all contacts with their surfaces to ``positions`` (n, 3) [m]; return the field."""
+        """Update the field to ``positions`` (n, 3) [m], where the forces turn with the surfaces; return the field."""
         field = self.gather()
         if len(field.owner):
             find_stencils(positions, field.surfaces, field.faces, field.owner, field.stencils)
         return field
 
     def take(self, positions: NDArray[np.float64]) -> None:
-        """Gather the points of all contacts, and let their forces act from ``positions`` (n, 3) [m]."""
+        """Set the dead loads to the forces of all contacts, with zero energy at ``positions`` (n, 3) [m]."""
         field = self.look(positions)
         self.integers[0] = field.stencils.held.any()
         field.loads[:, :3], field.loads[:, 3:] = 0.0, positions

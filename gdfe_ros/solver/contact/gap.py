@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compiled searches on an obstacle: near points, where paths enter it, how much nearer faces come than corners."""
+"""Compiled searches on an obstacle: points near it, places where paths enter it, and the error of gaps on faces."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ SHAPE = np.stack([0.25 * (1.0 + GAUSS * SIGNS * point).prod(axis=1) for point in
 
 @internal
 def find_places(x, carriers, weights, frame):
-    """Return the positions (k, 3) [m] of points that vertices carry, in the world and in ``frame`` (12,)."""
+    """Return the positions (k, 3) [m] of weighted sums of vertices, in the world and in ``frame`` (12,)."""
     places, within = np.zeros((len(carriers), 3)), np.empty((len(carriers), 3))
     for i in range(len(carriers)):
         for a in range(carriers.shape[1]):
@@ -38,17 +38,18 @@ def find_places(x, carriers, weights, frame):
 
 @kernel
 def find_close(x, last, carriers, weights, frame, before, form, kind, radius, entry, reach, entered, pressed, left_out):
-    """Find the points that are near an obstacle, that pressed, or that enter it in a step.
+    """Find the points that are near an obstacle, have a force on it, or enter it in a step.
 
-    The points are weighted sums of vertices at ``x`` (n, 3) [m], and at ``last`` (n, 3) [m] when the step began;
-    ``frame`` and ``before`` (12,) are those of the obstacle at both times. It has the shape ``form`` of a ``kind``, and
-    the points are centres of balls with a ``radius`` [m]. ``entry`` [m] is the ``reach`` of `find_entries`, and a point
-    is near if its distance is below ``reach`` [m]. Known entry planes are in ``entered`` (k, 4), where they are not 0.
-    Points with a force ``pressed`` (k,) [N] are near, and those ``left_out`` (k,) never.
+    The points are weighted sums of vertices, and centres of balls with a ``radius`` [m]. The vertices are at ``x`` (n,
+    3) [m], and were at ``last`` (n, 3) [m] when the step began; ``frame`` and ``before`` (12,) are the obstacle's
+    frames at both times. ``form`` has the numbers of the obstacle's shape, which is of a ``kind``. A point counts as
+    near if its distance is below ``reach`` [m], if it has a force ``pressed`` (k,) [N], or if it has an entry plane.
+    Points in ``left_out`` (k,) never count as near. ``entry`` [m] is the least distance of `find_entries`. Rows of
+    ``entered`` (k, 4) that are not 0 are known entry planes.
 
     Returns:
-        Positions (k, 3) [m], distances (k,) [m] and their gradients (k, 3), positions (k, 3) [m] in the frame at the
-        beginning, entry planes (k, 4), and the numbers of the near points.
+        Positions (k, 3) [m], distances (k,) [m] and their gradients (k, 3), positions (k, 3) [m] at the beginning of
+        the step in the obstacle's frame, entry planes (k, 4), and the indices of the near points.
     """
     began, (places, within) = find_places(last, carriers, weights, before)[1], find_places(x, carriers, weights, frame)
     planes = find_entries(began, within, entry, radius, form, kind)
@@ -69,10 +70,10 @@ def find_close(x, last, carriers, weights, frame, before, form, kind, radius, en
 def find_entries(starts, ends, reach, radius, form, kind):
     """Return the entry planes (k, 4) of balls whose centres move straight from ``starts`` to ``ends`` (k, 3) [m].
 
-    The balls have the ``radius`` [m], 0 for points. All positions and planes are in the frame. Rows of balls that do
-    not enter the obstacle, or move by less than ``reach`` [m], are zero. A ball that starts nearer than ``reach``
-    counts as entering only if the obstacle would push it out on the other side at the path's end. Each path is
-    sphere-traced: each move is as long as the distance to the obstacle at its start.
+    The balls have the ``radius`` [m], 0 for points. All positions and planes are in the obstacle's frame. Rows of balls
+    that do not enter the obstacle, or move by less than ``reach`` [m], are zero. A ball that starts nearer than
+    ``reach`` counts as entering only if the obstacle would push it out on the other side at the path's end. Each path
+    is sphere-traced: each move is as long as the distance to the obstacle at its start.
     """
     planes = np.zeros((len(starts), 4))
     for i in range(len(starts)):
@@ -100,7 +101,7 @@ def find_entries(starts, ends, reach, radius, form, kind):
 
 @kernel
 def nearness(x, quads, gauss, frame, form, kind, out):
-    """Add the integral over faces of the error of interpolated obstacle distances to ``out`` (n,) [m^3].
+    """Integrate the error of interpolated obstacle distances over faces; add the integrals to ``out`` (n,) [m^3].
 
     The error is the distance interpolated between a face's corners, minus the true distance. Each face's integral is
     distributed to its vertices. A face that spans an edge of the obstacle is left out, because the normals at its

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The inverse C = M^-1 of the initial matrix between the rows of unknowns that contacts have needed so far.
+"""Entries of C between the rows of unknowns that contacts have needed so far.
 
-C is constant as long as M is kept; its rotations are left out. What is known does not depend on the order in which rows
-were asked for.
+C is the inverse of the initial matrix M without the rotations of vertices. It is constant as long as M is kept. The
+computed entries do not depend on the order in which rows were requested.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ Numbers = NDArray[np.int64]
 
 @kernel
 def add_projected(columns, inner, first, sign, out):
-    """Add B C B^T times ``sign`` to ``out`` for B = ``columns`` (k, q) and C = ``inner`` (q, q), symmetric to the bit.
+    """Add B C B^T times ``sign`` to ``out``, exactly symmetric, for B = ``columns`` (k, q) and C = ``inner`` (q, q).
 
     Entries between two rows before ``first`` stay as they are. No entry depends on the order of rows.
     """
@@ -51,13 +51,13 @@ def add_entries(values, rows, columns, out):
 
 
 class KeptColumns(ABC):
-    """The part of C between the rows that are known.
+    """The part of C between all rows that have been requested.
 
-    C is K^-1 of the free rows, plus G S^-1 G^T for the rigid rows, minus W (1 + G W)^-1 W^T for springs (`Kept`).
+    C is K^-1 of the free rows, plus H S^-1 H^T for the rigid rows, minus W (1 + G W)^-1 W^T for springs (`Kept`).
 
     Args:
         count: number f of free rows.
-        rigid: (3 f, q) displacements of the free rows that each rigid row causes, times -1.
+        rigid: (3 f, q) matrix H: displacements of the free rows that each rigid row causes, times -1.
         schur: (q, q) inverse of the Schur complement S of the rigid rows.
         fixed: components of rows that are constant.
 
@@ -73,7 +73,7 @@ class KeptColumns(ABC):
         self._rows, self.between = np.zeros(0, dtype=np.int64), np.zeros((0, 0))
 
     def include(self, rows: Numbers) -> None:
-        """Find what is not known yet of some ``rows``."""
+        """Compute the entries of C for those of ``rows`` that are not known yet."""
         new = np.unique(rows[self.place[rows] < 0])
         if not len(new):
             return
@@ -93,18 +93,22 @@ class KeptColumns(ABC):
         self.between[constant], self.between[:, constant] = 0.0, 0.0
 
     def _order(self, rows: Numbers) -> Numbers:
-        """Return the order in which to find free ``rows``."""
+        """Return free ``rows`` in the order in which their entries are computed."""
         return rows
 
     @abstractmethod
     def _find(self, new: Numbers, first: int) -> None:
-        """Write K^-1 between all known rows and ``new`` free ones, whose places begin with ``first``, to `between`."""
+        """Write the entries of K^-1 between all known rows and ``new`` free rows to `between`.
+
+        The places of the new rows begin with ``first``.
+        """
 
 
 class ConstantColumns(KeptColumns):
-    """Columns of the constant matrix' inverse, which is the same for x, y and z: one solution finds three.
+    """Columns of the constant matrix' inverse. It acts on x, y and z alike, so that one solution gives three columns.
 
-    Of two rows, the entry between them is taken from the column of the later one: rounding makes it unsymmetric.
+    Rounding makes the columns slightly unsymmetric. The entry between two rows is therefore always taken from the
+    column of the later row.
 
     Args:
         coupling: the inverse of the free block, and the coupling of the rigid rows.
@@ -138,8 +142,8 @@ class ConstantColumns(KeptColumns):
 class HalvedColumns(KeptColumns):
     """Columns of Y = U^-T of a kept factor K = U^T U, and their products.
 
-    A column is not zero only in the supernodes on the path from its row to the root of the elimination tree. Each
-    supernode has its part of the columns whose paths it is on.
+    A column has entries only in the supernodes on the path from its row to the root of the elimination tree. For each
+    supernode, the parts of all columns whose paths contain it are stored.
 
     Args:
         kept: the factor; its values must not change.
@@ -177,7 +181,7 @@ class HalvedColumns(KeptColumns):
         self.between[: 3 * first, 3 * first : size] = self.between[3 * first : size, : 3 * first].T
 
     def _halve(self, entries: Numbers) -> Iterator[tuple[int, Array]]:
-        """Yield each supernode on the paths of up to `GROUP` ``entries``, and its part (k, n) of their columns of Y."""
+        """Yield each supernode on the paths of ``entries`` (at most `GROUP`), and its rows (k, n) of their columns."""
         kept, path = self._kept, np.zeros(len(self._kept.plan.parent), dtype=np.bool_)
         for node in np.unique(self._node[entries // 3]):
             while node >= 0 and not path[node]:

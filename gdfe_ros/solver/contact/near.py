@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pairs of boxes that come near each other: the first part of all searches of self-contact."""
+"""Pairs of boxes that are near each other: the first part of all searches of self-contact."""
 
 from __future__ import annotations
 
@@ -29,22 +29,22 @@ def incidence(cells: NDArray[np.int32], count: int) -> sparse.csr_matrix:
 
 
 def make_ragged(rows: sparse.csr_matrix) -> Ragged:
-    """Return the columns in each of m rows."""
+    """Return the column indices of the entries in each of m rows."""
     return rows.indptr.astype(np.int64), rows.indices.astype(np.int64)
 
 
 class KeptPairs:
-    """Pairs that a search has found within a distance, and a margin; it is made again when points have moved too far.
+    """Pairs from a search within a distance plus a margin. The search is repeated only after larger motions.
 
     Args:
         find: function of positions (n, 3) [m] and a distance [m] that returns the pairs within it.
-        points: (k,) the points whose motion, relative to their mean, counts.
-        margin: [m] by which the search goes beyond the distance that is asked for.
+        points: (k,) points whose motion relative to their mean motion decides whether the search is repeated.
+        margin: [m] by which the search distance exceeds the requested distance.
         none: the pairs if positions are not finite.
     """
 
     WIDE = 2.0
-    """Pairs are searched again, too, if the distance at hand exceeds that of a new search by this factor."""
+    """The search is repeated, too, if the distance of the last search exceeds that of a new search by this factor."""
 
     def __init__(
         self,
@@ -57,7 +57,7 @@ class KeptPairs:
         self._within, self._searched, self._found = -np.inf, np.zeros((0, 3)), none
 
     def within(self, x: NDArray[np.float64], reach: float) -> Pairs:
-        """Return the pairs at positions ``x`` (n, 3) [m] that come within a distance [m], and perhaps others."""
+        """Return all pairs within the distance ``reach`` [m] at positions ``x`` (n, 3) [m], and perhaps others."""
         known = np.isfinite(self._within) and self._within <= self.WIDE * (reach + self._margin)
         if not (known and reach + 2.0 * relative_motion(x, self._searched, self._points) <= self._within):
             sound = bool(np.isfinite(x).all())
@@ -68,7 +68,7 @@ class KeptPairs:
 
 @kernel
 def relative_motion(x, before, points):
-    """Return the largest displacement [m] of the ``points`` (k,) from ``before`` to ``x``, less their mean."""
+    """Return the largest displacement [m] of the ``points`` (k,) from ``before`` to ``x``, relative to the mean."""
     mean, longest = (0.0, 0.0, 0.0), 0.0
     for p in points:
         mean = along(1.0, mean, 1.0 / len(points), minus(corner(x, p), corner(before, p)))
@@ -93,10 +93,10 @@ def boxes_around(x, groups):
 
 @kernel
 def find_near(boxes, others, groups, kin, within):
-    """Return the pairs (2, p) of ``boxes`` and ``others`` that come within a distance [m] along each axis.
+    """Return the pairs (2, p) of ``boxes`` and ``others`` that are within a distance [m] along each axis.
 
-    The second numbers ascend. A pair is left out if a point of the first one is in the row of ``kin`` for the other.
-    The first boxes are sorted into the bins of a grid, by their least corners.
+    The indices of ``others`` ascend. A pair is left out if a point of its first box is in the row of ``kin`` for its
+    other box. The first boxes are sorted into the bins of a grid by their least corners.
 
     Args:
         boxes: (k, 2, 3) [m] bounds, finite.
@@ -129,7 +129,7 @@ def find_near(boxes, others, groups, kin, within):
 
 @internal
 def lay_grid(boxes, others):
-    """Return a grid of bins: least corner (3,), longest edges of ``boxes`` (3,), edges of a bin (3,), counts (3,)."""
+    """Return a grid of bins: least corner (3,), longest edges of ``boxes`` (3,), bin edges (3,), bin counts (3,)."""
     least, most, longest = np.full(3, np.inf), np.full(3, -np.inf), np.zeros(3)
     pitch, counts = np.ones(3), np.ones(3, np.int64)
     for axis in range(3):
@@ -149,7 +149,7 @@ def lay_grid(boxes, others):
 
 @inlined
 def bin_of(x, least, pitch, count):
-    """Return the bin along an axis that contains a coordinate; the first or the last one for those beyond the grid."""
+    """Return the bin along an axis that contains a coordinate; beyond the grid, the first or the last bin."""
     return int(min(max((x - least) / pitch, 0.0), count - 1.0))
 
 

@@ -16,19 +16,21 @@ from gdfe_ros.solver.contact.contact_surface import CarriedPoints
 from gdfe_ros.solver.state import Saved
 
 AT_EDGE, BESIDE, SMOOTH = 1e-3, 1e-5, 0.1
-"""A point lies at an edge if its distance, divided by the body's size, is below the first number, and if normals around
-it, within the second number, differ by more than the third.
+"""A point lies at an edge if two conditions hold. Its distance, divided by the body's size, is below the first number.
+Normals at points beside it, at the second number times the body's size, differ by more than the third number.
 """
 FLAT, FEW = 9, 4
-"""Normals that agree in so many decimals are those of one flat face; up to this number, all points of a face stay."""
+"""Points whose normals agree in the first number of decimals count as points near one flat face. Of up to the second
+number of such points, all are used.
+"""
 
 
 class RigidContact(Contact):
     """Contact of a rigid body's points with an obstacle or another rigid body.
 
     The larger of the two friction coefficients acts. Two rigid bodies have two such terms, unless one of the bodies is
-    a ball: the points of each body are tested against the shape of the other body. These are its corners, and against
-    another rigid body points all over its surface, if it is not round.
+    a ball: the points of each body are tested against the shape of the other body. The points are the corners of the
+    body. For contact of a body that is not round with another rigid body, they are distributed over its surface.
 
     Args:
         rigid: the body whose points touch.
@@ -45,10 +47,10 @@ class RigidContact(Contact):
         self._rigid = rigid
 
     def _fix_planes(self, places: NDArray[np.float64], positions: NDArray[np.float64]) -> None:
-        """Give the points at edges of the touched thing a fixed plane.
+        """Give the points at edges of the touched obstacle or rigid body a fixed plane.
 
-        Rounding decides by which face a point at an edge leaves. Its plane is the one that faces the centre of the body
-        to which the point belongs.
+        Otherwise rounding would decide through which face a point at an edge is pushed out. The plane has the normal of
+        the obstacle towards the centre of the points' own body.
         """
         near = np.flatnonzero(np.abs(self._distances[self._chosen]) < AT_EDGE * self._body.size)
         if self._radius > 0.0 or not len(near):
@@ -70,8 +72,9 @@ class RigidContact(Contact):
     def _first_to_touch(self, near: NDArray[np.int64], places: NDArray[np.float64]) -> NDArray[np.int64]:
         """Return the points near flat faces that are vertices of the lower convex hull of gaps, and all other points.
 
-        Above a flat face, a rigid motion changes gaps by a linear function of the place. The least gap is then that of
-        a vertex of the hull, and forces on the other points have the same sum and moment as some on the vertices.
+        Above a flat face, a rigid motion changes gaps by a linear function of the place. The least gap is then at a
+        vertex of the hull. Forces on the other points can be replaced by forces on the vertices with the same sum and
+        moment.
         """
         if len(near) <= FEW:
             return near
@@ -96,8 +99,9 @@ class RigidContact(Contact):
 class RoundContact(RigidContact):
     """Contact of a rigid body that is a ball or a row of balls; its points are the centres of the balls.
 
-    For a sticking point, the state stores the slip of the material point in contact, instead of an anchor position. The
-    reason is that a rolling ball touches with another material point in each step. A ball at rest thus does not creep.
+    A rolling ball touches with another material point in each step. For a sticking point, the state therefore stores
+    the slip of the touching material point instead of an anchor position. Thanks to this slip, a ball at rest does not
+    creep.
 
     Args:
         rigid: the round body.
@@ -110,7 +114,7 @@ class RoundContact(RigidContact):
         self._radius = rigid.form.rounding
 
     def _set_anchors(self, saved: Saved, positions: NDArray[np.float64]) -> None:
-        """Set the material points that touched when the step began, and their places then minus the stored slip."""
+        """Set the material points that touched when the step began, and their anchors: places minus stored slips."""
         state, chosen = self._last, self._chosen
         before = positions if state is None else state.positions
         pose = self._pose if state is None else state.poses[self._touched.name]

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Contact points as stencils, and the forces that they hold during a step of the minimisation.
+"""Contact points as stencils, and their forces during a step of the minimisation.
 
 A contact point is a set of vertices with weights that moves relative to a surface: a plane, a shape, a face or an edge,
-of an obstacle, a rigid body or the body itself. Its gap g has the gradient n, and its slip s lies in the plane across
-n. It holds a normal force l n and a friction force -t. Before each step of the minimisation, `complementarity` finds
-the forces with which the step keeps the laws of Signorini and Coulomb. While the step is made, the forces are constant
+of an obstacle, a rigid body or the body itself. Its gap g has the gradient n, and its slip s lies in the plane normal
+to n. It has a normal force l n and a friction force -t. Before each step of the minimisation, `complementarity` finds
+the forces with which the step satisfies the laws of Signorini and Coulomb. During the step, the forces are constant
 vectors on the vertices: the term is the potential of dead loads, sum_a (t w_a' - l n w_a) . x_a, with the weights w of
-the gap and w' of the slip. Before the next step, they turn with the surfaces.
+the gap and w' of the slip. Before the next step, the forces turn with the surfaces.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ from gdfe_ros.solver.contact.gap import nearness
 from gdfe_ros.solver.terms.term import as_arrays, term_kernel
 
 LOADS = 6
-"""Numbers of a vertex among the loads: the gradient of its dead load [N], and a position [m] where its energy is 0, so
-that energies are as small as steps.
+"""Count of each vertex' numbers in the loads: the gradient [N] of the energy of its dead load, and the position [m]
+where this energy is 0. The position is renewed before each step, so that energies stay as small as steps.
 """
 
 
@@ -37,16 +37,18 @@ class Stencils(NamedTuple):
     Attributes:
         places: (k, 3) [m] gap, and slip along two tangents.
         axes: (k, 3, 3) gradient of the gap, and the tangents.
-        held: (k, 3) [N] present forces along these axes.
+        held: (k, 3) [N] present forces along the axes.
         shears: (k, 3) [N] vectors t of the friction forces -t.
         soft: (k,) [m/N] compliance of the spring through which the normal force acts.
         scale: (k,) [N/m] stiffness of the body at each point.
-        anchors: (k, 3) [m] places where slips begin, in the frame of what is touched.
-        planes: (k, 4) planes n . q = d in this frame that replace the surface; n = 0 stands for none, but for `PLANES`.
-        fixed: (k,) whether a plane holds wherever the point leaves.
+        anchors: (k, 3) [m] places where slips begin, in the frame of the touched surface.
+        planes: (k, 4) planes n . q = d in this frame that replace the surface. Except for the kind `PLANES`, n = 0
+            stands for no plane.
+        fixed: (k,) whether the plane replaces the whole surface. Otherwise it replaces only the parts of the surface
+            that push the point out on another side.
         offsets: (k,) [m] subtracted from the distances.
         areas: (k,) [m^2] undeformed area of the faces around each point that correct its offset; 0 for none.
-        ends: (k, c) vertices that move the point relative to what it touches.
+        ends: (k, c) vertices that move the point or the touched surface.
         pressing, rubbing: (k, c) weights of these vertices in the displacements that change the gap, and the slip.
     """
 
@@ -80,7 +82,7 @@ class Stencils(NamedTuple):
 
     @classmethod
     def join(cls, parts: Sequence[Stencils], width: int) -> Self:
-        """Return the stencils of all ``parts``, with ``width`` ends; those that are added have no weight."""
+        """Return the stencils of all ``parts``, with ``width`` ends each; added ends have no weight."""
         found, first = cls.blank(sum(len(part.fixed) for part in parts), width), 0
         for part in parts:
             own, first = found.part(first, first + len(part.fixed)), first + len(part.fixed)
@@ -102,19 +104,19 @@ class Stencils(NamedTuple):
 
 
 PLANES = -1
-"""Kind of a surface of which each point has a plane of its own: that of the body itself."""
+"""Kind of the surface of the body itself: each point has a plane of its own."""
 
 
 class Surfaces(NamedTuple):
-    """What the points of t contacts touch.
+    """The surfaces that the points of t contacts touch.
 
     Attributes:
         kind: (t,) kinds of shapes, or `PLANES`.
-        own: (t,) number of the ends of a point that move the point itself.
+        own: (t,) number of ends that move a point itself: the first ones.
         turning: (t,) whether a rigid body is touched: its four vertices are the last ends of each point.
         frames: (t, 12) rotation, and origin [m], of each surface.
         vertices: (t, 4) vertices of each rigid body.
-        signs: (t, 4, 3) [1/m] factors that give its rotation (`RigidBody.signs`).
+        signs: (t, 4, 3) [1/m] factors that give the rotation of each rigid body (`RigidBody.signs`).
         form_start: (t + 1,) offsets of the numbers of each shape in ``forms``.
         forms: numbers of all shapes (`gap.form_numbers`).
     """
@@ -145,12 +147,12 @@ class Surfaces(NamedTuple):
 
 
 class GapFaces(NamedTuple):
-    """Faces between the points of t contacts, whose distances from what they touch correct the points' offsets.
+    """Faces between the points of t contacts; their distances from the touched surface correct the points' offsets.
 
     Attributes:
         start: (t + 1,) offsets of each contact's faces.
         quads: (q, 4) int32 vertices.
-        gauss: (q, 4) [m^2] undeformed area that belongs to each Gauss point.
+        gauss: (q, 4) [m^2] undeformed area of each Gauss point.
     """
 
     start: NDArray[np.int64]
@@ -159,7 +161,7 @@ class GapFaces(NamedTuple):
 
     @classmethod
     def join(cls, parts: Sequence[tuple[NDArray[np.int32], NDArray[np.float64]]]) -> GapFaces:
-        """Return the faces of all contacts; each of ``parts`` has the vertices and areas of those of a contact."""
+        """Return the faces of all contacts; ``parts`` has the vertices and areas of each contact's faces."""
         starts = np.cumsum([0, *(len(quads) for quads, _ in parts)])
         return cls(starts, *(np.concatenate(each) for each in zip(*parts, strict=True)))
 
@@ -167,14 +169,14 @@ class GapFaces(NamedTuple):
 NO_FACES = np.zeros((0, 4), np.int32), np.zeros((0, 4))
 """No faces, and no areas."""
 NOTHING_NEAR = Stencils.blank(0, 1), NO_FACES
-"""Stencils and faces of a contact that no point is near."""
+"""Stencils and faces of a contact without near points."""
 
 
 @internal
 def set_axes(i, gap, gradient, slip, stencils):
-    """Write place, axes and held force of a point with a gap, its gradient and a slip; its vector t is turned.
+    """Write place, axes and forces of a point from its gap, the gap's gradient, and its slip.
 
-    The normal force stays as it is.
+    The vector t of the friction force is turned to the new tangents. The normal force keeps its size.
     """
     places, axes, held, shears = stencils.places, stencils.axes, stencils.held, stencils.shears
     normal = unit(gradient)
@@ -190,7 +192,7 @@ def set_axes(i, gap, gradient, slip, stencils):
 
 @internal
 def turn_shear(i, stencils):
-    """Write the vector t of a point's friction force, which is along the tangents."""
+    """Write the vector t of a point's friction force from its components along the tangents."""
     held, axes = stencils.held, stencils.axes
     for j in range(3):
         stencils.shears[i, j] = -(held[i, 1] * axes[i, 1, j] + held[i, 2] * axes[i, 2, j])
@@ -198,7 +200,7 @@ def turn_shear(i, stencils):
 
 @internal
 def add_load(stencils, i, loads):
-    """Add the gradients of a point's dead loads to ``loads`` (n, 6), those of all vertices."""
+    """Add the gradients of a point's dead loads to ``loads`` (n, 6), the loads of all vertices."""
     axes, held = stencils.axes, stencils.held
     for a in range(stencils.ends.shape[1]):
         vertex, w, v = stencils.ends[i, a], stencils.pressing[i, a], stencils.rubbing[i, a]
@@ -232,7 +234,7 @@ def take_frames(x, surfaces, frames):
 
 @internal
 def place_of(x, ends, weights, i, own):
-    """Return the mean (3,) [m] of the first ``own`` ends of a point with its weights."""
+    """Return the weighted sum (3,) [m] of the first ``own`` ends of a point."""
     p0, p1, p2 = 0.0, 0.0, 0.0
     for a in range(own):
         v, w = ends[i, a], weights[i, a]
@@ -242,7 +244,7 @@ def place_of(x, ends, weights, i, own):
 
 @internal
 def measure_gap(stencils, surfaces, t, i, p):
-    """Return the signed distance [m] of a point at ``p`` (3,) from what it touches, and its gradient (3,)."""
+    """Return the signed distance [m] of a point at ``p`` (3,) from the surface ``t``, and its gradient (3,)."""
     frame, form = surfaces.frames[t], surfaces.forms[surfaces.form_start[t] : surfaces.form_start[t + 1]]
     a, b, c, d = stencils.planes[i, 0], stencils.planes[i, 1], stencils.planes[i, 2], stencils.planes[i, 3]
     if surfaces.kind[t] == PLANES:
@@ -251,7 +253,7 @@ def measure_gap(stencils, surfaces, t, i, p):
     if a == 0.0 and b == 0.0 and c == 0.0:
         return g, nx, ny, nz
     ex, ey, ez = in_world(frame, a, b, c)
-    # Where the surface pushes the point out on the plane's side itself, it serves.
+    # If the surface itself pushes the point out on the plane's side, the surface is used.
     if nx * ex + ny * ey + nz * ez > 0.0 and not stencils.fixed[i]:
         return g, nx, ny, nz
     u = in_frame(frame, p[0] - frame[ORIGIN], p[1] - frame[ORIGIN + 1], p[2] - frame[ORIGIN + 2])
@@ -310,7 +312,7 @@ def find_stencils(x, surfaces, faces, owner, stencils):
 def sum_wrench(x, stencils, own, origin, forces):
     """Return the sum of ``forces`` (k, 3) [N] of points and their moment [N m] about ``origin`` (3,), together (6,).
 
-    The forces act where friction does: at the mean of the first ``own`` ends.
+    The forces act where friction acts: at the weighted sum of the first ``own`` ends.
     """
     found = np.zeros(6)
     for i in range(len(forces)):
@@ -324,10 +326,10 @@ def sum_wrench(x, stencils, own, origin, forces):
 
 @kernel
 def find_pressing(x, surfaces, owner, stencils, chosen, axes, held, blocks):
-    """Write unit axes (c, 3, 3) and forces (c, 3) [N] along them of ``chosen`` points (c,), and the derivatives.
+    """Write unit axes (c, 3, 3), forces (c, 3) [N] along them, and derivatives of gaps and slips, of ``chosen`` points.
 
-    These are the ``blocks`` (c, e, 3, 3) of gaps and slips with respect to the ends. On a touched rigid body, friction
-    acts at the points' present places at ``x`` (n, 3) [m], not at those where their slips began.
+    The derivatives ``blocks`` (c, e, 3, 3) are with respect to the ends. On a touched rigid body, friction acts at the
+    points' present places, for vertices at ``x`` (n, 3) [m], not at the places where their slips began.
     """
     for c in range(len(chosen)):
         i = chosen[c]
@@ -355,7 +357,7 @@ def find_pressing(x, surfaces, owner, stencils, chosen, axes, held, blocks):
 def held_energy(x, reals, integers, force, size):
     """Return the energy [J] of the dead loads; add its gradient to ``force``. See `term_kernel`.
 
-    ``reals`` are the loads of all vertices, and ``integers`` 1 if any acts, else 0.
+    ``reals`` are the loads of all vertices. ``integers`` is 1 if any load acts, otherwise 0.
     """
     energy = 0.0
     if integers[0] == 0:

@@ -18,8 +18,8 @@ class Touch:
         vertices: (k,) int32; for skin points, the carrier with the largest weight.
         places: (k, 3) [m] positions.
         normals: (k, 3) unit normals out of the obstacle.
-        gaps: (k,) [m] distance from each vertex to the obstacle. At a round obstacle they are slightly positive,
-            because contact closes the mean gap of the faces.
+        gaps: (k,) [m] distance from each vertex to the obstacle. At a round obstacle the distances are slightly
+            positive, because contact closes the mean gap of the faces.
         presses: (k,) [N] normal forces.
         shears: (k, 3) [N] friction forces on the body.
         slips: (k,) whether a vertex slips, or is free to slip.
@@ -58,7 +58,7 @@ NOTHING = Touch(
 
 
 class Touches(Mapping[str, Touch]):
-    """The contacts in a state, by name. Each is found when it is first read.
+    """The contacts in a state, by name. Each contact is computed when it is first read.
 
     Args:
         found: dict from name to a function that returns the contact.

@@ -27,7 +27,7 @@ class ActiveSet:
     Args:
         body: the discretised body.
         matrix: the constant matrix of the unknowns.
-        rigid: whether elements inside of handles never have forces, because no cell can grow.
+        rigid: whether elements inside of handles never have forces. This holds if no cell can grow.
         skip: kinds of work to leave out.
         softening: whether hourglass scales follow the strain.
 

@@ -8,7 +8,8 @@ The stiff directions of a slender body then allow only short steps. The step the
     x(t) = x + t d + t^2 c,
 
 whose direction at t = 0 is d. At t = 1 the elements' desired deformation gradients are exp(W) (I + S) F. As in the
-paper's global step, the constant matrix A fits the vertices to them. With weights w_e, volumes V_e and gradients g_e,
+global step of the paper, the constant matrix A fits the vertices to these gradients. With weights w_e, volumes V_e and
+gradients g_e,
 
     A c = sum_e w_e V_e (exp(W) (I + S) F - F - (W + S) F) g_e .
 """
@@ -33,9 +34,10 @@ robots with contact end at other equilibria and are repeated.
 
 @inlined
 def decompose_motion(x, end, shape, e):
-    """Return, for element ``e``, F (9,) at ``end`` (n, 3) [m], the columns of (I + S) F, and the rotation vector of W.
+    """Return F (9,) of element ``e`` at ``end`` (n, 3) [m], the columns of (I + S) F, and the rotation vector of W.
 
-    W and S are the rotation and the strain from ``x`` to ``end``; they are zero if the element is inverted at ``x``.
+    The F in (I + S) F is that at ``x`` (n, 3) [m]. W and S are the rotation and the strain from ``x`` to ``end``; they
+    are zero if the element is inverted at ``x``.
     """
     f, g = mean_gradient(x, shape, e), mean_gradient(end, shape, e)
     c = cofactor(f)
@@ -53,7 +55,9 @@ def decompose_motion(x, end, shape, e):
 
 @internal
 def pull_to_arc(x, end, shape, weight, force):
-    """Write the right-hand side of A c to ``force`` (m, c, 3) [N], for a step from ``x`` to ``end`` (n, 3) [m].
+    """Write the right-hand side of the equation for c (see the module) to ``force`` (m, c, 3) [N].
+
+    The step leads from ``x`` to ``end`` (n, 3) [m].
 
     Return the largest rotation [rad] of an element, to first order.
     """

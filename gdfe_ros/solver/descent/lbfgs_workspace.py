@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Workspace of a minimisation: arrays that are allocated once, constant data, and the history of L-BFGS.
 
-The direction follows from the two-loop recursion (Nocedal 1980) around any initial matrix M. With the pairs s of steps
-and y of changes of the gradient g, and from the newest pair to the oldest,
+The direction follows from the two-loop recursion (Nocedal 1980) around any initial matrix M. Each pair consists of a
+step s and the change y of the gradient g in it. From the newest pair to the oldest,
 
     q = g,    a_i = s_i . q / s_i . y_i,    q -= a_i y_i,
 
@@ -64,7 +64,7 @@ class Problem(NamedTuple):
         pressure: (m,) [Pa] multipliers of the volumes.
         scale: (m,) hourglass stiffness divided by its initial value.
         table: the materials.
-        watch: elements near folding, on which fold barriers act; minimisations add to them.
+        watch: elements near folding, on which fold barriers act; minimisations extend the list.
         unknowns: the numbering of the unknowns.
         frame: commanded positions of the handles.
         terms: all terms other than the elements.

@@ -27,16 +27,19 @@ from gdfe_ros.solver.outcome import Outcome
 from gdfe_ros.solver.vectors import Array, largest
 
 RATE, SLOWEST = 0.3, 0.9
-"""Ratio of the lengths of two successive steps: value before it is known, and upper limit."""
+"""Ratio of the lengths of two successive steps: the value assumed at first, and an upper limit."""
 UNPROVEN = 0.2
-"""A minimisation ends without an iteration if its estimated distance, divided by the target, is at most this."""
+"""A minimisation without a converged predecessor ends before its first iteration only if its estimated distance,
+divided by the target, is at most this.
+"""
 STRAIGHT, FOLLOWED = 3e-3, 1e-2
-"""Displacements divided by the body's size: steps up to the first are straight, longer steps follow arcs; after
-displacements above the second, the rotations of the vertices are computed anew.
+"""Displacements divided by the body's size. Steps up to the first are straight, longer steps follow arcs. After a total
+displacement above the second, the rotations of the vertices are computed anew.
 """
 WILD, TAME = 1.0, 0.1
-"""Steps divided by the body's size. If elements are nearly folded, and their barriers are not in the tangent, steps are
-longer than the first. The constant matrix then replaces the tangent until steps are shorter than the second.
+"""Lengths of steps divided by the body's size. If elements are nearly folded and the tangent lacks their barriers,
+steps become too long. Beyond the first length, the constant matrix replaces the tangent until steps are shorter than
+the second length.
 """
 ENDLESS = sys.maxsize
 """Number of iterations for which a matrix serves if nothing limits it."""
@@ -52,8 +55,8 @@ class Metric(NamedTuple):
     Attributes:
         kept: factor of the tangent; without rows if M is the constant matrix.
         coupling: the constant matrix, and its coupling to the rigid rows of handles.
-        before: (n, 3) positions [m] at which the tangent was taken.
-        held: whether the body has handles or obstacles.
+        before: (n, 3) positions [m] at which the tangent was evaluated.
+        held: whether the body has handles or obstacles, so that vertices rotate separately (see `vertex_rotations`).
         trust: assumed least ratio of a step to the distance to the equilibrium; 1 for a tangent.
         weight: (m,) weights of the elements in the constant matrix [Pa].
         u, gradient, x, force, sums: scratch (3 r,), (3 r,), (n, 3), (m, c, 3) and (n, 9).
@@ -86,7 +89,7 @@ def precondition(metric, right, out):
 def apply_initial(status, metric, right, out):
     """Write the product of M^-1 and each row of ``right`` (k, 3 r) to the same row of ``out``.
 
-    If A replaces M (see `WILD`), it is a multiple of the product with A^-1.
+    If A replaces M (see `WILD`), the result is a multiple of the product with A^-1.
     """
     if status.wild == 0:
         precondition(metric, right, out)
@@ -114,7 +117,7 @@ def find_direction(work, metric):
 def choose_direction(problem, work, metric, size):
     """Write a direction of descent, with the constant matrix if the tangent's step is too long (see `WILD`).
 
-    Return whether there is one. If the history gives no direction of descent, it is dropped.
+    Return whether there is such a direction. If the history gives no direction of descent, the history is dropped.
     """
     status = work.status[0]
     descends = find_direction(work, metric)
@@ -143,7 +146,7 @@ def rescale(work, metric):
 
 @internal
 def measure(status, trust):
-    """Estimate the distance to the equilibrium [m] from the length of the step and the rate at which steps shrink."""
+    """Estimate the distance to the equilibrium [m] from the length of the step and the ratio of successive lengths."""
     rate = min(status.step / status.before, SLOWEST) if status.before < math.inf else status.rate
     status.distance = status.step / (trust * (1.0 - max(rate, status.rate)))
     status.rate = rate
@@ -160,7 +163,7 @@ def is_exhausted(status):
 
 @internal
 def choose(problem, work, metric, size, most):
-    """Write the next step's direction; return 2 if it descends, 1 if not, 0 if the matrix has served ``most`` times."""
+    """Write the next direction; return 2 if the energy falls along it, 1 if not, 0 after ``most`` uses of M."""
     status = work.status[0]
     if status.since >= most:
         status.ended = Outcome.WORN
@@ -232,7 +235,8 @@ def descend(problem, work, metric, size, target, proven, most, limit, begins):
         metric: the initial matrix.
         size: size of the body [m].
         target: allowed distance [m].
-        proven: whether an earlier minimisation converged, so that the length of the first step measures the distance.
+        proven: whether an earlier minimisation converged, so that the first step gives a reliable estimate of the
+            distance.
         most: number of iterations for which one tangent serves.
         limit: largest number of iterations.
         begins: whether the minimisation begins, so that all terms are evaluated first.

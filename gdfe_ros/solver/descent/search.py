@@ -21,8 +21,8 @@ MAX_CUTS = 30
 2^-30 is below any rounding.
 """
 MOST_BLOCKED = 4
-"""The body counts as running away after more than this number of successive iterations whose full step has infinite
-energy.
+"""The body counts as running away if the energy at the full step is infinite in more than this number of successive
+iterations.
 """
 ROUNDING = 1e-13
 """Changes of the energy below this fraction of the sum of its terms are rounding errors in double precision."""
@@ -74,11 +74,11 @@ def gather(work, unknowns, threads):
 
 @merged
 def search(problem, work, first):
-    """Search along the direction or the arc for a point at which the energy falls enough; move ``u`` there.
+    """Search along the direction or the arc for a point with sufficiently lower energy; move the unknowns u there.
 
-    The step is written to ``direction``. The condition is Armijo's, or its approximate form (Hager and Zhang 2005) if
-    the energy cannot resolve the step. If no length satisfies the condition, or if ``first`` is set, ``u`` stays
-    unchanged, and energy and gradient are evaluated at ``u``.
+    The step is written to ``work.direction``. The condition is Armijo's, or its approximate form (Hager and Zhang 2005)
+    if rounding of the energy exceeds its change. If no length satisfies the condition, or if ``first`` is set, u stays
+    unchanged, and energy and gradient are evaluated at u.
     """
     status = work.status[0]
     slope, energy = status.slope, status.energy

@@ -51,7 +51,9 @@ NEARLY_FOLDED = 2.0 * THRESHOLD
 _CODES, _BITS = SIDES @ (1, 2, 4), np.array((1, 2, 4))
 _HIGH, _LOW = (np.argsort(_CODES)[codes] for codes in (_CODES[:, None] | _BITS, _CODES[:, None] & ~_BITS))
 HEX_EDGES = np.stack([_HIGH, _LOW, _LOW], axis=2).astype(np.int32)
-"""Last, first and again first corner of the three edges that meet in each corner (8, 3, 3), along xi, eta and zeta."""
+"""Corners (8, 3, 3) of the three edges, along xi, eta and zeta, that meet in each corner: the edge's last corner, its
+first corner, and its first corner again (with weight 0, see `HEX_WEIGHTS`).
+"""
 TET_EDGES = np.array(
     [
         [[4, 1, 0], [6, 2, 0], [7, 3, 0]],
@@ -61,8 +63,8 @@ TET_EDGES = np.array(
     ],
     dtype=np.int32,
 )
-"""Middle, other end and corner of the three edges that meet in each corner (4, 3, 3), in right-handed order. The edge's
-slope at corner c is dx/dL_k - dx/dL_c = 4 x_ck - x_k - 3 x_c.
+"""Nodes (4, 3, 3) of the three edges, in right-handed order, that meet in each corner c: the middle node ck, the other
+end k, and c. The edge's slope at c is dx/dL_k - dx/dL_c = 4 x_ck - x_k - 3 x_c.
 """
 HEX_WEIGHTS, TET_WEIGHTS = (1.0, -1.0, 0.0), (4.0, -1.0, -3.0)
 """Weights, in the vector of an edge, of the three points that `HEX_EDGES` or `TET_EDGES` lists for it."""
@@ -88,7 +90,7 @@ def edge_at(points, c, k):
 
 @inlined
 def add_edge(slopes, c, k, share, derivative):
-    """Add ``share`` times the ``derivative`` (3,) by an edge to the derivatives ``slopes`` (n, 3) by the points."""
+    """Convert ``share`` times the ``derivative`` (3,) by an edge to derivatives by points; add them to ``slopes``."""
     nodes, weights = (HEX_EDGES[c, k], HEX_WEIGHTS) if len(slopes) == 8 else (TET_EDGES[c, k], TET_WEIGHTS)
     for a in range(3):
         for i in range(3):
@@ -106,8 +108,8 @@ def edges_at(points, shape, e, c):
 def least_corners(x, shape, elements, out):
     """Write the least volume ratio det F over the corners of each of ``elements`` (k,) to ``out`` (m,).
 
-    The value is NaN if one of the ratios is NaN. The mean gradient does not show a folded corner, because hourglass
-    patterns do not contribute to it.
+    The value is NaN if one of the ratios is NaN. A folded corner does not show in the mean deformation gradient,
+    because hourglass patterns do not contribute to this gradient.
     """
     points = np.empty((shape.cells.shape[1], 3))
     for e in elements:
@@ -121,10 +123,10 @@ def least_corners(x, shape, elements, out):
 
 @inlined
 def room(x, shape, e, points):
-    """Return the distance [m] that vertices may move before a corner can reach the barrier; 0 if nearly folded.
+    """Return the distance [m] that vertices may move before a corner of element ``e`` can reach the barrier.
 
-    `gdfe_ros.solver.elements.response` derives the bound. If no vertex moves by more than d, edges change by up to 2 d,
-    or by 8 d in quadratic cells. ``points`` (n, 3) is scratch.
+    It is 0 if the element is nearly folded. The module `gdfe_ros.solver.elements.response` derives the bound. If no
+    vertex moves by more than d, edges change by up to 2 d, or by 8 d in quadratic cells. ``points`` (n, 3) is scratch.
     """
     load_points(x, shape, e, points)
     found = math.inf

@@ -23,8 +23,9 @@ from gdfe_ros.solver.vectors import NEGLIGIBLE, Array
 LANES = 8
 """Number of elements in a block. The innermost loops run over the elements of a block."""
 REFERENCE, AXES, EDGES, VOLUME, COUPLING, GEOMETRY_ROWS = 0, 9, 18, 21, 22, 23
-"""First row of each quantity in the ``Blocks.geometry`` of hexahedra: the inverse of dX/dxi (9 rows), edge directions
-(9), 2 / edge length (3), volume (1), and coupling of shear strains in torsion (1). The last number counts all rows.
+"""First row of each quantity in the `Blocks.geometry` of hexahedra: inverse of dX/dxi (9 rows), edge directions (9
+rows), 2 / edge length (3 rows), volume (1 row), and coupling of shear strains in torsion (1 row); then the number of
+all rows.
 """
 
 
@@ -35,7 +36,7 @@ class Blocks(NamedTuple):
         element: (b, LANES) int32 element of each lane.
         used: (b,) int32 number of lanes in use; the other lanes repeat the first lane.
         law: (b,) int32 law of the block's elements.
-        parallel: (b,) bool, whether all elements of the block are parallelepipeds; not if they are tetrahedra.
+        parallel: (b,) bool, whether all elements of the block are parallelepipeds; False for tetrahedra.
         geometry: (b * g * LANES,) float64, the g rows of each block (`CellType.geometry`); a row has one number for
             each lane.
     """
@@ -50,9 +51,10 @@ class Blocks(NamedTuple):
 def make_blocks(
     geometry: Array, law: NDArray[np.int32], parallel: NDArray[np.bool_], elements: NDArray[np.int32]
 ) -> Blocks:
-    """Return the ``elements`` (k,) in blocks, sorted by law and shape; within a kind the order is kept.
+    """Return the ``elements`` (k,) in blocks, sorted by law and by whether they are parallelepipeds.
 
-    ``geometry`` (m, g), ``law`` (m,) and ``parallel`` (m,) are those of all elements.
+    Elements of the same kind keep their order. ``geometry`` (m, g), ``law`` (m,) and ``parallel`` (m,) have entries for
+    all elements of the body.
     """
     element, used = lanes_of((2 * law + parallel)[elements], elements)
     first = element[:, 0]
@@ -65,9 +67,9 @@ def in_lanes(rows: Array, element: NDArray[np.int32]) -> Array:
 
 
 def lanes_of(kind: NDArray[np.int32], elements: NDArray[np.int32]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """Return the ``elements`` (k,), sorted by kind, in lanes (b, LANES), and each block's number of lanes in use (b,).
+    """Return the ``elements`` (k,), sorted by their ``kind`` (k,), in lanes (b, LANES), and the lanes in use (b,).
 
-    ``kind`` (k,) is the kind of each element.
+    The second result is the number of lanes that each block uses.
     """
     rows, used = [], []
     for value in np.unique(kind):
@@ -102,12 +104,13 @@ class Operators:
 
 
 COORDINATES, GRADIENT, MODES, STRESS, FORCES = 0, 24, 33, 45, 54
-"""First of 24 rows of corner coordinates, x then y then z, which the corner forces overwrite; first rows of F (9),
-hourglass vectors q (4 x 3), stress P or V P (9), and hourglass forces (4 x 3).
+"""First row of each quantity in a block's scratch array: corner coordinates (24 rows, x then y then z; the corner
+forces overwrite them), F (9 rows), hourglass vectors q (4 x 3 rows), stress P or V P (9 rows), and hourglass forces (4
+x 3 rows).
 """
 ENERGY, PRESSURE, SHEAR_ROW, LAME_ROW, PENALTY_ROW, YOUNG_ROW, SCALED_SHEAR, POISSON_ROW = range(66, 74)
 GEOMETRY = POISSON_ROW + 1
-"""First of the rows of ``Blocks.geometry`` (23)."""
+"""First of the 23 rows with a copy of `Blocks.geometry`."""
 ROWS = GEOMETRY + GEOMETRY_ROWS
 
 
@@ -154,7 +157,7 @@ def load_geometry(b, geometry, block, first, count):
 
 @inlined
 def load_nodes(b, x, cells, elements, first, count):
-    """Copy the x, then the y, then the z coordinates of a block's ``count`` nodes into the rows from ``first`` on."""
+    """Copy the coordinates of a block's ``count`` nodes, all x, then y, then z, into the rows from ``first`` on."""
     for lane in range(LANES):
         e = elements[lane]
         for a in range(count):
@@ -165,7 +168,7 @@ def load_nodes(b, x, cells, elements, first, count):
 
 @inlined
 def store_nodes(b, force, elements, used, first, count):
-    """Copy the node forces of a block's ``used`` lanes from the rows from ``first`` on to ``force`` (m, c, 3) [N]."""
+    """Copy node forces of a block's ``used`` lanes to ``force`` (m, c, 3) [N]; their rows begin at ``first``."""
     for lane in range(used):
         e = elements[lane]
         for a in range(count):
@@ -174,12 +177,12 @@ def store_nodes(b, force, elements, used, first, count):
 
 
 INVERSE, WEIGHT, TET_GEOMETRY_ROWS = 0, 36, 40
-"""First rows in the ``Blocks.geometry`` of tetrahedra: the inverses of dX/dxi (4 x 9) and the weights (4) of the
-integration points. The last number counts all rows.
+"""First rows in the `Blocks.geometry` of tetrahedra: inverses of dX/dxi (4 x 9 rows) and weights (4 rows) of the
+integration points; then the number of all rows.
 """
 NODES, TOTAL, GRADIENTS = ROWS, ROWS + 30, ROWS + 60
-"""First rows of the node coordinates (3 x 10), of the node forces (3 x 10), and of F at the points (4 x 9). The rows of
-hexahedra come before them, because the laws are evaluated in the rows of hexahedra.
+"""First rows of the node coordinates (3 x 10 rows), of the node forces (3 x 10 rows), and of F at the integration
+points (4 x 9 rows). They follow the rows of hexahedra, which a tetrahedron uses, too, to evaluate its law.
 """
 SLOPE, STORED_ENERGY, GEOMETRY_OF_TET = GRADIENTS + 36, GRADIENTS + 37, GRADIENTS + 38
 """Row of the pressure that acts on the mean volume, row of the energy, and first of the 40 rows of the geometry."""

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Cell types, each with the functions that it implements.
+"""Cell types, and the functions that implement each of them.
 
-A kernel that calls one of the functions in `CellKernels` is compiled once for each cell type. Numba sees the type of
-``shape``, and replaces the call by the function of that cell type, without a cost at run time. A third type needs an
-entry in `KERNELS`, and a `CellType`.
+A kernel that calls one of the functions in `CellKernels` is compiled once for each cell type. Numba infers the cell
+type from the type of the operators, and inserts the function of that cell type, without a cost at run time. A third
+cell type needs an entry in `KERNELS`, and a `CellType`.
 """
 
 from __future__ import annotations
@@ -32,9 +32,10 @@ class CellKernels(NamedTuple):
     Attributes:
         evaluate_blocks: writes node forces (m, c, 3) [N] and energies (m,) [J] of a range of blocks.
         load_points: writes the nodes (c, 3) [m] of ``e``, or of the box that the material of a cut cell fills.
-        add_slopes: adds an energy's derivatives with respect to the points of `load_points` to the forces of ``e``.
-        volume_ratio: current volume of ``e`` divided by its undeformed volume. If ``e`` has a pressure, it is the
-            multiplier of this ratio.
+        add_slopes: adds an energy's derivatives with respect to the points that `load_points` writes to the forces of
+            ``e``.
+        volume_ratio: current volume of ``e`` divided by its undeformed volume. The pressure of an element, if it has
+            one, is the multiplier of this ratio.
     """
 
     evaluate_blocks: Callable
@@ -53,7 +54,7 @@ KERNELS = {ShapeOperators: _of(hexahedra), TetOperators: _of(quadratic_tetrahedr
 
 
 def _of_cell_type(name: str) -> Callable:
-    """Return a function that calls the function ``name`` of the arguments' cell type; numba inlines it in kernels."""
+    """Return a function for kernels. It calls the function ``name`` of the cell type to which its arguments belong."""
 
     def call(*arguments):
         return getattr(_kernels([type(each) for each in arguments]), name)(*arguments)
@@ -67,7 +68,7 @@ def _of_cell_type(name: str) -> Callable:
 
 
 def _kernels(classes: list[type | None]) -> CellKernels:
-    """Return the functions of the cell type whose operators are among arguments of these classes."""
+    """Return the functions of the cell type whose class of operators is among ``classes``."""
     return next(KERNELS[each] for each in classes if each in KERNELS)
 
 

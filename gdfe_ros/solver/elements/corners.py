@@ -32,7 +32,7 @@ from gdfe_ros.solver.elements.hourglass import AMPLITUDE as UNIT
 
 @inlined
 def mean_gradient(x, shape, e):
-    """Return the volume average (9,) of the deformation gradient of element ``e`` at positions ``x`` (n, 3) [m]."""
+    """Return the volume average F (9,) of the deformation gradient of element ``e`` at positions ``x`` (n, 3) [m]."""
     if shape.cells.shape[1] == 8:
         return gradient_over(x, shape, e, 8)  # a constant, so that the loop is unrolled
     return gradient_over(x, shape, e, shape.cells.shape[1])
@@ -40,7 +40,7 @@ def mean_gradient(x, shape, e):
 
 @inlined
 def gradient_over(x, shape, e, corners):
-    """Do `mean_gradient` for an element with this number of corners."""
+    """Do `mean_gradient` for elements with this number of ``corners``."""
     p, q, r = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     for a in range(corners):
         (x0, x1, x2), g = corner(x, shape.cells[e, a]), corner(shape.gradient[e], a)
@@ -50,7 +50,7 @@ def gradient_over(x, shape, e, corners):
 
 @inlined
 def patterns(b, row, lane):
-    """Return the sums of one coordinate over the corners with seven sign patterns: xi, eta, zeta, and four modes."""
+    """Return signed sums of a coordinate over the corners, with seven sign patterns: xi, eta, zeta, and four modes."""
     i = row * LANES + lane
     x0, x1, x2, x3 = b[i], b[i + LANES], b[i + 2 * LANES], b[i + 3 * LANES]
     x4, x5, x6, x7 = b[i + 4 * LANES], b[i + 5 * LANES], b[i + 6 * LANES], b[i + 7 * LANES]

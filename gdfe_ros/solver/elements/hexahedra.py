@@ -112,9 +112,9 @@ def load_parameters(b, elements, material, pressure, scale, table):
 
 @inlined
 def hourglass_rows(b):
-    """Write a block's hourglass forces [N]. Turn its rows of stress P and energy density into V P [N m] and energy [J].
+    """Write a block's hourglass forces [N]. Replace its stress P by V P [N m], its energy density by the energy [J].
 
-    Both include the hourglass part.
+    Both then include the hourglass part.
     """
     for lane in range(LANES):
         volume = b[(GEOMETRY + VOLUME) * LANES + lane]
@@ -149,8 +149,8 @@ SPACING = 1e-5
 and rounding errors are then both about 1e-10.
 """
 NUMBERS, WIDTH = 21, 24
-"""Length of z and r, and of a row of H and of K. The last three numbers of a row of H are zero, so that rows fill whole
-registers.
+"""Length of z and r; length of a row of H and of a row of K. The last three numbers of a row of H are zero, so that the
+rows fill whole registers.
 """
 SAVED = ROWS
 """Row with the unchanged value of the entry of F that is varied."""
@@ -195,10 +195,10 @@ def hourglass_columns(b, reduced):
 
 @vector_internal
 def congruence(reduced, operator, half, out):
-    """Write G^T H G (24 x 24) of H (21 x 24) and G (7 x 8) to ``out``; ``half`` (21 x 24) and (24,) is scratch.
+    """Write G^T H G (24 x 24) of H (21 x 24) and G (7 x 8) to ``out``; ``half`` is scratch.
 
-    All arrays are flat. Loops count in unsigned numbers, because a possibly negative index costs a test in each
-    iteration.
+    ``half`` has 21 x 24 + 24 numbers. All arrays are flat. Loops count in unsigned numbers, because a possibly negative
+    index costs a test in each iteration.
     """
     row = half[NUMBERS * WIDTH :]
     for turn in range(2):

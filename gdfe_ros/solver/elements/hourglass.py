@@ -24,9 +24,9 @@ from gdfe_ros.solver.vectors import Array
 
 OWN_SHEAR = (6.0 * 0.14057702, 0.37384848, 0.22901768, 0.15517115)
 """Weight 1 - chi of the uncoupled shear strains in a twisted element, by the number of cells across a square bar. With
-1, 2, 3 and 4 cells the bar has Saint-Venant's constant 0.14057702 h^4 to the last digit, where h is its width. For more
-than 4 cells the weight of 4 cells is used. The error is then at most 0.2 %. Smaller weights would resist hourglassing
-too little.
+1, 2, 3 and 4 cells the torsion constant of the bar is Saint-Venant's 0.14057702 h^4 to the last digit, where h is its
+width. For more than 4 cells the weight of 4 cells is used. The error of the torsion constant is then at most 0.2 %.
+Smaller weights would resist hourglassing too little.
 """
 AMPLITUDE = math.sqrt(0.125)
 """Size of the entries of a unit hourglass vector, and the amplitude of a mode whose projection on it is 1."""
@@ -102,7 +102,7 @@ def edge_direction(f, axis):
 
 @inlined
 def turning(t, q, d, inverse):
-    """Return dE / d(F d_i), which acts through the unit direction ``d`` of F d_i; ``t`` (4) are dE / d(d . q_k)."""
+    """Return dE/d(F d_i); E depends on F d_i by its unit direction ``d`` alone, and ``t`` (4) are dE/d(d . q_k)."""
     m = along(1.0, combine(t[0], q[0], t[1], q[1], t[2], q[2]), t[3], q[3])
     return scale_vector(along(1.0, m, -dot(m, d), d), inverse)
 

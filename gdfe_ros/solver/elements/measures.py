@@ -21,15 +21,15 @@ LEAST_SCALE, MOST_SCALE = 0.25, 4.0
 that soften much. With the upper bound, the constant matrix stays a good preconditioner for elements that stiffen much.
 """
 LEAST_CURVE_SCALE = 0.8
-"""Lower bound for the law of measured curves, whose tangent modulus decreases most. In the scene tensile_curve at 100 %
-elongation, corners fold with the bound 0.25 (least volume ratio -1.56 after 999 iterations) and with 0.5 (-1.05). With
-0.8 no corner folds (0.26 after 211 iterations).
+"""Lower bound for the law of measured curves, because its tangent modulus decreases most. In the scene tensile_curve at
+100 % elongation, corners fold with the bound 0.25 (least volume ratio -1.56 after 999 iterations) and with 0.5 (-1.05).
+With 0.8 no corner folds (0.26 after 211 iterations).
 """
 
 
 @kernel
 def corner_ratios(x, shape):
-    """Return the least volume ratio at a corner of each element (m,) at ``x`` (n, 3) [m]; NaN if one of them is NaN."""
+    """Return the least volume ratio (m,) at a corner of each element at ``x`` (n, 3) [m]; NaN if one ratio is NaN."""
     ratios = np.empty(len(shape.cells))
     least_corners(x, shape, np.arange(len(ratios)), ratios)
     return ratios
@@ -37,7 +37,7 @@ def corner_ratios(x, shape):
 
 @kernel
 def least_volume_ratio(x, shape):
-    """Return the least volume ratio at any corner of any element at ``x`` (n, 3) [m]; NaN if one of them is NaN."""
+    """Return the least volume ratio at any corner of any element at ``x`` (n, 3) [m]; NaN if any ratio is NaN."""
     return corner_ratios(x, shape).min()
 
 
@@ -83,7 +83,7 @@ def update_pressures(x, elements, shape, material, table, pressure):
 
 @inlined
 def equivalent_strain(f, c, j, table, k):
-    """Return eps_eq of Eq. 5 with nu = 0.5; the linear law uses the element's own nu."""
+    """Return the equivalent strain (Eq. 5 of the paper) with Poisson's ratio 0.5, or the law's own if linear."""
     first = squared_norm(f)
     s = stretch_sum(first, squared_norm(c), j)
     nu = table.parameters[k, POISSON] if table.law[k] == Law.LINEAR else 0.5
@@ -92,7 +92,7 @@ def equivalent_strain(f, c, j, table, k):
 
 @inlined
 def strain_state(x, shape, e, table, k):
-    """Return eps_eq, J, secant and tangent modulus [Pa] of element ``e``, which has material ``k``."""
+    """Return equivalent strain, volume ratio J, secant and tangent modulus [Pa] of element ``e``, of material ``k``."""
     f = mean_gradient(x, shape, e)
     c = cofactor(f)
     strain = equivalent_strain(f, c, determinant(f, c), table, k)
@@ -111,9 +111,9 @@ def softened_scale(tangent, table, k):
 def update_hourglass_scales(x, elements, shape, material, table, scale):
     """Set the scale (m,) of ``elements`` to their `softened_scale`; return the largest change.
 
-    Bending and torsion inside an element soften with its modulus, as its shape factor does (Algorithm 1). The scale is
-    constant during a minimisation. It is updated between minimisations until it no longer changes, so that the result
-    does not depend on the load path.
+    The hourglass stiffness, for bending and torsion inside an element, changes with the element's modulus, like the
+    shape factor in Algorithm 1 of the paper. The scale is constant during a minimisation. It is updated between
+    minimisations until it no longer changes, so that the result does not depend on the load path.
     """
     worst = 0.0
     for e in elements:

@@ -66,7 +66,7 @@ def load_shares(b, law, elements, material, table):
 def point_slopes(place, corners, middles):
     """Return dx/dxi (3) of one coordinate at the point with barycentric coordinates ``place`` (4).
 
-    ``corners`` (4) and ``middles`` (6) are the coordinate at the nodes.
+    ``corners`` (4) and ``middles`` (6) are the values of the coordinate at the corner nodes and at the middle nodes.
     """
     l0, l1, l2, l3 = place
     x4, x5, x6, x7, x8, x9 = middles
@@ -126,7 +126,7 @@ def scatter_point(b, place, inverse):
 
 @inlined
 def mean_volume_rows(b, elements, material, pressure, table):
-    """Write the pressure [Pa] and the energy [J] of the volume term, which acts on the mean volume ratio."""
+    """Write pressure [Pa] and energy [J] of the part of the volume term that acts on the mean volume ratio."""
     for lane in range(LANES):
         b[SLOPE * LANES + lane], b[STORED_ENERGY * LANES + lane] = 0.0, 0.0
     for g in range(4):
@@ -147,7 +147,7 @@ def mean_volume_rows(b, elements, material, pressure, table):
 
 @inlined
 def add_mean_stress(b, weight):
-    """Add the mean volume's stress to P of an integration point; multiply P and energy by the row ``weight``."""
+    """Add the stress of the mean volume's term to P at an integration point; multiply P and energy by the weight."""
     for lane in range(LANES):
         c, w = cofactor(load9(b, GRADIENT, lane)), b[weight * LANES + lane]
         p, s = load9(b, STRESS, lane), b[SLOPE * LANES + lane]
@@ -181,7 +181,7 @@ def load_block(b, x, shape, blocks, block, material, table):
 
 @inlined
 def place_of(number):
-    """Return the offset of the row with the component ``number`` = 3 node + axis; rows are sorted by axis."""
+    """Return the offset of the row for component ``number`` = 3 node + axis; rows are sorted by axis, then node."""
     return 10 * (number % 3) + number // 3
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compiled response of all elements, and the list of elements near folding, which alone have fold barriers.
+"""Compiled response of all elements, and the list of elements near folding: only these have fold barriers.
 
 Barriers act below a volume ratio J_0, which sound bodies never reach. A minimisation therefore keeps a list of watched
 elements, and evaluates barriers for these alone. At its beginning it examines all elements, and watches those with a
@@ -29,14 +29,14 @@ from gdfe_ros.solver.vectors import Array
 
 
 class Watch(NamedTuple):
-    """The watched elements of a solve; minimisations add to them.
+    """The watched elements of a solve; minimisations extend the list.
 
     Attributes:
         elements: (m,) int32; the first ``count`` are watched.
         count: (1,) int64 number of watched elements.
         member: (m,) bool, whether each element is watched.
-        room: (2,) distances [m] that vertices may move before all elements must be examined again: from the accepted
-            positions of the minimisation, and from the positions of the last evaluation.
+        room: (2,) distances [m] that vertices may move before all elements must be examined again: the first from the
+            last accepted positions of the minimisation, the second from the positions of the last evaluation.
     """
 
     elements: NDArray[np.int32]
@@ -89,9 +89,9 @@ def evaluate(x, shape, blocks, material, pressure, scale, table, watched, force,
     """Write the corner forces (m, c, 3) [N] and energies (m,) [J] of all elements; return the sum of the energies.
 
     ``x`` (n, 3) [m] are the positions, and ``pressure`` (m,) [Pa] the multipliers of the volumes. ``scale`` (m,)
-    multiplies the initial hourglass stiffness. ``watched`` (k,) int32 are the elements with fold barriers. The result
-    does not depend on the number of ``threads``, bit by bit. None means one thread, without compiling the parallel
-    version.
+    multiplies the initial hourglass stiffness. ``watched`` (k,) int32 are the elements with fold barriers. ``threads``
+    is the number of threads; None stands for one thread, without compiling the parallel version. The result is the
+    same, bit by bit, for any number of threads.
     """
     if threads is None:
         evaluate_blocks(0, len(blocks.element), x, shape, blocks, material, pressure, scale, table, force, energy)

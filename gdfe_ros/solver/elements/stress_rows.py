@@ -53,8 +53,9 @@ from gdfe_ros.solver.elements.blocks import (
 )
 
 UNIQUE = 1e-6
-"""If the measure of the rotation's uniqueness (see `rotation_from_stretch_sum`) is at most this, the closed form of R
-loses digits. The squared norm |F - lam R|^2 is then computed from the invariants of F.
+"""If the rotation R of an element is hardly determined, its closed form loses digits. If the measure of its uniqueness
+(see `rotation_from_stretch_sum`) is at most this, the squared norm |F - lam R|^2 is therefore computed from the
+invariants of F.
 """
 SWEEPS = 12
 """Limit of Jacobi sweeps. Three to five are enough for finite numbers; NaN ends the sweeps at once."""
@@ -100,7 +101,8 @@ def stress_rows(b, law, elements, material, table):
 def stable_neo_hookean_rows(b):
     """Write the rows of the energy density and of P for the stable neo-Hookean law.
 
-    It is not inlined: otherwise bodies of other laws would compile it, too, once in each element kernel.
+    This function is not inlined: otherwise each element kernel would compile a copy of it, for bodies of other laws,
+    too.
     """
     for lane in range(LANES):
         pressure, mu, _, kappa = load4(b, PRESSURE, lane)
@@ -168,7 +170,7 @@ def corotated_stress_rows(b):
 
 @inlined
 def principal_rows(b):
-    """Write the signed principal stretches, the largest first, and their undeformed and deformed directions N and n."""
+    """Write the signed principal stretches, largest first, and their directions N (undeformed) and n (deformed)."""
     for lane in range(LANES):
         f = load9(b, GRADIENT, lane)
         x, y, z = (f[0], f[3], f[6]), (f[1], f[4], f[7]), (f[2], f[5], f[8])

@@ -49,12 +49,14 @@ class EquilibriumSolver:
         model: the data common to all solves.
         minimiser: the minimiser of the potential.
         whole: the active set of the whole body.
-        patience: number of iterations after which a solve is given up and a shorter increment is tried.
+        patience: number of iterations after which a solve ends and a shorter increment is tried.
     """
 
     patience = 2000
     INVERSE_ITERATIONS = 6
-    """Number of inverse iterations with the tangent's factor; they give the softness of the body to within a tenth."""
+    """Number of inverse iterations with the tangent's factor; they give the softness of the body (`first_shift`) to
+    within a tenth.
+    """
 
     def __init__(
         self,
@@ -97,8 +99,8 @@ class EquilibriumSolver:
     def _take_rest(self) -> None:
         """Give the minimiser the tangent of the undeformed body, unless the body is a mechanism.
 
-        The first multiple of the constant matrix that is added to an indefinite tangent becomes the softness of the
-        body: the least eigenvalue of its tangent relative to the constant matrix.
+        The softness of the body is also computed: the least eigenvalue of its tangent relative to the constant matrix.
+        It becomes the first multiple of the constant matrix that is added to an indefinite tangent.
         """
         unknowns, level, work = self.whole.unknowns, self.minimiser.level, self.whole.workspace
         if not len(unknowns.free):
@@ -114,12 +116,12 @@ class EquilibriumSolver:
             level.solve(load, found)
             least = float(found @ load) / float(found @ self._weigh(found))
             load = self._weigh(found / np.abs(found).max())
-        if least >= SINGULAR:  # else the handles let the body turn or move as a whole
+        if least >= SINGULAR:  # otherwise the body can turn or move as a whole
             level.first_shift, self.minimiser.rest = least, tangent
             level.keep(tangent)
 
     def _weigh(self, field: Array) -> Array:
-        """Return the constant matrix times ``field`` (3 r,), a vector of unknowns; rows of handles become zero."""
+        """Return the constant matrix times a vector ``field`` (3 r,) of unknowns; rows of handles become zero."""
         weighed = np.zeros_like(field)
         free = 3 * len(self.whole.unknowns.free)
         weighed[:free] = self.matrix.multiply(field[:free].reshape(-1, 3)).ravel()
@@ -142,7 +144,7 @@ class EquilibriumSolver:
 
     @property
     def remarks(self) -> list[str]:
-        """Remarks on the accuracy of solves: whether the body has no tangent, and why."""
+        """Remarks on the accuracy of solves: a message if the tangent is too expensive to be used at first."""
         level = self.minimiser.level
         if level.affordable:
             return []
@@ -186,6 +188,6 @@ class EquilibriumSolver:
         return vertex_forces(self.body, vertices, work.force) + work.outside
 
     def count_skipped(self) -> dict[str, int]:
-        """Return a dict from kind of work to the number that each solve leaves out, as in `StepResult.skipped`."""
+        """Return how much work of each kind every solve leaves out, as in `StepResult.skipped`."""
         counts = dict(self.whole.skipped)
         return counts if self.actuation.terms else {**counts, Skip.ACTUATORS.value: 1}

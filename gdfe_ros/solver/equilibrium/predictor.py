@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Prediction of a step's end: linear extrapolation of a smooth motion, and extension of the handles' remaining motion.
+"""Prediction of a step's end: extrapolation of a smooth motion, and extension of the handles' remaining motion.
 
 The harmonic extension of displacements moves vertices along chords. Between two handles, a large rotation then folds
-elements, and on fine meshes unfolding takes hundreds of iterations. Handles that turn are therefore extended as
-screws. A rigid motion is a rotation about an axis in space and a translation along it: with the rotation vector w and
-the velocity v, it moves a point by x(s) = exp(s xi) x, xi x = w x x + v, from s = 0 to 1. A vertex moves by the screw
-whose (w, v) is the harmonic extension of the handles' (w, v). If all handles have one screw, the body moves rigidly.
+elements, and on fine meshes unfolding takes hundreds of iterations. Handles that turn are therefore extended as screws.
+A screw is a rotation about an axis in space and a translation along this axis. With the rotation vector w and the
+velocity v, it moves a point along the solution of dx/ds = w x x + v from s = 0 to 1. The (w, v) of a vertex is the
+harmonic extension of the (w, v) of the handles. If all handles have one screw, the body moves rigidly.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class Prediction(NamedTuple):
 
     Attributes:
         state: the state before the step, with predicted positions of vertices and handles.
-        ratio: multiple of the last step that was extrapolated.
+        ratio: multiple of the last step's motion by which the state was extrapolated.
     """
 
     state: State
@@ -52,11 +52,11 @@ class Predictor:
     """
 
     LARGEST_RATIO = 2.0
-    """Largest multiple of the last step that is extrapolated."""
+    """Largest multiple of the last step's motion that is added."""
     SMOOTH = 0.5
     """The last motion is extrapolated if the present motion differs from a multiple of it by at most this fraction."""
     STILL = 1e-12
-    """Handle displacement, divided by the body's size, that counts as rounding and is not extended to the free
+    """Handle displacements up to this multiple of the body's size count as rounding, and are not extended to free
     vertices.
     """
     FAR = 1e-2
@@ -75,8 +75,8 @@ class Predictor:
     def predict(self, state: State, base: Array, change: Array) -> Prediction:
         """Return the start of a solve that moves the handles from ``state`` to ``base`` (n, 3) [m].
 
-        ``change`` (c,) are the changes of the commands of actuators and loads. A motion whose extrapolation folds
-        elements is not extrapolated.
+        ``change`` (c,) are the changes of the commands of actuators and loads. If extrapolation would fold elements,
+        the last motion is not extrapolated.
         """
         motion = base[self._held] - state.base[self._held]
         ratio = _ratio(state.motion, motion, change)
@@ -154,9 +154,9 @@ def _norm(vector: Array) -> float:
 def find_screw(here: Array, there: Array, sense: Array) -> Array:
     """Return the screw (6,), w [rad] and v [m], of the rigid motion that best moves ``here`` (k, 3) [m] to ``there``.
 
-    The rotation of points on a line is not unique; their motion counts as a translation. A rotation by about 180
-    degrees gets the sense of the rotation vector ``sense`` (3,): handles that turn together must not twist the body by
-    a turn.
+    If the points lie on a line, their rotation is not unique, and their motion counts as a translation. A rotation by
+    about 180 degrees gets the sense of the rotation vector ``sense`` (3,). Otherwise rounding could give two handles
+    that turn together opposite senses, which would twist the body by a whole turn.
     """
     start, end = here.mean(axis=0), there.mean(axis=0)
     arms, moved = here - start, there - end

@@ -62,8 +62,9 @@ class Solve:
     FIRST_TOLERANCE, TIGHTEN = 1e-2, 0.1
     """If multipliers are updated: tolerance of the first minimisation, and ratio of successive tolerances."""
     LINEAR = 1e-4
-    """Coarsest tolerance of the last minimisation in statics. Farther from the equilibrium, the length of a step
-    is no estimate of the distance: the bending stiffness of a sheet or a hanging bar changes within a thickness.
+    """Coarsest tolerance of the last minimisation in statics. Farther from the equilibrium, the length of a step is no
+    reliable estimate of the distance, because the bending stiffness of a sheet or a hanging bar changes within a
+    displacement of one thickness.
     """
     FAINT = 0.3
     """If the error of a constraint, or the change of an hourglass scale, exceeds this multiple of the tolerance, a
@@ -75,10 +76,12 @@ class Solve:
     the tolerance. The updates of the next step reduce these errors.
     """
     SLOW = 10
-    """After every this many updates at the finest tolerance without settled constraints, the tolerance is reduced."""
+    """The tolerance is reduced each time after this number of updates at the finest tolerance without settled
+    constraints.
+    """
     MOST_UPDATES = 200
-    """Limit of the updates of pressures, multipliers and scales in one solve. Confined, incompressible bodies need
-    most.
+    """Largest number of updates of pressures, multipliers and scales in one solve. Confined, incompressible bodies need
+    most updates.
     """
 
     def __init__(self, model: Model, problem: Increment, start: State, predicted: Prediction) -> None:
@@ -98,12 +101,12 @@ class Solve:
 
     @property
     def aim(self) -> float:
-        """Tolerance of the last minimisation."""
+        """Tolerance of the final minimisation."""
         return self.problem.tolerance if self._moving else min(self.problem.tolerance, self.LINEAR)
 
     @property
     def interrupted(self) -> bool:
-        """Whether the solve continues an earlier one: on a later part of a divided load path, or after a cut."""
+        """Whether the solve continues an earlier one: the previous part of a load path, or a solve that was cut."""
         return self.problem.begins > 0.0 or self._resumed is not None
 
     @classmethod
@@ -183,7 +186,7 @@ class Solve:
         return self._solution()
 
     def _first_tolerance(self, *, updates: bool) -> float:
-        """Return the tolerance of the first minimisation; a resumed solve starts with the tolerance of the last one."""
+        """Return the tolerance of the first minimisation; a resumed solve uses that of the interrupted one."""
         if self._resumed is not None:
             return max(self._resumed.tolerance, self.aim)
         return max(self.FIRST_TOLERANCE, self.aim) if updates and not self._predicted.ratio else self.aim
@@ -198,9 +201,9 @@ class Solve:
     def _balance(self, exact: bool, *, still: bool) -> bool:
         """Update pressures, multipliers and scales, unless they have settled; return whether the solve ends.
 
-        In statics, the solve ends if the last update was faint (`FAINT`), or if the minimisation after it made no
-        iteration (``still``). In motion, it ends after the first update that satisfies the constraints. ``exact``
-        states whether the minimisation had the tolerance of the solve, or a finer one.
+        In statics, the solve ends if the last update was negligible (`FAINT`), or if the minimisation after it made no
+        iteration (``still``). In motion, the solve ends after the first update that satisfies the constraints.
+        ``exact`` is True if the minimisation had the tolerance of the solve or a finer one.
         """
         if still and self._settled:  # the last update has not moved the equilibrium
             return True
@@ -298,7 +301,7 @@ class Solve:
         return float(np.max(errors)), change
 
     def _judge(self) -> tuple[Outcome, float]:
-        """Return how the solve ended, `Outcome.NEAR` at an equilibrium, and the error estimate."""
+        """Return the outcome of the solve (`Outcome.NEAR` at an equilibrium), and the error estimate."""
         active, tolerance = self._active, self.problem.tolerance
         estimate, forces = self._minimiser.error_estimate(active), self._minimiser.contact_forces
         drowned = ROUNDING * float(active.status["outside"])

@@ -30,10 +30,10 @@ class Proof(NamedTuple):
 
     Attributes:
         stable: whether the equilibrium is a minimum; None if that is unknown.
-        direction: (3 r,) direction along which the energy may fall: the softest one, or the step M^-1 g [m].
+        direction: (3 r,) direction along which the energy may fall: the softest direction, or the step M^-1 g [m].
         distance: estimated distance to the equilibrium, divided by the body's size.
-        measured: whether ``distance`` is reliable. For a body without contacts and multipliers it is not reliable if
-            the tangent is not positive definite.
+        measured: whether ``distance`` is reliable. It is unreliable if the tangent is not positive definite and the
+            body has neither contacts nor multipliers.
     """
 
     stable: bool | None
@@ -48,7 +48,7 @@ class Proof(NamedTuple):
 
 
 class Stability:
-    """Proves that equilibria are minima, and leaves saddles.
+    """Proves that equilibria are minima, and moves the body away from saddles.
 
     A factor proves a minimum only if the kept tangent of every term is the whole second derivative of its energy.
     Otherwise the Lanczos method searches for negative curvature also where a factor exists. If the forces of a term
@@ -61,24 +61,24 @@ class Stability:
     LANCZOS = Lanczos()
     """The method that searches for negative curvature."""
     GROWTH, LONG = 2.0, 1e-2
-    """A solution is proved anew if the strain energy has grown by this factor since the last proof, or if a vertex
-    moves by more than this multiple of the body's size in one solve.
+    """A solution needs a new proof if the strain energy has grown by the first factor since the last proof, or if a
+    vertex has moved by more than the second number times the body's size in one solve.
     """
     DEAR, SURE = 40, 0.3
-    """If a factor costs more than the first number of solutions with it, the Lanczos method with the kept tangent M is
-    tried first. It proves a minimum if the least eigenvalue of M^-1 K exceeds the second number.
+    """If a factorisation costs more than the first number of solutions with the factor, the Lanczos method with the
+    kept tangent M is tried first. It proves a minimum if the least eigenvalue of M^-1 K exceeds the second number.
     """
     NEAR = 3
-    """A proof at a point within the minimisation's target still holds after at most this number of further iterations.
-    In a nearly flat valley of the energy, even tiny motions change the curvature.
+    """Largest number of further iterations after which a proof is still valid, if it was made within the minimisation's
+    target. In a nearly flat valley of the energy, even tiny motions change the curvature.
     """
     ROUNDS = 24
-    """Largest number of factored tangents in one solve. Each saddle takes one; a long, nearly flat valley of the energy
-    takes many.
+    """Largest number of factored tangents in one solve. Each saddle needs one; a long, nearly flat valley of the energy
+    needs many.
     """
     SEEN = 0.1
-    """A decrease of the energy counts if it exceeds this fraction of the bound of its rounding error, which is a sum of
-    worst cases. If rounding is taken for a decrease, another proof follows.
+    """A decrease of the energy counts if it exceeds this fraction of the bound of its rounding error. The bound is a
+    sum of worst cases. If rounding is mistaken for a decrease, another proof follows.
     """
     FIRST, DOUBLINGS, SHORTENINGS = 1e-3, 12, 6
     """First length of a step along a direction of negative curvature, divided by the body's size; largest numbers of
@@ -110,7 +110,11 @@ class Stability:
         return _tell(found, stable=solve.start.summary.stable, proved=solve.start.proved)
 
     def _is_due(self, solve: Solve, found: Solution) -> bool:
-        """Return whether a solution needs a proof: after a cold, far, divided or resumed solve, or an old tangent."""
+        """Return whether a solution needs a new proof.
+
+        It needs one if there is no last proof, after a large change of energy or positions (`GROWTH`, `LONG`), after a
+        divided, resumed or long solve, and if the tangent is overdue for renewal.
+        """
         start, energy = solve.start, found.state.summary.energy
         if start.proved is None or energy > self.GROWTH * start.proved or solve.interrupted:
             return True
@@ -146,7 +150,7 @@ class Stability:
         return self._conclude(found, proof, solve.problem.tolerance)
 
     def _conclude(self, found: Solution, proof: Proof, tolerance: float) -> Solution:
-        """Return the solution after all `ROUNDS`: with its stability, or as not converged, in a nearly flat valley."""
+        """Return the solution after all `ROUNDS`: with its stability if near enough, otherwise as not converged."""
         if proof.measured and proof.distance <= tolerance:
             return _tell(found, stable=proof.stable, distance=proof.distance)
         state = found.state.with_flaw(tell(Outcome.NEUTRAL), error_estimate=proof.distance)
@@ -161,7 +165,7 @@ class Stability:
         return Proof(stable, step if direction is None else direction, distance, measured)
 
     def _prove_with_kept(self, task: Task, solve: Solve, found: Solution) -> Solution | None:
-        """Return the solution if the kept tangent M proves it to be a minimum; None if not, or if a factor is cheap."""
+        """Return the solution if the kept tangent M proves it a minimum; None if not, or if a new factor is cheap."""
         minimiser = self._minimiser
         if minimiser.tangent is None or minimiser.level.price <= self.DEAR:
             return None
@@ -174,7 +178,7 @@ class Stability:
         return _tell(found, stable=True, distance=distance / seen.value) if near else None
 
     def _leave(self, solve: Solve, found: Solution, task: Task, direction: Array) -> bool:
-        """Let the solve go on from the point that `leave` finds along ``direction`` (3 r,); return whether it does."""
+        """Move the solve to the point that `leave` finds along ``direction`` (3 r,); return False if there is none."""
         if (down := self.leave(task, direction)) is None:
             return False
         task.active.workspace.u[...], positions = down
@@ -209,11 +213,11 @@ class Stability:
             return self.LANCZOS.lowest(product, partial(self._minimiser.precondition, task), self._noise)
 
     def leave(self, task: Task, direction: Array) -> tuple[Array, Array] | None:
-        """Return the point of least energy found along the arc of a direction (3 r,); None if the energy does not fall.
+        """Return the point of least energy on the arc of a ``direction`` (3 r,); None if the energy does not fall.
 
         The point is given by its unknowns (3 r,) and vertex positions (n, 3) [m]. The first length is divided by four
-        until the energy falls, and then doubled while the energy falls further. The arc is needed: a straight line
-        would soon stretch a bent column that turns about its axis.
+        until the energy falls, and then doubled while the energy falls further. A straight line instead of the arc
+        would stretch, for example, a bent column that turns about its axis.
         """
         work, status = task.active.workspace, task.active.status
         sign = -1.0 if float(work.gradient @ direction) > 0.0 else 1.0
@@ -241,8 +245,8 @@ def _tell(
 ) -> Solution:
     """Return a solution with its stability, and a message if it is unstable.
 
-    ``proved`` is the strain energy [J] at the last proof; None if this solution was proved. ``distance`` is a better
-    estimate of the distance to the equilibrium, divided by the body's size.
+    ``proved`` is the strain energy [J] at the last proof; None if this solution is the last proved one. ``distance`` is
+    a better estimate of the distance to the equilibrium, divided by the body's size.
     """
     if not found.converged:
         return found

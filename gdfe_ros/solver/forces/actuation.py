@@ -35,7 +35,9 @@ from gdfe_ros.solver.terms.term import Term, TermTable
 from gdfe_ros.solver.vectors import NEGLIGIBLE, Array
 
 TERMS = {Cable: CableTerm, Chamber: ChamberTerm, Grip: GripTerm}
-"""Dict from each class of actuators to its term, in the order of the sum of energies. A growth has no term."""
+"""Dict from each class of actuators to its class of terms, in the order in which energies are summed. Growths have no
+terms.
+"""
 
 
 class Actuation:
@@ -51,8 +53,8 @@ class Actuation:
         body, actuators: the arguments.
         terms: all terms, loads first.
         table: all terms in the layout of the kernels.
-        strung: cables with two or more points on handles or in the world. They cannot be shorter than the distance
-            between these points.
+        strung: cables with a commanded length and two or more points on handles or in the world. Such a cable cannot be
+            shorter than the distance between these points.
         growths: the growths, which change the elements' rest shape.
         grips: the grips.
         neutral: dict from actuator or load name to the command without effect.
@@ -86,7 +88,7 @@ class Actuation:
         return any(term.updates for term in self.terms)
 
     def fit(self, matrix: ConstantMatrix) -> None:
-        """Choose the penalties of commanded lengths and volumes."""
+        """Set penalties and compliances of all terms in proportion to the body's stiffness (`Term.fit`)."""
         for term in self.terms:
             term.fit(matrix)
 
@@ -147,7 +149,7 @@ class Actuation:
         return max(misses, default=0.0) / self.body.size
 
     def flaw(self, positions: Array) -> str:
-        """Return a message if ``positions`` (n, 3) [m] of a solve are not acceptable; empty if they are."""
+        """Return a message if a term rejects ``positions`` (n, 3) [m] of a solve; empty if all accept them."""
         return "; ".join(text for term in self.contacts if (text := term.flaw(positions)))
 
     @property
@@ -167,8 +169,8 @@ class Actuation:
         """Return an actuator that passed its limit point in a failed solve; None if there is none.
 
         ``since`` (n, 3) [m] are the positions of the last equilibrium, ``positions`` (n, 3) [m] those after the failed
-        solve. If the energy has no lower bound, ``positions`` have no meaning. The caller then gives the commands
-        ``before`` the solve, and each unbounded actuator whose command has grown is returned.
+        solve. If the energy has no lower bound, ``positions`` have no meaning. The caller then gives ``before``, the
+        commands before the solve, and the first unbounded actuator whose command has grown is returned.
         """
         for name, term in self._driven.items():
             grew = before is not None and term.unbounded and abs(commands[name]) > abs(before[name])
@@ -177,7 +179,7 @@ class Actuation:
         return None
 
     def unreachable(self, base: Array, commands: Mapping[str, float]) -> str:
-        """Return a message if a cable is commanded shorter than the distance between its handles; empty if not.
+        """Return a message if a cable's commanded length is below the distance of its fixed points; empty if not.
 
         ``base`` (n, 3) [m] has the commanded positions of the handles.
         """
@@ -195,7 +197,7 @@ class Actuation:
         return [grip.name for grip in self.grips if grip.holds(state.terms[grip.name])]
 
     def states(self, positions: Array, commands: Mapping[str, float], operators: Operators) -> dict[str, ActuatorState]:
-        """Return a dict from actuator name to its state; ``positions`` (n, 3) [m] are the end of the last solve."""
+        """Return a dict from actuator name to its state; ``positions`` (n, 3) [m] are the result of the last solve."""
         return {
             item.name: self.growths.state(item, commands, operators)
             if isinstance(item, Growth)
@@ -211,7 +213,8 @@ class Actuation:
         """Return the terms' potential [J] at ``positions`` (n, 3) [m], and its derivative with respect to each command.
 
         The potential is zero while the body is undeformed. A length or volume that a multiplier keeps has no potential.
-        The derivative with respect to such a command is the multiplier. For a length, it is minus the multiplier.
+        The derivative with respect to a commanded volume is the multiplier; with respect to a commanded length, it is
+        minus the multiplier.
         """
         found = {term.name: term.potential(positions, commands[term.name]) for term in self._commanded}
         more = sum(term.energy(positions) for term in self._more)
@@ -247,7 +250,7 @@ def tell_limit_point(actuator: Actuator, last: Mapping[str, float], commands: Ma
 
 
 def past_limit(actuators: Sequence[Actuator], last: Mapping[str, float], commands: Mapping[str, float]) -> str:
-    """Return the remedy for a jump: to command extents instead of the changed efforts; empty if none has changed."""
+    """Return a remedy for a jump: to command extents instead of the efforts that have changed; empty if none has."""
     found = [
         f"`command: {each.mode.extent}` for {each.name!r}"
         for each in actuators

@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Grips as terms: points that keep their places on a handle, an obstacle or a rigid body, while they are held.
+"""Grips as terms: while a grip holds, its points keep their places on a handle, an obstacle or a rigid body.
 
 A held point x_i keeps the place q_i = sum_a w_ia x_a + c_i. On a rigid body, the place is a weighted mean of the body's
 four vertices x_a, and c_i = 0. On a handle or an obstacle, the weights are zero, and c_i moves with the commanded pose.
 With the gaps d_i = x_i - q_i, the energy is sum_i l_i . d_i + s/2 |d_i|^2: the augmented Lagrangian of d_i = 0 with the
 multipliers l_i [N] and the penalty s [N/m].
 
-If the command rises from 0, the grip takes hold: it stores the places that the points have at the beginning of the
-step. If the command falls, the grip lets go: the penalty is removed, and the last forces l_i fall in proportion to the
-command. At 0 they are zero.
+If the command rises from 0, the grip closes: it stores the places of the points at the beginning of the step. If the
+command falls, the grip opens: the penalty is removed, and the last forces l_i fall in proportion to the command. At the
+command 0 the forces are zero.
 """
 
 from __future__ import annotations
@@ -35,9 +35,9 @@ from gdfe_ros.solver.vectors import Array
 ACTS, STIFFNESS, HEAD = range(3)
 """Offsets in ``reals`` of 1 for a grip with forces (0 without), of s [N/m], and of the rows of the points."""
 WEIGHTS, PLACE, PULL, ROW = 0, 4, 7, 10
-"""Offsets in a point's row of the weights w_a (4,), the place c (3,) [m] and the multiplier l (3,) [N]; its length."""
+"""Offsets in a point's row of the weights w_a (4,), the place c (3,) [m] and the multiplier l (3,) [N]; row length."""
 POINT = 5
-"""Number of vertices of a point: its own, and the four that carry its place."""
+"""Number of vertices per point: the held vertex, and the four vertices that carry its place."""
 
 
 class Hold(IntEnum):
@@ -73,7 +73,7 @@ def _entry(x, n, reals, k, integers, i, force, size):
 
 
 class GripTerm(UpdatedTerm):
-    """A grip with its command: 0 or 1, and values between them within a load path or a step in motion.
+    """A grip with its command: 0 or 1, or a value between them within a load path or a step in motion.
 
     Args:
         grip: grip of the scene.
@@ -84,12 +84,12 @@ class GripTerm(UpdatedTerm):
     """
 
     STIFF = 1e3
-    """Penalty s of a grip, divided by the largest stiffness of a held vertex. Kept tangents contain it, so that it may
-    be large: each update reduces the error of the forces to about this fraction.
+    """Penalty s of a grip, divided by the largest stiffness of a held vertex. Each update divides the error of the
+    forces by about this number. The penalty may be that large because kept tangents contain it.
     """
     FINE = 1e-3
-    """Allowed displacement by the last change of the forces, divided by the tolerance. In motion, a displacement as
-    large as the tolerance in one internal step would need a force of the order of the weight.
+    """Allowed displacement by the last change of the forces, divided by the tolerance. It is small because, in motion,
+    a displacement as large as the tolerance in one internal step belongs to a force of the order of the weight.
     """
 
     kernel, exact, stored = _entry, True, "pull"
@@ -130,7 +130,10 @@ class GripTerm(UpdatedTerm):
 
     @property
     def pairs(self) -> list[tuple[str, NDArray[np.int32]]]:
-        """Names of holder and held rigid body, each with the vertices fixed to it; empty if nothing is held."""
+        """Names of the holder and, if that is a rigid body, of the held body, each with the vertices fixed to it.
+
+        The list is empty if nothing is held.
+        """
         if not self.updates:
             return []
         found = [(self.actuator.holder, self._points)]
@@ -163,7 +166,7 @@ class GripTerm(UpdatedTerm):
         return {**start, "places": none, "pull": none, "before": none}
 
     def aim(self, poses: Mapping[str, Pose], last: State) -> None:
-        """Store the pose of the holder, and the state in which a grip takes hold."""
+        """Store the commanded poses, and the state whose positions a closing grip keeps."""
         self._poses, self._last = poses, last
 
     def begin(self, commands: Mapping[str, float], saved: Saved, positions: Array, ratio: float) -> None:
@@ -189,7 +192,7 @@ class GripTerm(UpdatedTerm):
         rows[:, PLACE:PULL] = self._places(kept["places"])
 
     def vary(self, commands: Mapping[str, float], saved: Saved, positions: Array) -> None:
-        """Set other poses or another stored state after `resume`; a grip does not depend on its command itself."""
+        """Set other poses or another stored state after `resume`; the command stays, because 0 and 1 cannot vary."""
         self.begin({**commands, self.name: self._command}, saved, positions, 0.0)
 
     def _take_points(self, last: State) -> Saved:
@@ -243,26 +246,26 @@ class GripTerm(UpdatedTerm):
         return np.full(self.multipliers.shape, self.reals[STIFFNESS])
 
     def potential(self, positions: Array, command: float) -> tuple[float, float]:
-        """Return the potential [J] of falling forces, and its derivative with respect to the command; else zeros."""
+        """Return the potential [J] of an opening grip's forces, and its derivative by the command; else zeros."""
         if self._hold is not Hold.FADES:
             return 0.0, 0.0
         found = float(np.vdot(self.own_multipliers, self._gaps(positions)))
         return found, found / command if command else 0.0
 
     def state(self, positions: Array) -> ActuatorState:
-        """Return the command, 1 or 0 for whether it holds, and the size [N] of the whole force."""
+        """Return the command, the extent (1 if the grip holds, else 0), and the magnitude [N] of the total force."""
         force = float(np.linalg.norm(self._acting(positions).sum(axis=0)))
         return ActuatorState(self.actuator.mode, self._command, float(self.updates), force)
 
     @property
     def presses(self) -> bool:
-        """Whether forces act on a handle or an obstacle; the vertices of a rigid body receive its forces directly."""
+        """Whether the grip has a reaction on a handle or an obstacle; on a rigid body, forces act on its vertices."""
         return bool(self.reals[ACTS]) and not self._carried
 
     def wrench(self, positions: Array) -> Array:
         """Return force [N] and moment [N m] (6,) by which a handle or an obstacle acts on the points.
 
-        The moment is about the point that `handle_reactions` uses.
+        The moment is about the mean of a handle's vertices, or about an obstacle's origin.
         """
         if isinstance(self._holder, Obstacle):
             centre = self._holder.frame(self._poses[self._holder.name])[0]

@@ -26,7 +26,7 @@ class Pressures:
     Args:
         body: the discretised body.
         state: the elements' stored state.
-        ratio: at the start, this multiple of the last step's change of pressure is added.
+        ratio: multiple of the last step's change of pressure that is added at the start.
 
     Attributes:
         values: (m,) p_e [Pa].
@@ -35,7 +35,7 @@ class Pressures:
 
     STILL_UPDATES, PLAIN_UPDATES = 3, 20
     """Updates are accelerated after the first number of successive updates without an iteration between them, or after
-    the second number of updates in all.
+    the second number of updates in total.
     """
     LOCAL_SLACK = 10.0
     """Allowed volume error of a single element, divided by the allowed mean error. Either error
@@ -63,7 +63,7 @@ class Pressures:
         self._anderson = Anderson()
 
     def update(self, x: Array, elements: NDArray[np.int32], shape: ShapeOperators, *, still: bool) -> float:
-        """Update the pressures of ``elements``; return the mean volume error, or a tenth of the largest if larger.
+        """Update the pressures of ``elements``; return the mean volume error, or if more, a tenth of the largest.
 
         In confined bodies plain updates converge slowly, and Anderson acceleration is used. Beyond a buckling load the
         body is softer than the penalty bulk modulus, and the updates would oscillate without end. The modulus is then
@@ -115,11 +115,11 @@ def at_rest(body: Body) -> ElementState:
 
 @internal
 def uncounted_energy(j, pressure, volume, table, k, solved):
-    """Return the volume energy V U(J) [J] of an element with a pressure, minus the part that the kernels count.
+    """Return the volume energy V U(J) [J] of an element with a pressure, minus the part in the kernels' energy.
 
-    With ``solved``, U(J) is replaced by its tangent U(J*) + p (J - J*). Here p is the pressure of the solve, and U'(J*)
-    = p. With a large bulk modulus, U(J) itself would magnify the remaining error of J. For an incompressible element
-    the result is 0, because J is 1 to the tolerance.
+    If ``solved`` is True, U(J) is replaced by its tangent U(J*) + p (J - J*), with the pressure p of the solve and
+    U'(J*) = p. With a large bulk modulus, U(J) itself would magnify the remaining error of J. For an incompressible
+    element the result is 0, because J is 1 to the tolerance.
     """
     bulk, change = table.parameters[k, BULK], j - 1.0
     if bulk == np.inf:
@@ -139,7 +139,7 @@ def store_energies(x, elements, shape, material, table, pressure, energies, stor
     """Write the energies [J] of ``elements``, with U(J) as their volume part, to ``stored`` (m,).
 
     The least volume ratio at a corner of each element is written to ``least`` (m,). For elements with a pressure, the
-    kernels' ``energies`` (m,) [J] contain V (p_e (J - 1) + kappa/2 (J - 1)^2) instead. ``solved`` is True if the
+    kernels' ``energies`` (m,) [J] contain V (p_e (J - 1) + kappa/2 (J - 1)^2) instead. ``solved`` states whether the
     pressures are the result of a solve (see `uncounted_energy`).
     """
     least_corners(x, shape, elements, least)

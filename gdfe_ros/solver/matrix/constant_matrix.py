@@ -4,8 +4,8 @@
 The matrix does not couple x, y and z, but the rotation of a handle does. The rigid rows (see `Unknowns`) are therefore
 coupled to the free vertices by block elimination. About the rest pose, a handle moves its vertices by dx = dt + dtheta
 x r, with the undeformed position r relative to its centre. Let B be the motion of the handles' vertices by the rigid
-rows. The free vertices then move by -H with H = A_ff^-1 A_fm B, and the rigid rows have the Schur complement S = B^T
-A_mm B - (A_fm B)^T H.
+rows. Free vertices (f) and handles' vertices (m) are blocks of the matrix A. With H = A_ff^-1 A_fm B, a unit motion of
+the rigid rows moves the free vertices by -H. The rigid rows have the Schur complement S = B^T A_mm B - (A_fm B)^T H.
 
 Equal matrices in a process have one factor.
 """
@@ -45,22 +45,22 @@ class Factor:
         points: (f, 3) positions of its vertices [m].
 
     Attributes:
-        inverse: the inverse for the kernels. If rounding leaves the matrix not definite, as for a body that nothing
-            holds, it is the inverse of the matrix plus a small multiple of its largest diagonal entry.
+        inverse: the inverse for the kernels. The matrix of a body that nothing holds may be indefinite by rounding. A
+            small multiple of the largest diagonal entry is then added to the diagonal before the inversion.
     """
 
     COARSE_FROM = 4_000_000
     """A factor with at least this number of entries is stored in single precision."""
     REGULAR = 1e-12
-    """Multiple of the largest diagonal entry that is added to the diagonal of a matrix without a factor; it grows
-    tenfold until there is one.
+    """Multiple of the largest diagonal entry that is added to the diagonal of a matrix without a factor. It grows
+    tenfold until the matrix has a factor.
     """
     ZEROS = 0.3
     """Largest fraction of zeros in a supernode. This matrix is factored once and used often; broad supernodes are then
     fastest.
     """
     REFINED = 3
-    """Number of corrections of a solution with a factor in single precision."""
+    """Number of iterative refinements of a solution with a factor in single precision."""
 
     def __init__(self, matrix: sparse.csc_matrix, points: Array) -> None:
         self._matrix = matrix
@@ -86,11 +86,12 @@ class Factor:
 
 
 _MADE: WeakValueDictionary[bytes, Factor] = WeakValueDictionary()
-"""Dict from the digest of a matrix and its vertices to its factor, as long as a body in the process uses the factor."""
+"""Dict from the digest of a matrix and its vertices to the factor. An entry exists while a body in the process uses it.
+"""
 
 
 def factor_of(matrix: sparse.csc_matrix, points: Array) -> Factor:
-    """Return the factor of a matrix (f, f); an equal matrix in the process has the same factor."""
+    """Return the factor of a matrix (f, f); the factor of an equal matrix in the process is reused."""
     digest = hashlib.blake2b(str(matrix.shape).encode())
     for part in (matrix.indptr, matrix.indices, matrix.data, points):
         digest.update(np.ascontiguousarray(part).data)
@@ -181,9 +182,9 @@ def assemble(shape: ShapeOperators, weight: Array, hourglass: Array, count: int 
 
 
 def scatter(blocks: Array, nodes: NDArray[np.int32], count: int | None = None) -> sparse.coo_matrix:
-    """Return the sum (n, n) of ``blocks`` (k, c, c), each between the vertices of one row of ``nodes`` (k, c).
+    """Return the sum (n, n) of ``blocks`` (k, c, c), each between the vertices in a row of ``nodes`` (k, c).
 
-    ``count`` is the number n of vertices; None for the largest vertex of ``nodes``.
+    ``count`` is the number n of vertices; None stands for the largest index plus 1.
     """
     corners = nodes.shape[1]
     rows, columns = np.repeat(nodes, corners, axis=1).ravel(), np.tile(nodes, (1, corners)).ravel()
@@ -196,7 +197,7 @@ class ConstantMatrix:
 
     Handles with a free axis are eliminated by their Schur complement. One factor of the free vertices therefore serves
     all three axes, free or not. Vertices on rollers are free vertices with a spring; solutions are zero along the axes
-    along which rollers hold them.
+    that the rollers fix.
 
     Args:
         matrix: the assembled matrix (n, n), symmetric.

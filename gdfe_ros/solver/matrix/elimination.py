@@ -37,7 +37,8 @@ class Elimination(NamedTuple):
     Attributes:
         order: (f,) vertices in the order of their elimination.
         first: (s + 1,) position in the order at which each supernode begins.
-        rows: (r,) positions of the rows of all supernodes; ascending for each one, its own vertices first.
+        rows: (r,) positions in the order of the rows of all supernodes; ascending for each supernode, so that its own
+            vertices come first.
         row_start: (s + 1,) index at which each supernode's rows begin.
         parent: (s,) index of each supernode's parent, the first supernode to which it contributes; -1 for none.
     """
@@ -74,7 +75,7 @@ class Elimination(NamedTuple):
         return np.repeat(np.arange(len(self.parent)), self.heights)
 
     def stand(self, nodes: NDArray[np.int64], rows: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Return the index (k,) of each row in ``rows`` (k,) among the rows of the supernode ``nodes`` (k,)."""
+        """Return the index (k,) of each of ``rows`` (k,) among all rows of its supernode, given in ``nodes`` (k,)."""
         size = len(self.order)
         return np.searchsorted(self.owner * size + self.rows, nodes * size + rows) - self.row_start[nodes]
 
@@ -82,8 +83,8 @@ class Elimination(NamedTuple):
         """Return the entries of the matrix' upper triangle, sorted by the supernode that assembles them.
 
         Returns:
-            For each entry (k,): index among the graph's entries, row and column in the supernode's front. Then the
-            offset of each supernode's entries (s + 1,).
+            For each entry (k,), its index among the graph's entries, and its row and column in the supernode's front;
+            then the offset of each supernode's entries (s + 1,).
         """
         rank = np.argsort(self.order)
         row, column = rank[np.repeat(np.arange(graph.shape[0]), np.diff(graph.indptr))], rank[graph.indices]
@@ -168,7 +169,7 @@ def column_heights(indptr, indices, order, rank, parent):
 def merge(parent, height, slack, narrow):
     """Return the first column of each supernode (s + 1,), and its number of rows (s,).
 
-    A supernode is merged with its parent if it directly precedes the parent and the result stores few zeros.
+    A supernode is merged with its parent if the supernode directly precedes the parent and the result stores few zeros.
     """
     count = len(parent)
     first, last = np.empty(count, np.int64), np.empty(count, np.int64)
@@ -218,7 +219,7 @@ def supernodes(
 def find_elimination(
     graph: sparse.csr_matrix, orders: Sequence[NDArray[np.int64]], *, slack: float = SLACK
 ) -> Elimination:
-    """Return the elimination of a symmetric graph (f, f) with the least cost, of several orders (f,).
+    """Return the elimination of a symmetric graph (f, f) in the order (f,) with the least cost, out of several orders.
 
     Two supernodes are merged if at most the fraction ``slack`` of the merged entries are zeros.
     """
@@ -245,16 +246,16 @@ def find_elimination(
 
 LEAF, DIGITS = 60, 6
 """`dissect` does not divide a part with at most the first number of vertices. `narrow_orders` rounds coordinates,
-divided by the largest of them, to the second number of decimal digits: the vertices of a cross-section have equal
-coordinates.
+divided by the largest of them, to the second number of decimal digits, so that the vertices of a cross-section have
+equal coordinates.
 """
 
 
 def narrow_orders(graph: sparse.csr_matrix, points: Array) -> list[NDArray[np.int64]]:
     """Return orders (f,) of the vertices with a small bandwidth.
 
-    The first is by cross-sections along the longest principal axis, the second is reverse Cuthill-McKee. For straight
-    bodies, the first has half the bandwidth of the second.
+    The first order follows the cross-sections along the longest principal axis; the second is reverse Cuthill-McKee.
+    For straight bodies, the first order has half the bandwidth of the second.
 
     Args:
         graph: (f, f), an entry for every two vertices that share an element.
@@ -271,8 +272,8 @@ def narrow_orders(graph: sparse.csr_matrix, points: Array) -> list[NDArray[np.in
 def least_degree(graph: sparse.csr_matrix) -> NDArray[np.int64]:
     """Return the minimum-degree order (f,) of SuperLU; it suits bodies that branch.
 
-    An incomplete factorisation that drops all entries is used: it has the same order as a complete one, at a small
-    fraction of the cost.
+    The order comes from an incomplete factorisation that drops all entries. A complete factorisation has the same order
+    at many times the cost.
     """
     links = sparse.csr_matrix((np.ones(len(graph.indices)), graph.indices, graph.indptr), shape=graph.shape)
     definite = (sparse.diags_array(np.diff(graph.indptr) + 1.0) - links).tocsc()

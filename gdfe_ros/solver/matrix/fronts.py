@@ -24,7 +24,10 @@ from gdfe_ros.solver.vectors import Array, clear_part, copy_part
 
 @internal
 def gather(blocks, parts, begin, end, front, width):
-    """Write the blocks from ``begin`` up to ``end`` of ``blocks`` (k, s, s) into a supernode's front (width, width)."""
+    """Write a supernode's blocks, out of ``blocks`` (k, s, s), into its front (width, width).
+
+    ``parts`` has, from ``begin`` up to ``end``, the index of each of these blocks, and its row and column in the front.
+    """
     for k in range(begin, end):
         block, at = blocks[parts[k, 0]], parts[k, 1] * width + parts[k, 2]
         for i in range(len(block)):
@@ -34,10 +37,10 @@ def gather(blocks, parts, begin, end, front, width):
 
 @vector_internal
 def extend(update, start, stride, size, places, ends, front, width):
-    """Add a child's update matrix, upper triangle, to the vertices ``places`` (p,) of the front.
+    """Add the upper triangle of a child's update matrix to the rows and columns of ``places`` (p,) in a front.
 
     The first row of the update matrix begins at ``start``, and each further one ``stride`` entries later. Consecutive
-    places are added as one piece of a row; ``ends`` is scratch for the index at which each vertex' piece ends.
+    places are added as one piece of a row. ``ends`` is scratch: the index at which the piece of each vertex ends.
     """
     count = len(places)
     for a in range(count - 1, -1, -1):
@@ -57,7 +60,7 @@ def extend(update, start, stride, size, places, ends, front, width):
 
 @vector_internal
 def eliminate(front, width, own, panel):
-    """Eliminate the first ``own`` columns of a front, upper triangle; return whether they are positive definite.
+    """Eliminate the first ``own`` columns of a front (upper triangle); return whether all pivots are positive.
 
     Each row of the factor contains the inverse of its diagonal entry in place of this entry.
     """
@@ -82,7 +85,7 @@ def eliminate(front, width, own, panel):
 
 @inlined
 def column(front, at, width, count):
-    """Return ``count`` entries of a column of the front from ``at`` downward, and zeros up to six numbers."""
+    """Return six numbers: ``count`` entries of a column of the front from the index ``at`` downward, then zeros."""
     none = front.dtype.type(0.0)
     return (
         front[at],
@@ -96,7 +99,7 @@ def column(front, at, width, count):
 
 @vector_internal
 def subtract(front, width, first, last, panel):
-    """Subtract the products of the factor's rows from ``first`` up to ``last`` from the rows below, tile by tile.
+    """Update the rows below the factor's rows from ``first`` up to ``last``: subtract their products, tile by tile.
 
     Two rows are updated at a time, because they share the loads of the factor's rows. Entries below the diagonal are
     changed, too, but never used.
@@ -124,8 +127,8 @@ def subtract(front, width, first, last, panel):
 def factor_fronts(blocks, parts, plan, fronts, panel, ends, stack, values):
     """Write the factor's rows to ``values``; return whether the matrix is positive definite.
 
-    A supernode's update matrix stays in its front if its parent comes next, or else on the ``stack`` until its parent
-    uses it; children directly precede their parent.
+    The update matrix of a supernode stays in its front if the parent is factored next; otherwise it is kept on the
+    ``stack`` until the parent uses it.
     """
     top, before, wide, done, size = 0, fronts[0], 0, 0, blocks.shape[1]
     for node in range(len(plan.first) - 1):
@@ -164,10 +167,10 @@ class Fronts:
         points: (f, 3) positions of the vertices [m].
         size: number s of a vertex' rows: 3, or 1 for a matrix that acts on x, y and z alike.
         slack: largest fraction of zeros in a supernode.
-        kind: precision in which the factor is kept; it is always computed in double precision.
+        kind: precision in which the factor is stored; the factor is always computed in double precision.
 
     Attributes:
-        price: cost of a factorisation, divided by the cost of a solution.
+        price: cost of a factorisation, divided by the cost of a solution with the factor.
         operations: number of multiplications of a factorisation.
         memory: bytes of the factor and of the scratch arrays.
         kept: the last factor.
@@ -215,7 +218,7 @@ class Fronts:
         self._fronts = self._panel = self._stack = np.empty(0)
 
     def factor(self, blocks: Array) -> bool:
-        """Factor a matrix of blocks (k, s, s); return whether it is positive definite. Otherwise it has no factor."""
+        """Factor a matrix of blocks (k, s, s); return whether it is positive definite: otherwise, it has no factor."""
         if not len(self.kept.values):
             # Zeros, because parts that are never written are copied and cast, too.
             self._fronts, self._panel = np.zeros((2, self._room**2)), np.zeros((PANEL + 1) * TILE)
@@ -231,7 +234,7 @@ class Fronts:
 
 
 def unturned_solutions(kept: Kept, right: Array) -> Array:
-    """Return the solutions (3 f + q, k) for right-hand sides (3 f + q, k), as in `solve_unturned`."""
+    """Return the solutions (3 f + q, k) for right-hand sides (3 f + q, k), computed by `solve_unturned`."""
     solutions = np.empty(right.shape[::-1])
     solve_unturned(kept, np.ascontiguousarray(right.T), solutions)
     return solutions.T

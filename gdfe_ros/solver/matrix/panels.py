@@ -11,8 +11,8 @@ from numpy import uint64
 from gdfe_ros.compiled import inlined, vector_inlined, vector_internal
 
 PANEL, TAKEN = 6, 4
-"""Number of rows of the factor that are processed together: the rows of two vertices, and for three right-hand sides as
-many as fit into the registers.
+"""Numbers of rows of the factor that are processed together: for one right-hand side, the rows of two vertices; for
+three right-hand sides, as many as fit into the registers.
 """
 TILE = 256
 """Number of columns of a row that are updated at a time; six rows of this length fit into the fastest cache."""
@@ -30,7 +30,7 @@ def six(rows, j, n):
 
 @vector_inlined
 def dot_six(a, b):
-    """Return the inner product of six numbers each."""
+    """Return the inner product of two vectors of six numbers."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3] + a[4] * b[4] + a[5] * b[5]
 
 
@@ -48,7 +48,7 @@ def add_six(sums, factor, a):
 
 @inlined
 def reduce_panel(rows, width, first, last, local):
-    """Solve with U^T in the rows from ``first`` up to ``last`` of a supernode alone, for ``local``; in place."""
+    """Solve with the diagonal block of U^T in a supernode's rows from ``first`` up to ``last``; replace ``local``."""
     for i in range(first, last):
         total = local[i]
         for k in range(first, i):
@@ -58,7 +58,7 @@ def reduce_panel(rows, width, first, last, local):
 
 @inlined
 def expand_panel(rows, width, first, last, local):
-    """Solve with U in the rows from ``first`` up to ``last`` of a supernode alone, for ``local``; in place."""
+    """Solve with the diagonal block of U in a supernode's rows from ``first`` up to ``last``; replace ``local``."""
     for i in range(last - 1, first - 1, -1):
         total = local[i]
         for k in range(i + 1, last):
@@ -68,7 +68,7 @@ def expand_panel(rows, width, first, last, local):
 
 @vector_internal
 def reduce_rows(values, at, local, width, own):
-    """Solve the first ``own`` rows of a supernode with U^T, and subtract their products from its other rows."""
+    """Solve for ``local[:own]`` with a supernode's U^T, and subtract its contributions from ``local[own:]``."""
     for first in range(0, own, PANEL):
         last = min(first + PANEL, own)
         rows = values[at + first * width : at + last * width]
@@ -104,7 +104,7 @@ def expand_rows(values, at, local, width, own):
 
 @inlined
 def places_of(count, width):
-    """Return the offsets of a panel's second to fourth row; for missing rows, the offset of its last row."""
+    """Return the offsets of a panel's second, third and fourth row; for a missing row, the offset of its last row."""
     return uint64(min(1, count - 1) * width), uint64(min(2, count - 1) * width), uint64((count - 1) * width)
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compiled rotations: formulas for rotation vectors, and rotations of vertices since the tangent was taken.
+"""Compiled rotations: formulas for rotation vectors, and rotations of vertices since the tangent was evaluated.
 
 For a rotation vector theta of length t, with the cross-product matrix [theta], exp([theta]) = I + a [theta] +
 b [theta]^2 and J_l(theta) = I + b [theta] + c [theta]^2. Here a = sin t / t, b = (1 - cos t) / t^2 and
@@ -23,7 +23,9 @@ from gdfe_ros.solver.elements.corners import mean_gradient
 from gdfe_ros.solver.vectors import Array, clear_part
 
 SMALL = 1e-4
-"""Below this angle [rad], two terms of the series of the coefficients a, b and c are exact to double precision."""
+"""Below this angle [rad], the coefficients a, b and c are computed from two terms of their series, which are exact to
+double precision.
+"""
 
 
 @inlined
@@ -56,19 +58,19 @@ def rotation_matrix(turn):
 
 @inlined
 def left_jacobian_transposed(turn, moment):
-    """Return J_l(theta)^T m: dE/d(rotation vector) if m is the moment of the forces dE/dx."""
+    """Return J_l(theta)^T m for a rotation vector and a moment m: dE/d(rotation vector) if m is the moment of dE/dx."""
     _, b, c = coefficients(turn)
     across = cross(turn, moment)
     return combine(1.0, moment, -b, across, c, cross(turn, across))
 
 
 UNIQUE = 0.05
-"""A vertex counts as not rotated if the measure of its rotation's uniqueness is below this (see
-`rotation_from_stretch_sum`). Without deformation the measure is 8 / 27^(1/2).
+"""A vertex counts as not rotated if its rotation is hardly determined: if the measure of its uniqueness (see
+`rotation_from_stretch_sum`) is below this. Without deformation the measure is 8 / 27^(1/2).
 """
 LEAST_TURN = 3e-3
-"""If no vertex is rotated by more than this angle [rad], all vertices count as not rotated. If stiffnesses differ by
-ten decades, small differences between the rotations make the tangent worse.
+"""If no vertex is rotated by more than this angle [rad], all vertices count as not rotated. In bodies whose stiffnesses
+differ by ten decades, small differences between the rotations would make the tangent worse.
 """
 
 
@@ -77,11 +79,11 @@ def vertex_rotations(x, before, shape, rows, held, sums, out):
     """Write the rotations (f, 9) of free vertices from ``before`` to ``x`` (n, 3) [m] to ``out``.
 
     The rotation of a vertex is that of the mean deformation gradient, relative to ``before``, of the elements at the
-    vertex. If ``held`` is False, all vertices have one common rotation: otherwise R K0 R^T would not conserve the
-    momentum of a body that nothing holds. ``sums`` (n, 9) is scratch.
+    vertex. If ``held`` is False, nothing holds the body, and all vertices get one common rotation: otherwise R K0 R^T
+    would not conserve its momentum. ``sums`` (n, 9) is scratch.
 
     ``rows`` are `Unknowns.free` and `Unknowns.fixed`. Vertices on rollers count as not rotated: a rotation would mix
-    the axes along which rollers hold them with the others.
+    their fixed axes with the others.
     """
     free, fixed = rows
     add_gradients(x, before, shape, sums)
@@ -105,7 +107,7 @@ def vertex_rotations(x, before, shape, rows, held, sums, out):
 
 @internal
 def add_gradients(x, before, shape, sums):
-    """Write, for each vertex, the sum of its elements' deformation gradients from ``before`` to ``x`` to ``sums``."""
+    """Sum the deformation gradients, from ``before`` to ``x``, of each vertex' elements; write to ``sums`` (n, 9)."""
     for i in range(len(sums)):
         clear_part(sums[i], 0, 9)
     for e in range(len(shape.cells)):
@@ -142,7 +144,7 @@ def make_unrotated(count: int) -> Array:
 
 @kernel
 def apply_left_jacobian(turns, vectors):
-    """Return J_l(w) u (k, 3) for ``vectors`` u (k, 3) and rotation vectors w (k, 3) [rad], or one for all (1, 3)."""
+    """Return J_l(w) u (k, 3) for ``vectors`` u (k, 3) and ``turns`` w (k, 3) [rad], or one rotation vector w (1, 3)."""
     found = np.empty_like(vectors)
     for k in range(len(vectors)):
         against = scale_vector(corner(turns, k if len(turns) > 1 else 0), -1.0)

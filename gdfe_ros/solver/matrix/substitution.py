@@ -1,18 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """Compiled solutions with a sparse factor K = U^T U: forward and backward, supernode by supernode.
 
-A factor with three rows for each vertex has one right-hand side at a time; one with one row serves x, y and z together.
-Each supernode's part of such a factor is read once for all three. A large factor fits into no cache, so that reading it
-dominates the time of a solution; it is therefore stored in single precision.
+A factor with three rows for each vertex solves for one right-hand side at a time. A factor with one row for each vertex
+solves for x, y and z together, and each supernode's part of it is read once for all three. A large factor fits into no
+cache, so that reading it dominates the time of a solution. It is therefore stored in single precision.
 
 Two corrections follow, if a body needs them. First, handles with a free axis have rigid rows in addition to the rows of
-the factor. Their Schur complement S is dense. Second, springs of lengths and volumes add G^T G to K, which would fill
-the factor. With W = K^-1 G^T, the solution x without springs becomes x - W (1 + G W)^-1 G x (Sherman, Morrison and
-Woodbury).
+the factor; their Schur complement S is dense. Second, springs of lengths and volumes add G^T G to K; as a part of K,
+these entries would fill the factor. With W = K^-1 G^T, the solution x without springs becomes x - W (1 + G W)^-1 G x
+(Sherman, Morrison and Woodbury).
 
-Entries of the inverse K^-1 = Y^T Y come from columns of Y = U^-T. A column of Y costs half of a solution or less: the
-forward substitution, in the supernodes on the path from its row to the root of the elimination tree. The operations of
-each entry, and their order, do not depend on the other entries that are computed together with it.
+Entries of the inverse K^-1 = Y^T Y come from columns of Y = U^-T. A column of Y needs only the forward substitution, in
+the supernodes on the path from its row to the root of the elimination tree. It costs half of a solution or less. The
+operations of each entry, and their order, do not depend on the other entries that are computed together with it.
 """
 
 from __future__ import annotations
@@ -80,8 +80,9 @@ class Kept(NamedTuple):
         springs: (m, 3 f + q) rows G.
         reach: (m, 3 f + q) rows of W^T.
         inner: (m, m) inverse of 1 + G W.
-        frames: (f, 9) rotations of the vertices since the factor was taken; the factor follows them.
-        fixed: (k,) int64 components that are constant (`Unknowns.fixed`); the factor does not couple them to others.
+        frames: (f, 9) rotations of the vertices since the factor was computed; solutions follow them.
+        fixed: (k,) int64 components that are constant (`Unknowns.fixed`); the factor does not couple them to other
+            components.
     """
 
     plan: Plan
@@ -127,7 +128,7 @@ def solve_kept(kept, right, out):
 
 @vector_kernel
 def solve_unturned(kept, right, out):
-    """Solve as `solve_kept` does, but without the rotations since the factor was taken."""
+    """Solve as `solve_kept` does, but without the rotations since the factor was computed."""
     solve_free(kept, (0, 1, 2), right, out)
     for k in range(len(right)):
         if len(kept.schur):
@@ -139,7 +140,7 @@ def solve_unturned(kept, right, out):
 
 @vector_internal
 def solve_rigid(harmonic, schur, right, out):
-    """Solve for the rigid rows, and correct the solution ``out`` of the free rows."""
+    """Write the solution of the rigid rows to ``out``, and correct the solution of the free rows in it."""
     count, rows = harmonic.shape
     force = right[count : count + rows].copy()
     for i in range(count):
@@ -177,7 +178,7 @@ def connect(springs, reach, inner, out):
 def solve_free(factor, axes, right, out):
     """Write the solution for each row of ``right`` (k, 3 f) of the free vertices to ``out`` (k, 3 f).
 
-    A vertex has as many rows of the factor as ``axes`` has numbers: three, or one for x, y and z alike.
+    The factor has as many rows for each vertex as ``axes`` has numbers: three, or one for x, y and z alike.
     """
     order, size = factor.order, len(axes)
     width = 3 // size
@@ -195,10 +196,11 @@ def solve_free(factor, axes, right, out):
 
 @vector_internal
 def solve_ordered(values, plan, axes, x, local):
-    """Replace each row of ``x`` (k, s f), in the order of elimination, by the solution for it.
+    """Replace each row of ``x`` (k, s f), a right-hand side in the order of elimination, by its solution.
 
-    A vertex has s rows of the factor, as many as ``axes`` has numbers; 3 / s rows of ``x`` are solved together, and all
-    of them before the next supernode is read. ``local`` (3 / s, w) is scratch for the rows of any supernode.
+    The factor has s rows for each vertex, as many as ``axes`` has numbers. 3 / s rows of ``x`` are solved together. All
+    rows of ``x`` are processed with one supernode before the next supernode is read. ``local`` (3 / s, w) is scratch
+    for the rows of any supernode.
     """
     width = len(local)
     for node in range(len(plan.first) - 1):
@@ -254,7 +256,7 @@ GROUP = 8
 def reduce_columns(values, plan, used, x, local):
     """Replace each row y of ``x`` (k, 3 f), in the order of elimination, by the solution of U^T y = x.
 
-    ``used`` (s,) marks the supernodes on the paths to the root; the first row of ``local`` is scratch.
+    ``used`` (s,) marks the supernodes on the paths from the columns' rows to the root; ``local`` is scratch.
     """
     for node in range(len(plan.first) - 1):
         if used[node]:
@@ -267,7 +269,7 @@ def reduce_columns(values, plan, used, x, local):
 def multiply_columns(new, every, out):
     """Add the products (n, k) of the columns of ``new`` (3 f, n) and of ``every`` (3 f, k) to ``out``.
 
-    The last n columns of ``every`` are ``new``. Of the products of ``new`` with itself, entries below the diagonal may
+    The last n columns of ``every`` are ``new``. In the products of ``new`` with itself, entries below the diagonal may
     be left out.
     """
     count, known = new.shape[1], every.shape[1] - new.shape[1]
@@ -280,7 +282,10 @@ def multiply_columns(new, every, out):
 
 @internal
 def add_products(every, new, first, last, left, right, some, out):
-    """Add the products of three or six rows, from ``first`` up to ``last``, to some columns and rows of ``out``."""
+    """Add products in the rows from ``first`` up to ``last``, three or six, to a part of ``out``.
+
+    The part has ``some`` rows, and the columns from ``left`` up to ``right``.
+    """
     full = last - first == PANEL
     beside = first + 3 if full else first
     a, b, c = every[first, left:right], every[first + 1, left:right], every[first + 2, left:right]

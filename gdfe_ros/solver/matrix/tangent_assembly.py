@@ -3,8 +3,8 @@
 
 A commanded cable length and a commanded chamber volume act like springs. The length of a spring is linear in small
 displacements: d = a . x. A spring of stiffness k adds k a a^T to the tangent. These entries may couple any vertices,
-and would fill the factor. The rows sqrt(k) a of all springs therefore form a separate matrix G, with which
-`substitution` corrects the solutions of the factor without springs.
+and would fill the factor. The rows sqrt(k) a of all springs therefore form a separate matrix G. The factor contains no
+springs; `substitution` corrects its solutions by G.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from gdfe_ros.solver.vectors import Array
 def add_tangents(stiffness, slot, out):
     """Add tangents (m, 3 c, 3 c), symmetrised, to the blocks ``out`` (k, 3, 3) with indices ``slot`` (m, c, c).
 
-    Entries with slot -1 are left out.
+    Entries with the index -1 are left out.
     """
     for e in range(len(slot)):
         for a in range(slot.shape[1]):
@@ -118,7 +118,7 @@ class Assembly:
         return (self._block_rows < self.free) & (self.indices < self.free)
 
     def by_members(self, blocks: Array) -> sparse.bsr_matrix:
-        """Return the columns (3 f + 3 b, 3 b) of handles' vertices in the matrix with ``blocks`` (k, 3, 3)."""
+        """Return the columns (3 f + 3 b, 3 b) of handles' vertices of the matrix that has the ``blocks`` (k, 3, 3)."""
         shape = 3 * (self.free + self.members), 3 * self.members
         return sparse.bsr_matrix((blocks[self._pulled], *self._pulled_pattern), shape=shape)
 
@@ -134,12 +134,13 @@ class Tangent:
     """A tangent stiffness that preconditions several solves (a *kept* tangent); an immutable value.
 
     Attributes:
-        blocks: (k, 3, 3) [N/m] blocks of coupled pairs of vertices; the part of the free vertices is positive definite.
-        motion: (3 b, 3 q) d(vertices of handles with a free axis)/d(rigid rows).
-        positions: (n, 3) [m] at which the tangent was taken; None for the constant matrix, which does not follow
+        blocks: (k, 3, 3) [N/m] blocks of coupled pairs of vertices; their matrix of the free vertices is positive
+            definite.
+        motion: (3 b, 3 q) derivative of the positions of the handles' vertices with respect to the rigid rows.
+        positions: (n, 3) [m] at which the tangent was evaluated; None for the constant matrix, which does not follow
             rotations.
         shift: multiple of the constant matrix that was added for definiteness.
-        springs: (m, 3 r) [(N/m)^(1/2)] rows G of the springs, in the unknowns.
+        springs: (m, 3 r) [(N/m)^(1/2)] the matrix G, with one row for each spring.
         owners: (m,) int32 term of each spring.
         stages: (t,) int32 stages of the terms (`Term.stage`); empty if all are 0.
         spent: number of iterations since the tangent was evaluated.
@@ -159,5 +160,5 @@ class Tangent:
     latest: int = 0
 
     def overdue(self, cost: float) -> bool:
-        """Return whether a new tangent that costs as much as ``cost`` iterations lowers the mean cost of a solve."""
+        """Return whether a new tangent, at the cost of ``cost`` iterations, would lower the mean cost of a solve."""
         return self.latest * self.solves > cost + self.spent

@@ -36,8 +36,8 @@ class Unknowns(NamedTuple):
         slides: (p, 3) float64, 1 for a free translation, 0 for a prescribed one.
         turns: (p, 3) float64, 1 for a free rotation, 0 for a prescribed one.
         turn_row: (p,) int32, row of the rotation; -1 for a handle that does not rotate freely.
-        radius: (p,) float64 [m], largest distance of any undeformed vertex of the body from the handle's centre: the
-            whole body follows a rotation of the handle.
+        radius: (p,) float64 [m], largest distance of any undeformed vertex of the body from the handle's centre. All
+            vertices count, because the whole body follows a rotation of the handle.
         corner_start: (n + 1,) int32, index in ``corner`` at which each vertex's list of element corners begins.
         corner: (c m, 2) int32 pairs of an element and one of its corners. Each vertex sums its forces in this order.
     """
@@ -122,7 +122,7 @@ def handle_centres(positions: Array, unknowns: Unknowns) -> Array:
 def generalise(forces: Array, unknowns: Unknowns, motion: Array) -> Array:
     """Return the generalised forces (..., 3 r) on the unknowns for vertex forces (..., n, 3).
 
-    ``motion`` (3 b, 3 q) is the result of `rigid_motion`, with all components of a vertex in rows.
+    ``motion`` (3 b, 3 q) is the result of `rigid_motion`.
     """
     own, beside = forces[..., unknowns.free, :], forces[..., unknowns.members, :]
     own = own.reshape(*own.shape[:-2], 3 * len(unknowns.free))
@@ -133,7 +133,7 @@ def generalise(forces: Array, unknowns: Unknowns, motion: Array) -> Array:
 def rigid_motion(u: Array, frame: HandlePositions, unknowns: Unknowns) -> Array:
     """Return d(positions of the handles' vertices)/d(rigid rows), (3 b, 3 q), at the unknowns ``u`` (3 r,).
 
-    A vertex at the arm a from the centre moves by dt + (J_l(theta) dtheta) x R a.
+    A vertex whose vector from the centre is a in the commanded orientation moves by dt + (J_l(theta) dtheta) x R a.
     """
     motion, rows = np.zeros((len(unknowns.members), 3, 3 * unknowns.rigid_rows)), u.reshape(-1, 3)
     for p, (begin, end) in enumerate(pairwise(unknowns.member_start)):

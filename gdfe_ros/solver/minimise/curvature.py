@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Products with the present tangent, and its softest direction by the preconditioned Lanczos method.
 
-Products are finite differences of the gradient. K is the tangent, and M is a positive definite preconditioner that is
-given by its inverse. The least eigenvalue of M^-1 K has the sign of the least eigenvalue of K. The closer M is to K,
-the fewer products are needed.
+Products are finite differences of the gradient. K is the tangent. M is a positive definite preconditioner; only
+products with its inverse are needed. The least eigenvalue of M^-1 K has the sign of the least eigenvalue of K. The
+closer M is to K, the fewer products are needed.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ class TangentProducts:
 
     SPACING = 1e-7
     """Largest displacement in a finite difference, divided by the body's size. If a displacement of a tenth of the
-    body's size changes its stiffness by 100 %, the truncation error is a millionth of the product. The rounding error
-    is smaller.
+    body's size changes the stiffness of the body by 100 %, the truncation error is a millionth of the product. The
+    rounding error is smaller.
     """
 
     def __init__(self, body: Body) -> None:
@@ -89,11 +89,11 @@ class Lanczos:
     Vectors are not reorthogonalised; the loss of orthogonality only repeats converged values.
 
     Attributes:
-        most: number of products after which the least eigenvalue counts as unknown.
+        most: largest number of products; without convergence by then, the least eigenvalue counts as unknown.
         least: least number of products before a Ritz value can count as converged.
         look_back: number of products between two computations of the least Ritz value.
-        steady, flat: the least Ritz value has converged if its last change was at most the fraction ``steady`` of it,
-            or at most ``flat``. A value below ``flat`` counts as no curvature.
+        steady, flat: the least Ritz value has converged if its last change was at most the fraction ``steady`` of its
+            magnitude, or at most ``flat``. A magnitude below ``flat`` counts as zero curvature.
         noise: the next Lanczos vector counts as noise of the finite differences if its M-norm, divided by the largest
             diagonal entry, is below this.
     """
@@ -145,6 +145,6 @@ class Lanczos:
 
 
 def _least(diagonal: list[float], beside: list[float]) -> tuple[float, Array]:
-    """Return the least eigenvalue of a symmetric tridiagonal matrix, and its vector."""
+    """Return the least eigenvalue of a symmetric tridiagonal matrix, and its eigenvector."""
     values, vectors = eigh_tridiagonal(np.array(diagonal), np.array(beside), select="i", select_range=(0, 0))
     return float(values[0]), vectors[:, 0]

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Tangent preconditioner: the factored stiffness K at a recent shape, used instead of the constant matrix.
+"""Tangent preconditioner: the factored tangent stiffness K at a recent shape, used instead of the constant matrix.
 
-K has the tangents of the elements and of the terms. Handles with a free axis are eliminated by their Schur complement,
-as with the constant matrix.
+K is the sum of the tangents of the elements and of the terms. Handles with a free axis are eliminated by their Schur
+complement, as with the constant matrix.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ class TangentLevel:
     Attributes:
         price: cost of factoring a tangent, divided by the cost of a solution with it.
         kept: the loaded factor for the kernels.
-        memory: bytes of a factor and of the elements' tangents.
+        memory: number of bytes of a factor and of the elements' tangents.
         stiffness: (m, 3 c, 3 c) [N/m] tangents of the elements in the last call of `take`.
         affordable: whether a factor takes little time and memory.
         first_shift: first multiple of the constant matrix that is added to a tangent without a factor: the softness of
@@ -82,8 +82,8 @@ class TangentLevel:
     constant matrix replaces the tangent.
     """
     OPERATIONS, MEMORY = 4e10, 1e9
-    """Largest number of multiplications of a factorisation, one or two seconds, and largest memory [bytes] for which a
-    body has a tangent from the beginning.
+    """Largest number of multiplications of a factorisation (one or two seconds), and largest memory [bytes], with which
+    a body has a tangent from the beginning.
     """
     first_shift = 1e-8
 
@@ -166,7 +166,7 @@ class TangentLevel:
         return self.stiffness
 
     def keep(self, rest: Tangent) -> None:
-        """Keep the factor of the loaded tangent ``rest`` permanently; later factors get other arrays."""
+        """Keep the factor of the loaded tangent ``rest`` permanently; later factors use other arrays."""
         self._rest = rest, self.kept
         self._factor.spare()
 
@@ -181,7 +181,7 @@ class TangentLevel:
             self._connect(tangent)
 
     def is_outdated(self, tangent: Tangent | None) -> bool:
-        """Return whether the `Term.stage` of a term has changed since a tangent was taken; None: all stages were 0."""
+        """Return whether any `Term.stage` has changed since ``tangent`` was evaluated; None stands for stages of 0."""
         before = np.zeros(0, np.int32) if tangent is None else tangent.stages
         return not np.array_equal(before, self._stages())
 
@@ -190,9 +190,9 @@ class TangentLevel:
         return stages if stages.any() else stages[:0]
 
     def reconnect(self, tangent: Tangent, x: Array) -> Tangent:
-        """Return the loaded tangent with the springs at ``x`` (n, 3) [m], if other terms have springs than before.
+        """Return the loaded tangent, with new springs at ``x`` (n, 3) [m] if other terms have springs than before.
 
-        Only the springs are new; the factor of the tangent stays.
+        The factor of the tangent stays.
         """
         owners = self._find_owners(x)
         if np.array_equal(owners, tangent.owners):
@@ -242,7 +242,7 @@ class TangentLevel:
         return True
 
     def _connect(self, tangent: Tangent) -> None:
-        """Include the springs of a tangent whose other parts are factored."""
+        """Include the springs of ``tangent``, whose other parts are already factored."""
         none, rows, self._loaded = np.zeros((0, 0)), tangent.springs, tangent
         self.kept = self.kept._replace(springs=none, reach=none, inner=none)
         if len(rows):

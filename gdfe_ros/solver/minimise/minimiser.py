@@ -25,9 +25,10 @@ from gdfe_ros.solver.outcome import Deadline, Outcome, past
 from gdfe_ros.solver.vectors import Array, largest, largest_distance
 
 _TEAM = threading.Lock()
-"""Lock for numba's threads. They serve one caller at a time; a second one could crash the process."""
+"""Lock for numba's threads. They serve one caller at a time; a second caller could crash the process."""
 Observer = Callable[[float, float, bool], None]
-"""Function of the energy [J], the sum of the magnitudes of its terms [J], and whether a minimisation begins."""
+"""Function that receives the energy [J], the sum of the magnitudes of its terms [J], and whether a minimisation begins.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,8 +39,8 @@ class Task:
         active: the unknowns, the elements and the workspace.
         problem: the constant data.
         deadline: once it has passed, the minimisation ends; None for no deadline.
-        gives_up: function that returns, for positions (n, 3) [m] with an indefinite tangent, whether to end the
-            minimisation; None to continue in any case.
+        gives_up: function that is called with positions (n, 3) [m] at which the tangent is indefinite, and returns
+            whether to end the minimisation; None to continue in any case.
     """
 
     active: ActiveSet
@@ -80,15 +81,15 @@ class Minimiser:
     motion, and in the motion of free bodies, whose momentum only the accuracy of the solve conserves.
     """
     TRUST = 0.1
-    """Assumed least ratio of a step with the constant matrix to the distance to the equilibrium."""
+    """Assumed least ratio of the length of a step with the constant matrix to the distance to the equilibrium."""
     FARTHEST = 3000.0
     """A body counts as running away if a vertex' displacement, or a step, exceeds this multiple of the body's size."""
     LEAST_AGE, AGE = 24, 1.5
-    """A tangent is renewed within a solve after the first number of iterations, or, if that is larger, after the second
-    number times its price (`TangentLevel.price`). Otherwise a few far steps would renew it too often.
+    """Within a solve, a tangent is renewed after the larger of two numbers of iterations: the first number, and the
+    second number times `TangentLevel.price`. The first number prevents renewals after every few long steps.
     """
     UNSOLVED = 1000
-    """A body whose tangent is too expensive gets one nevertheless after this number of iterations of a solve. A
+    """If the tangent of a body is expensive, it is evaluated only after this number of iterations of a solve, because a
     solution with its factor takes many times as long as with the constant matrix.
     """
 
@@ -114,7 +115,7 @@ class Minimiser:
         self.rest: Tangent | None = None
 
     def begin(self, active: ActiveSet, tangent: Tangent | None) -> None:
-        """Prepare a solve with the tangent of the last solve; None stands for the tangent of the undeformed body."""
+        """Prepare a solve that uses ``tangent``; None stands for the tangent of the undeformed body."""
         status = active.status
         status["reach"], status["grain"] = self.FARTHEST * self._body.size, self._grain
         status["count"], status["head"], status["since"], status["turned"], status["wild"] = 0, 0, 0, np.inf, 0
@@ -134,7 +135,8 @@ class Minimiser:
             task: the problem.
             tolerance: allowed distance, divided by the body's size.
             limit: largest number of iterations.
-            proven: whether the last minimisation has reached the equilibrium; an update may have moved it since.
+            proven: whether the last minimisation has reached the equilibrium. Updates may have moved the equilibrium
+                since.
         """
         work, begins, done = task.active.workspace, True, 0
         target = self._share * tolerance * self._body.size
@@ -162,7 +164,7 @@ class Minimiser:
                 return done
 
     def _follow_terms(self, task: Task) -> None:
-        """Take a new tangent if the stage of a term has changed; otherwise connect the present springs to it."""
+        """Evaluate a new tangent if the stage of a term has changed; otherwise update the springs of the old one."""
         work = task.active.workspace
         if self.level.is_outdated(self.tangent) and (self.tangent is not None or self.level.fits):
             self._adopt(task, self.level.take(task.problem, work.u, work.x))
@@ -172,7 +174,7 @@ class Minimiser:
     def _touching(
         self, task: Task, metric: Metric, minimum: tuple[float, float, bool, int], limit: int, *, begins: bool
     ) -> int:
-        """Do `descend` with contact: in each step, the contact forces are found that satisfy the laws of contact."""
+        """Do `descend` with contact: each step includes contact forces that satisfy the laws of contact."""
         problem, work = task.problem, task.active.workspace
         key = (None,) if self.tangent is None else (self.tangent.blocks, self.tangent.springs)
         if begins:
@@ -192,9 +194,10 @@ class Minimiser:
         return work.direction + work.curve
 
     def renew(self, task: Task) -> bool:
-        """Take the tangent at the present unknowns of ``task`` if it is positive definite; return whether it is.
+        """Use the tangent at the present unknowns of ``task`` if it is positive definite; return whether it is.
 
-        Otherwise the tangent in use stays: a saddle's tangent, made definite, is a poor guide away from the saddle.
+        Otherwise the old tangent stays in use: the tangent at a saddle, made definite, is a poor preconditioner for
+        steps away from the saddle.
         """
         if self.tangent is None and not self.level.affordable:
             return False
@@ -218,8 +221,8 @@ class Minimiser:
     def newton_step(self, task: Task) -> tuple[float, Array]:
         """Return the estimated distance to the equilibrium, divided by the body's size, and the step M^-1 g (3 r,) [m].
 
-        The estimate is the largest displacement in the step; with the constant matrix, divided by `TRUST`. With a fresh
-        tangent M it is accurate.
+        The estimate is the largest displacement in the step. With a fresh tangent M it is accurate. With the constant
+        matrix, it is divided by `TRUST`.
         """
         step, trust = np.empty_like(task.active.workspace.u), 1.0 if self.tangent is not None else self.TRUST
         self.precondition(task, task.active.workspace.gradient, step)

@@ -3,14 +3,14 @@
 
 The positions at the end of a step satisfy the laws of contact, with multipliers R. A scheme of second order would use
 these forces in the next step, too, and throw the body back. Positions and velocities are therefore treated separately,
-as Bruels, Acary and Cardona (2014) do. The multipliers only displace the body in this step, by d = M^-1 R / kappa. The
-velocity without this displacement, v - theta d, is changed by impulses L with which the velocities satisfy the laws at
-the points that press:
+as in Bruels, Acary and Cardona (2014). The multipliers only displace the body in this step, by d = M^-1 R / kappa. This
+displacement is left out of the velocity, which becomes v - theta d. Impulses L then change the velocity so that it
+satisfies the laws at the points that press:
 
     L_n >= 0,  v_n + e v_0 >= 0,  L_n (v_n + e v_0) = 0,  |L_t| <= mu L_n, against the slip,
 
-with the restitution e. v_0 <= 0 is the normal speed at the beginning of the step, or the one without L if that
-approaches more slowly. The published forces are L / h.
+with the restitution e. v_0 <= 0 is the normal velocity of approach at the beginning of the step, or that without L if
+it is slower. The published forces are L / h.
 """
 
 from __future__ import annotations
@@ -37,14 +37,14 @@ class Pressing(NamedTuple):
     """The points of all contacts that press at the end of a step.
 
     Attributes:
-        parts: for each contact with such points: the contact, the slice of its points in the arrays below, and their
-            numbers among the near points of the contact.
+        parts: for each contact with points that press: the contact, the slice of its points in the arrays below, and
+            the indices of these points among the near points of the contact.
         axes: (k, 3, 3) unit normals and tangents.
         vertices: (k, c) vertices that move the points.
         blocks: (k, c, 3, 3) derivatives of gaps and slips with respect to these vertices.
-        led: (k, 3) [m] displacements of the touched surfaces by commanded poses, along the axes.
-        first: (k, 3) [N] multipliers along the axes.
-        soft, friction, restitution: (k,) compliances of springs [m/N], and coefficients.
+        led: (k, 3) [m] displacements of the touched surfaces by commanded poses, in components along the axes.
+        first: (k, 3) [N] multipliers in components along the axes.
+        soft, friction, restitution: (k,) compliances of the points' springs [m/N], and coefficients of their contacts.
     """
 
     parts: list[tuple[ContactTerm, slice, NDArray[np.int64]]]
@@ -85,12 +85,14 @@ class ContactImpulses:
     EXACT = 1e-10
     """Target for the violation of the laws, divided by the largest speed of a point that presses."""
     FAINT = 1e-7
-    """Such a violation that is accepted if `EXACT` cannot be reached: the forces in stacks are far from unique."""
+    """Violation, divided by the same speed, that is accepted if `EXACT` cannot be reached: forces in stacks are not
+    unique.
+    """
     SETTLED = 1e-5
-    """Largest such violation with which a step counts as converged."""
+    """Largest violation, divided by the same speed, with which a step counts as converged."""
     OPPOSED, LISTED = 0.5, 5
-    """A body is gripped from opposite sides if the sum of the normal impulses is less than the first fraction of the
-    sum of their lengths. A message names at most the second number of vertices.
+    """A body is gripped from opposite sides if the length of the sum of the normal impulses is less than the first
+    number times the sum of their lengths. A message names at most the second number of vertices.
     """
 
     LACKING = 1.001
@@ -100,7 +102,7 @@ class ContactImpulses:
         self._mass = mass
 
     def add(self, dynamics: Dynamics, before: State, now: State, h: float, held: HeldLoads) -> State:
-        """Return ``now``, the state after a step of length ``h`` [s] from ``before``, with velocities by impulses.
+        """Return ``now``, the state after a step of length ``h`` [s] from ``before``, with velocities after impulses.
 
         ``held`` has the near points of the contacts, and their stencils at the positions of ``now``.
         """
@@ -150,9 +152,10 @@ class ContactImpulses:
         return pulls, _publish(part, impulses / h, before, now)
 
     def _add_texts(self, part: Pressing, impulses: Array, slips: Array, now: State, left: float) -> State:
-        """Return ``now`` with messages about grips that slip, and about laws that are violated by ``left`` [m/s].
+        """Return ``now`` with messages about grips that slip, and about a violation ``left`` [m/s] of the laws.
 
-        ``impulses`` (k, 3) [N s] and ``slips`` (k, 2) [m/s], the changes of the slip speeds, are those of all points.
+        ``impulses`` (k, 3) [N s] and the changes ``slips`` (k, 2) [m/s] of the slip speeds have rows for all points
+        that press.
         """
         grips = (self._find_slip(contact, part, own, impulses[own], slips[own]) for contact, own, _ in part.parts)
         texts = [now.summary.message, *grips]
@@ -163,11 +166,11 @@ class ContactImpulses:
         return now.with_(summary=replace_fields(now.summary, converged=converged, message=outcome.join(*texts)))
 
     def _find_slip(self, contact: ContactTerm, part: Pressing, own: slice, impulses: Array, gained: Array) -> str:
-        """Return a message if a rigid body slips out of a grip, with the friction that would hold it; else "".
+        """Return a message, with the needed friction, if a rigid body slips out of a grip; otherwise an empty one.
 
-        The body slips if it is pressed from opposite sides, and all points slip. ``impulses`` (k, 3) [N s] are those of
-        the contact's ``own`` points. The missing impulse is the body's mass times the mean of ``gained`` (k, 2) [m/s],
-        the changes of the slip speeds.
+        The body slips if it is pressed from opposite sides, and all points slip. ``impulses`` (k, 3) [N s] and the
+        changes ``gained`` (k, 2) [m/s] of the slip speeds have rows for the contact's ``own`` points. The missing
+        impulse is the body's mass times the mean of these changes.
         """
         friction, mass, axes = contact.friction, contact.held_mass, part.axes[own]
         if not mass:
@@ -187,9 +190,9 @@ class ContactImpulses:
 
 
 def _publish(part: Pressing, forces: Array, before: State, now: State) -> State:
-    """Return ``now`` with the mean forces (k, 3) [N] of the points in the contacts' states and in the reactions.
+    """Return ``now`` with the step's mean contact ``forces`` (k, 3) [N] in the contacts' states and in the reactions.
 
-    The work of obstacles on rigid bodies is added to the ledger, because reactions do not contain these forces.
+    Reactions lack forces on rigid bodies. The work of obstacles on rigid bodies is therefore added to the ledger here.
     """
     terms, reactions, work = dict(now.terms), dict(now.summary.reactions), now.ledger.work
     rubs = np.einsum("ka,kai->ki", forces[:, 1:], part.axes[:, 1:])

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Mass and inertia of a body, and inertia as a term: E = k/2 |x - x_hat|_M^2.
 
-At the minimum of the sum of all terms, momentum is balanced. The mass matrix is consistent with the displacements of
-the cells, and the same for x, y and z.
+At the minimum of the sum of all terms, the equation of motion is satisfied. The mass matrix is consistent with the
+displacements of the cells, and the same for x, y and z.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ def mass_matrix(
 
 
 class FreeMass:
-    """Inverse mass of the free vertices and the rigid bodies; the mass is factored on first use.
+    """Inverse mass matrix of the free vertices and the rigid bodies; the mass matrix is factored on first use.
 
     Args:
         body: the discretised body.
@@ -80,7 +80,7 @@ class FreeMass:
 
     @cached_property
     def _parts(self) -> list[tuple[list[int], NDArray[np.intp], LuFactor]]:
-        """Groups of axes with equal free vertices: the axes, these vertices, and the factor of their mass."""
+        """Groups of axes with equal free vertices: the axes, these vertices, and the factor of their mass matrix."""
         alike = all(np.array_equal(free, self._free[0]) for free in self._free)  # no rollers, or alike in x, y and z
         each = [[0, 1, 2]] if alike else [[0], [1], [2]]
         freed = [self._free[axes[0]] for axes in each]
@@ -89,7 +89,10 @@ class FreeMass:
         ]
 
     def accelerate(self, forces: Array) -> Array:
-        """Return the acceleration (n, 3) [m/s^2] of free vertices and rigid bodies by forces (n, 3) [N]; else zero."""
+        """Return the acceleration (n, 3) [m/s^2] of free vertices and rigid bodies by forces (n, 3) [N].
+
+        Rows of all other vertices are zero.
+        """
         acceleration = np.zeros_like(forces)
         for axes, free, factor in self._parts:
             own = free if len(axes) == 3 else np.ix_(free, axes)
@@ -97,9 +100,9 @@ class FreeMass:
         return acceleration
 
     def respond(self, positions: Array, vertices: NDArray[np.int32], forces: Array) -> Array:
-        """Do `accelerate` for forces (n, 3) [N] on some ``vertices`` (k,) only, by columns of the inverse mass.
+        """Do `accelerate` for ``forces`` (n, 3) [N] on ``vertices`` (k,) only, by columns of the inverse mass matrix.
 
-        Rigid bodies stay rigid at ``positions`` (n, 3) [m].
+        Accelerations of rigid bodies are rigid motions at ``positions`` (n, 3) [m].
         """
         self._include(vertices)
         acceleration = np.zeros_like(forces)
@@ -110,10 +113,11 @@ class FreeMass:
         return acceleration
 
     def inverse(self, positions: Array, vertices: NDArray[np.int32]) -> tuple[NDArray[np.int64], Array]:
-        """Return the inverse mass (3 m, 3 m) [1/kg] between some vertices, and the place (n,) of each vertex in it.
+        """Return the place (n,) of each vertex in a part of the inverse mass matrix, and this part (3 m, 3 m) [1/kg].
 
-        All ``vertices`` (of any array shape) have a place in it. Rigid bodies are rigid at ``positions`` (n, 3) [m]; if
-        a vertex of a rigid body is among ``vertices``, all four must be. The caller must not modify the results.
+        The part contains all ``vertices`` (of any array shape) and perhaps others. Rigid bodies move as rigid bodies at
+        ``positions`` (n, 3) [m]; if a vertex of a rigid body is among ``vertices``, all four must be. The caller must
+        not modify the results.
         """
         self._include(vertices)
         for four, mass in zip(self._rigid, self._of_rigid, strict=True):
@@ -124,7 +128,7 @@ class FreeMass:
         return self._place, self._between
 
     def _include(self, vertices: NDArray[np.int32]) -> None:
-        """Extend the known part of the inverse mass to ``vertices``, by one column for each vertex that is new."""
+        """Extend the known part of the inverse mass matrix to ``vertices``, by one column for each new vertex."""
         new = np.unique(vertices[self._place[vertices] < 0])
         if not len(new):
             return
@@ -136,7 +140,7 @@ class FreeMass:
             row[free] = np.arange(len(free))  # the last column is that of vertices that are not free
             right = np.zeros((len(new), len(free) + 1))
             right[np.arange(len(new)), row[new]] = 1.0
-            # Each one alone: its last bits would depend on those found together with it.
+            # One at a time: otherwise the last bits of a column would depend on the columns computed together with it.
             columns = np.array([np.append(factor.solve(each), 0.0) for each in right[:, :-1]])
             self._columns[axes[0]] = columns = np.concatenate([self._columns.get(axes[0], none), columns])
             soft = columns[:, row[self._known]]
@@ -149,7 +153,8 @@ class FreeMass:
 def spread(columns, rows, vertices, free, axes, forces, out):
     """Write the acceleration of ``free`` vertices (f,) by ``forces`` (n, 3) [N] along ``axes`` to ``out`` (n, 3).
 
-    Only the forces on ``vertices`` (k,) count. Their columns of the inverse mass are the ``rows`` (k,) of ``columns``.
+    Only the forces on ``vertices`` (k,) count. Their columns of the inverse mass matrix are the ``rows`` (k,) of
+    ``columns``.
     """
     found = np.zeros((len(axes), len(free)))
     for j in range(len(rows)):
@@ -167,8 +172,9 @@ def spread(columns, rows, vertices, free, axes, forces, out):
 def rigid_part(positions, vectors):
     """Return the rigid fields u + w x r (k, 4, 3) closest to ``vectors`` (k, 4, 3) on four vertices of equal mass each.
 
-    The vertices are at ``positions`` (k, 4, 3) [m]. If ``vectors`` are velocities, the field has the same momentum and
-    angular momentum. If they are forces divided by the mass of a vertex, it is the acceleration of the rigid body.
+    The vertices are at ``positions`` (k, 4, 3) [m]. If ``vectors`` are velocities, the rigid field has the same
+    momentum and angular momentum. If ``vectors`` are forces divided by the mass of a vertex, the rigid field is the
+    acceleration of the rigid body.
     """
     found, arms, mean, inertia, moment = np.empty_like(vectors), np.empty((4, 3)), np.empty(3), np.eye(3), np.empty(3)
     for k in range(len(vectors)):
@@ -280,7 +286,8 @@ class Inertia(Term):
         """Prepare a step; ``positions`` (n, 3) [m] have the handles at their targets.
 
         Before the motion has started there is no inertia. Driven vertices of handles get the velocity of their
-        displacement in this step: the scheme would continue a jump of their velocity as an endless oscillation.
+        displacement in this step. Otherwise the scheme would continue a jump of their velocity as an endless
+        oscillation.
         """
         if not saved["h"][0]:
             self.reals[0] = 0.0

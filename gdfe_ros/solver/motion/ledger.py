@@ -21,8 +21,9 @@ class Accounts:
     """Computes a body's energy account, and detects steps that create energy.
 
     The balance, kinetic + elastic + potential energy - work, is constant, or falls by the dissipated energy. A step has
-    created energy if the balance exceeds its initial or its least value by more than a margin. The margin is the sum of
-    a fraction of the largest kinetic + elastic energy so far, and the energy of a strain as large as the tolerance.
+    created energy if the balance exceeds its initial or its least value by more than a margin. The margin has two
+    parts: a fraction of the largest kinetic + elastic energy so far, and the energy of a strain as large as the
+    tolerance.
 
     Args:
         body: the discretised body.
@@ -33,13 +34,13 @@ class Accounts:
     """
 
     ABOVE_START = 0.01
-    """Allowed excess over the initial energy, as fraction of the largest energy so far. The energy of a spinning body
-    oscillates by this fraction with sixty steps per turn.
+    """Allowed excess of the balance over its initial value, divided by the largest kinetic + elastic energy so far.
+    With sixty steps per turn, the energy of a spinning body oscillates by this fraction.
     """
     ABOVE_LEAST, ABOVE_LEAST_BDF2 = 0.03, 0.25
-    """Allowed excess over the least energy so far, as fraction of the largest energy so far; the second for `bdf2`. In
-    resolved motions the energy oscillates by a hundredth, because hourglass stiffness depends on strains. With `bdf2`
-    the energy drops too far when the body is stopped, and rises again.
+    """Allowed excess of the balance over its least value so far, divided by the largest kinetic + elastic energy so
+    far; the second number is for `bdf2`. In resolved motions the energy oscillates by a hundredth, because hourglass
+    stiffness depends on strains. With `bdf2` the energy drops too far when the body is stopped, and rises again.
     """
 
     def __init__(
@@ -82,10 +83,9 @@ class Accounts:
     def book(self, before: State, now: State, h: float) -> tuple[State, float]:
         """Return ``now`` with the ledger after an internal step of length ``h`` [s], and the energy [J] it created.
 
-        The ledger of ``now`` is that of ``before``, plus the work of obstacles on rigid bodies. The other work is
-        computed by the trapezoidal rule. Its uncertainty is added to the bound: for each handle and command, the
-        difference to the work of the force at one end of the step. The work of growth is unknown: if growth changes,
-        the bound restarts.
+        On entry, ``now`` has the ledger of ``before``, plus the work of obstacles on rigid bodies. The other work is
+        computed by the trapezoidal rule, and its uncertainty (see `work_between`) is added to the bound. The work of
+        growth is unknown: if growth changes, the bound restarts.
         """
         ledger, (work, doubt) = now.ledger, work_between(before, now, self._handles)
         drag = 0.0

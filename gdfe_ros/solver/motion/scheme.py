@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Time integration schemes of second order; a step is the minimum of a potential in the new positions.
+"""Time integration schemes of second order; the positions at the end of a step minimise a potential.
 
 Every scheme gives acceleration and velocity at the end of a step as linear functions of the positions x there:
 
@@ -78,9 +78,9 @@ class Kinematics:
     def trend(self) -> Array:
         """The acceleration [m/s^2] with which the motion probably continues after the step.
 
-        If contacts push, it is computed from the change of the velocity in the last step, not from the forces at its
-        end: only the mean contact force of the step is known, and the forces that hold a vertex in a grip are many
-        times as large as those that move it.
+        If contacts push, the acceleration is computed from the change of the velocity in the last step, not from the
+        forces at its end. Only the mean contact force of the step is known, and the forces that hold a vertex in a grip
+        are many times as large as the forces that move it.
         """
         if not self.pushed.any():
             return self.acceleration
@@ -107,8 +107,9 @@ class Rule:
         rest: x_a (n, 3) [m].
         kappa: df/dx [1/s^2].
         aim: x_hat (n, 3) [m].
-        lag: (n, 3) [m/s] velocity that theta (x - x_v) lacks at vertices that contacts hold, because the impulse of a
-            step changes the velocity by more than theta times the displacement. Damping relative to the world adds it.
+        lag: (n, 3) [m/s] difference between the velocity and theta (x - x_v) at vertices that contacts hold: the
+            impulse of a step changes the velocity by more than theta times the displacement. Damping relative to the
+            world includes this difference.
     """
 
     theta: float
@@ -124,8 +125,8 @@ class Rule:
         """Return the rule of a step of length ``h`` [s].
 
         If the step length changes, `bdf2` restarts. `generalised_alpha` is replaced by the trapezoidal rule for one
-        step, because this rule does not use the previous step. An assumed previous step would create energy if two
-        lengths alternate.
+        step, because the trapezoidal rule does not use the previous step. An assumed previous step would create energy
+        if two lengths alternate.
         """
         anew = now.h != h or dynamics.restarts
         now = now.restart(h) if anew else now
@@ -168,7 +169,7 @@ def _bdf2(h: float, now: Kinematics) -> Rule:
 def _generalised_alpha(rho: float, h: float, now: Kinematics) -> Rule:
     """Return the rule of Chung and Hulbert (1993): (1 - am) a + am a_n = (1 - af) f + af f_n.
 
-    With the spectral radius ``rho`` = 1 it is Newmark's average acceleration (the trapezoidal rule).
+    With the spectral radius ``rho`` = 1 the rule is Newmark's average acceleration (the trapezoidal rule).
     """
     am, af = (2.0 * rho - 1.0) / (rho + 1.0), rho / (rho + 1.0)
     beta, gamma = 0.25 * (1.0 - am + af) ** 2, 0.5 - am + af
@@ -184,5 +185,5 @@ def _generalised_alpha(rho: float, h: float, now: Kinematics) -> Rule:
 
 
 def _lag(theta: float, h: float, now: Kinematics) -> Array:
-    """Return `Rule.lag` for contacts that push as in the last step, with the impulse h phi per mass."""
+    """Return `Rule.lag`, assuming that contacts push as in the last step (`Kinematics.pushed`)."""
     return (1.0 - 0.5 * theta * h) * h * now.pushed

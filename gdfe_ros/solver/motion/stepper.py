@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Time steps of a body with mass. Each consists of internal steps, which end at minima of a potential."""
+"""Time steps of a body with mass. Each step consists of internal steps, whose end positions minimise a potential."""
 
 from __future__ import annotations
 
@@ -62,17 +62,18 @@ class MotionStepper:
     within this time [s].
     """
     RELAXED = 3.0
-    """Least ratio of the time in `CALM` to the longest relaxation time of the body."""
+    """The time in `CALM` is at least this number times the longest relaxation time of the body."""
     HELD = 3.0
-    """Factor in the tolerance of internal steps of a body with handles and without rigid bodies. The motion from which
-    `reduction` computes this tolerance also includes h |v|. Free bodies need the smaller tolerance, because only the
-    accuracy of the solve conserves their momentum. `newmark`, which has no dissipation, never gets the factor.
+    """Factor in the tolerance of internal steps of a body with handles and without rigid bodies. The displacement from
+    which `reduction` computes the tolerance of such a body also includes h |v|. Free bodies need the smaller tolerance,
+    because only the accuracy of the solve conserves their momentum. Without numerical damping (`newmark`) the factor is
+    1.
     """
     KEPT = 8
-    """Number of pairs of a scheme and a step length whose factors are kept."""
+    """Largest number of pairs of a scheme and a step length whose factors are kept."""
     SHORTEST = 1e-2
-    """Durations below this fraction of the longest internal step are not simulated, but added to the next step: the
-    acceleration in so short a time would be noise.
+    """Durations below this fraction of the longest internal step are not simulated, but added to the next step. In so
+    short a time, the computed acceleration would be noise.
     """
 
     def __init__(
@@ -148,7 +149,7 @@ class MotionStepper:
         deadline: Deadline | None = None,
         observer: Callable[[InternalStep], None] | None = None,
     ) -> March:
-        """Return the outcome of ``duration`` [s], in which the commands change linearly from ``state`` to the new ones.
+        """Return the outcome of ``duration`` [s]; the commands change linearly from those of ``state`` to the new ones.
 
         ``state`` is not modified. A duration that is too short for a step is added to the next duration. A deadline
         ends the step between two internal steps: an internal step in progress is finished, because a partial solution
@@ -167,7 +168,7 @@ class MotionStepper:
         goal = Increment(poses=targets, commands=commands, **given)
         count = max(1, math.ceil(due / step - NEGLIGIBLE))
         march = self._follow(TimePath.over(began, goal, count, duration=due), observer)
-        # An earlier step has reported the time that was owed.
+        # An earlier step has already reported the owed time.
         ledger = replace_fields(march.state.ledger, owed=max(0.0, owed - march.simulated))
         return replace_fields(march, state=march.state.with_(ledger=ledger), simulated=max(0.0, march.simulated - owed))
 
@@ -259,14 +260,14 @@ class MotionStepper:
         return sum(found[name] for name in ("kinetic", "elastic", "potential", "dissipated")) - found["work"]
 
     def book_imbalance(self, state: State, unbalanced: float) -> State:
-        """Return ``state`` with its potential, and with the work for which `find_imbalance` returns ``unbalanced``."""
+        """Return ``state`` with its potential, and with work chosen so that `find_imbalance` returns ``unbalanced``."""
         self.actuation.begin(state.commands, state.terms, state.positions, state.poses, state)
         found = state.with_(balance=self.actuation.balance(state.positions, state.commands))
         work = found.ledger.work + self.find_imbalance(found) - unbalanced
         return found.with_(ledger=replace_fields(found.ledger, work=work))
 
     def carry_energies(self, state: State, before: State) -> State:
-        """Return ``state`` with the energy account of ``before``: the change of energy between them counts as work."""
+        """Return ``state`` with the energy account of ``before``; the change of energy between the two is work."""
         ledger = replace_fields(state.ledger, lost=before.ledger.lost)
         return self.book_imbalance(state.with_(ledger=ledger), self.find_imbalance(before))
 
@@ -308,7 +309,7 @@ class MotionStepper:
         return state.with_(terms=terms, balance=balance, ledger=self._accounts.begin_motion(ledger, acceleration, h))
 
     def _find_load_potential(self, state: State, before: Mapping[str, float]) -> float:
-        """Return the change [J] of the loads' potential if loads start to act on a body that is already displaced."""
+        """Return the change [J] of the loads' potential when loads start to act on a body that is already displaced."""
         at = self.actuation.balance
         now, then = (
             at(state.positions, given).potential - at(self.body.rest, given).potential

@@ -33,13 +33,19 @@ class TimePath(Path):
 
     WHOLE = 16
     DEEPEST_FOLD = -0.5
-    """If no command drives the body, it may move on with corners' volume ratios above this; barriers open the folds."""
+    """Without a driving command, the body may continue to move with corners' volume ratios above this: barriers open
+    the folds.
+    """
 
     duration: float
     flaw: str = ""
 
     def repeats(self, failure: Failure) -> bool:
-        """Return whether this step would only repeat ``failure``; a driven body may succeed with another duration."""
+        """Return whether this step would only repeat ``failure``.
+
+        Its poses and commands must be those of the failure. A driven body must also have the same duration and length
+        of internal steps; for any other body, internal steps that are at least as long are enough.
+        """
         goal = self.goal.poses, self.goal.commands
         if goal != (failure.poses, failure.commands):
             return False
@@ -49,7 +55,7 @@ class TimePath(Path):
 
     @property
     def length(self) -> float:
-        """Length [s] of the next internal step, rounded to nine digits: each new length needs a factored matrix."""
+        """Length [s] of the next internal step. It is rounded to nine digits: each new length costs a factorisation."""
         return float(f"{self.duration / (self.total / self.size):.9g}")
 
     @property
@@ -76,7 +82,7 @@ class TimePath(Path):
         return not (self.can_halve or self.driven or solution.diverged) and solution.min_det > self.DEEPEST_FOLD
 
     def advance(self, state: State) -> TimePath:
-        """Return the path after an internal step to ``state``; after two halves, twice the length is tried again."""
+        """Return the path after an internal step to ``state``; after two halved steps, the length is doubled again."""
         gone, summary = super().advance(state), state.summary
         size = min(self.WHOLE, self.size * 2) if gone.done % (2 * self.size) == 0 else self.size
         return replace_fields(gone, size=size, flaw=self.flaw or ("" if summary.converged else summary.message))
@@ -90,10 +96,10 @@ class TimePath(Path):
         return super(TimePath, told).march(skipped, simulated=simulated)
 
     def withdraw(self, solution: Solution, skipped: dict[str, int], *, hurried: bool) -> March:
-        """Return the outcome at the state before a failed internal step, with the failure unless ``hurried``.
+        """Return the outcome at the state before a failed internal step.
 
-        The failure is recorded for later steps if the first internal step fails at its shortest length. ``hurried``
-        states that the deadline has passed.
+        If the first internal step fails at its shortest length, the failure is recorded for later steps, unless the
+        deadline has passed (``hurried``).
         """
         reason, least = solution.message, self.state.summary.min_det
         text = f"an internal step of {self.length:.3g} s failed: {reason}".rstrip("; ")
@@ -123,10 +129,10 @@ class MotionPredictor(Predictor):
     """
 
     SHARES = (1.0, 0.5, 0.25, 0.125, 0.0)
-    """Fractions of the free flight that are tried in turn until no element is folded. A force on one light vertex may
-    move it across many cells in a step, and a start with folds ends in another equilibrium. Without handles, the centre
-    of mass always moves by the whole free flight: the minimisation corrects it only to within the tolerance, and
-    momentum would change.
+    """Fractions of the free flight that are tried in turn until no element is folded. In the free flight, a force on
+    one light vertex may move it across many cells, and a start with folds ends in another equilibrium. Without handles,
+    the centre of mass always moves by the whole free flight: the minimisation would correct its position only to within
+    the tolerance, and momentum would change.
     """
 
     def __init__(self, body: Body, handles: HandleMotions, matrix: ConstantMatrix, h: float, masses: Array) -> None:
@@ -153,11 +159,13 @@ class MotionPredictor(Predictor):
 
 
 ACCURACY, FINEST = 3.0, 1e-4
-"""Factor in `reduction` of the motion divided by the body's size, and least value of `reduction`."""
+"""`reduction` is the first number times the motion divided by the body's size, at least the second number, and at most
+1.
+"""
 
 
 def reduction(moved: float, size: float) -> float:
-    """Return the tolerance of an internal step in which a body moves by ``moved`` [m], divided by the solver's."""
+    """Return the factor of the tolerance in an internal step in which a body of ``size`` [m] moves by ``moved`` [m]."""
     return min(1.0, max(FINEST, ACCURACY * moved / size))
 
 
@@ -185,7 +193,7 @@ class Trial:
     """A solved internal step, and its consequence.
 
     Attributes:
-        path: the path with the iterations of the trial, at the state before it.
+        path: the path at the state before the trial, with the iterations of the trial counted.
         solution: the last solution.
         verdict: the consequence; `Verdict.STOP` if an interruption ended the solve.
         step: the internal step; None if it is not accepted.

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Viscosity and relaxation as one term of Green strains, which does not resist rigid motions at any rate.
+"""Viscosity and relaxation as one term in Green strains. The term does not resist rigid motions at any rate.
 
-An element has the strains E = (F^T F - 1)/2, with its mean deformation gradient F, and w_k = F^T q_k, with its
-hourglass vectors q_k. The w_k measure its bending. Both are invariant to rotations of the body. A tetrahedron has the
+A hexahedron has the strains E = (F^T F - 1)/2, with its mean deformation gradient F, and w_k = F^T q_k, with its
+hourglass vectors q_k. The w_k measure bending. Neither E nor w_k changes if the body rotates. A tetrahedron has the
 strains E of its four integration points instead, each with its part of the volume. A dashpot, and each branch of a
 Prony series, contributes k/2 |E - E_hat|^2 V with a strain E_hat that follows from the previous steps. The sum of these
 energies has the same form.
@@ -10,9 +10,10 @@ energies has the same form.
 In the kernels, it is sum_i k_i/2 (e_i - e_hat_i)^2 over strains e that do not depend on rotations of the body. The
 tangent is the Gauss-Newton part sum_i k_i de_i/dx de_i/dx^T of the second derivative, which is positive semi-definite.
 
-A body consists of places: hexahedra, or integration points of tetrahedra. Each has c corners and ``modes`` hourglass
-vectors, 4 or none. Its row of the term's reals has two stiffnesses, the strains E_hat and w_hat_k, the gradients (c, 3)
-and the hourglass operators (modes, c). The term's integers are c, ``modes`` and the corners of all places.
+A body consists of places: hexahedra, or integration points of tetrahedra. Each place has c corners and 4 or no
+hourglass vectors (modes). The row of a place in the term's reals has two stiffnesses, the strains E_hat and w_hat_k,
+the gradients (c, 3) and the hourglass operators (modes, c). The term's integers are c, the number of modes, and the
+corners of all places.
 """
 
 from __future__ import annotations
@@ -173,9 +174,9 @@ NAME = "(viscosity)"
 class Viscosity(Term):
     """Dashpot and Prony branches of a body in steps of one length.
 
-    A dashpot of viscosity eta has the stress eta dE/dt with the backward difference of second order,
-    dE/dt = 3/(2 h) (E - (4 E_n - E_(n-1))/3). A branch of modulus m and time tau has the stress m (E - V) with
-    dV/dt = (E - V)/tau by the trapezoidal rule.
+    A dashpot of viscosity eta has the stress eta dE/dt with the backward difference of second order, dE/dt = 3/(2 h) (E
+    - (4 E_n - E_(n-1))/3). A branch of modulus m and relaxation time tau has the stress m (E - V), with the viscous
+    strain V from dV/dt = (E - V)/tau by the trapezoidal rule.
 
     Args:
         body: the discretised body.
@@ -274,7 +275,7 @@ class Viscosity(Term):
         return 0.0
 
     def _before(self, saved: Saved) -> Array:
-        """Return the strains one present step length before the last state, by linear extrapolation."""
+        """Return the strains one present step length before the last state, at the rate of the last step."""
         before, length = saved["h"][0], self._h
         if before == length:
             return saved["before"]

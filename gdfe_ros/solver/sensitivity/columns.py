@@ -50,7 +50,7 @@ class VariedInputs:
 
 
 class Pair(NamedTuple):
-    """Inputs of two varied solves, for a central difference about the linearised solve.
+    """Inputs of two varied solves on both sides of the linearised solve, for a central difference.
 
     Attributes:
         above, below: inputs with a quantity increased and decreased.
@@ -64,7 +64,7 @@ class Pair(NamedTuple):
     step: float
 
     def difference(self, value: Callable[[VariedInputs], T]) -> T:
-        """Return the derivative of the result of ``value``, an array or a mapping or tuple of arrays."""
+        """Return the derivative of ``value(side)``, an array or a mapping or tuple of arrays."""
         return difference(value(self.above), value(self.below), 2.0 * self.step)
 
 
@@ -116,9 +116,10 @@ class Column:
         return difference(*found, 2.0 * step)
 
     def after(self, made: Callable[[VariedInputs, Array], T]) -> T:
-        """Return the derivative of ``made(side, positions)``, a mapping of arrays, at the end of the solve.
+        """Return the derivative of the result of ``made``, a mapping of arrays, at the end of the solve.
 
-        Before each call, the terms are set to the inputs ``side``. A derivative that is NaN counts as zero.
+        ``made`` is called with varied inputs (``side``) and positions (n, 3) [m], after the terms have been set to
+        them. A derivative that is NaN counts as zero.
         """
         solve, change, own = self._solve, self.change, self._pairs[0].middle
 
@@ -195,9 +196,9 @@ class Column:
 
 
 class Tangents:
-    """Linearises solves of one body, with one symbolic analysis of the factor.
+    """Linearises solves of one body; the symbolic factorisation of the tangent is made once.
 
-    The last linearised solve is cached, so that further columns of the same state need no new factor.
+    The last linearised solve is cached, so that further columns of the same solve need no new factor.
 
     Args:
         equilibrium: the equilibrium solver.
@@ -234,9 +235,10 @@ class Tangents:
         reacting: bool,
         interrupted: Callable[[], bool] | None = None,
     ) -> list[tuple[Array, Mapping[str, Array]]]:
-        """Return the derivatives at an equilibrium, for each parameter: of positions (n, 3), and of reactions.
+        """Return the derivatives of positions (n, 3) and reactions at an equilibrium, for each parameter.
 
-        Derivatives of reactions, a dict from handle or obstacle name to derivative (6,), are empty unless ``reacting``.
+        The derivatives of reactions are a dict from handle or obstacle name to derivative (6,). It is empty unless
+        ``reacting`` is True.
 
         Raises:
             GdfeError: the state is no equilibrium, has no derivative, or the computation was interrupted.
@@ -270,12 +272,12 @@ def pair_of(
     """Return the inputs of two solves, one with the parameter increased and one with the parameter decreased.
 
     Args:
-        parameter: parameter, which also chooses the size of the change.
+        parameter: the varied parameter, which also defines the size of the change.
         own: inputs without the change.
         h: length of the internal step [s]; None in statics.
         scheme: settings of the motion; None in statics.
-        share: fraction of the change of commands and poses that is reached at the end of the solve. In motion, they
-            change linearly during a step, and the solve is one internal step of it.
+        share: fraction of the change of commands and poses that is reached at the end of the solve. In motion, commands
+            and poses change linearly during a step, and the solve is one internal step of this step.
     """
     sides, step = [], parameter.step(own.commands)
     for change in (step, -step):

@@ -17,11 +17,12 @@ class ConjugateResiduals:
     """Solves A x = b for several b, one after another.
 
     Directions d of earlier right-hand sides are stored with their images M^-1 A d. New products are needed only for the
-    residual that remains after these directions.
+    part of the residual that these images do not span.
 
     Args:
         product: function that returns A times a vector (k,).
-        precondition: function that returns M^-1 times a vector (k,). The closer M is to A, the fewer products it takes.
+        precondition: function that returns M^-1 times a vector (k,). The closer M is to A, the fewer products are
+            needed.
         tolerance: tolerance of the relative residual: the norm of the preconditioned residual, divided by the smaller
             of the norms of M^-1 b and x.
     """
@@ -35,9 +36,8 @@ class ConjugateResiduals:
     """The image of a unit vector counts as not new if its part orthogonal to all stored images has a norm below this.
     """
     STALLED = 0.99
-    """The iteration stalls if, after a direction, the norm of the residual is still more than this fraction of its norm
-    before. The next direction is then the last image, as in Arnoldi's method, because the residual would give the same
-    direction again.
+    """The iteration stalls if a direction leaves more than this fraction of the residual's norm. The residual would
+    then give nearly the same direction again. The next direction is therefore the last image, as in Arnoldi's method.
     """
     MOST = 150
     """Largest number of products for one right-hand side. If more directions than this are stored, they are deleted

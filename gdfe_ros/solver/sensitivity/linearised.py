@@ -7,9 +7,9 @@ exact. Products with the tangents of all other terms, and with the derivatives o
 kernels that the solve called. The response of the elements' pressures and hourglass scales is eliminated element by
 element.
 
-A solve keeps the volume of nearly incompressible elements by a pressure and a soft penalty. Its converged state, with
-the volume ratio J_0, satisfies p = U'(J_0). The kernels receive the law U itself, plus a small pressure for the
-remaining error of J_0.
+In a solve, a pressure and a soft penalty keep the volume of nearly incompressible elements. At the end, with the volume
+ratio J_0, they amount to the pressure p = U'(J_0) of the volume law U. In the linearisation, the kernels receive the
+law U itself, plus a small pressure that corrects the remaining error of J_0.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ def write_volume_ratios(x, shape, ratios):
 
 
 def elastic(table: MaterialTable) -> MaterialTable:
-    """Return the materials with their own volume laws in place of penalties."""
+    """Return the material table with the materials' own volume laws in place of penalties."""
     parameters = table.parameters.copy()
     carried, bulk = parameters[:, CARRIED] == 1.0, parameters[:, BULK]
     logarithmic = (table.law == Law.NEO_HOOKEAN) & np.isfinite(bulk)
@@ -91,8 +91,8 @@ class Volumes:
     def pressures(self, table: MaterialTable) -> Array:
         """Return the pressures p_e (m,) [Pa] that elements need with the materials of ``table`` (see `elastic`) at J_0.
 
-        Volume law and p_e together give the pressure of the state, scaled by the ratio of the new to the old moduli
-        unless they are infinite.
+        At J_0, the volume law and p_e together give the pressure of the state, times the ratio of the new to the old
+        modulus if the bulk modulus is finite.
         """
         old, new = (each.parameters[self._material] for each in (self.table, table))
         carried = new[:, CARRIED] == 1.0
@@ -102,7 +102,7 @@ class Volumes:
         return np.where(carried, share * self._total - self._slopes(table), 0.0)
 
     def _slopes(self, table: MaterialTable) -> Array:
-        """Return U' (m,) [Pa] at J_0 by the laws of an `elastic` table."""
+        """Return the slopes U' (m,) [Pa] of the volume laws in an `elastic` table at J_0."""
         parameters, ratio = table.parameters[self._material], self._ratio
         return parameters[:, LAME] * np.log(ratio) / ratio + parameters[:, PENALTY] * (ratio - 1.0)
 
@@ -125,7 +125,7 @@ class StateDerivative(NamedTuple):
 
 
 def map_arrays(function: Callable[..., object], *values: object) -> object:
-    """Return ``function`` of arrays; for tuples or mappings of arrays, the tuple or dict of its results."""
+    """Apply ``function`` to arrays, or to the corresponding arrays of tuples or mappings; return the results alike."""
     first = values[0]
     if isinstance(first, Mapping):
         return {name: map_arrays(function, *(each[name] for each in values)) for name in first}
@@ -148,8 +148,8 @@ class Linearised:
 
     Args:
         equilibrium: the equilibrium solver.
-        level: factors the tangent of the body; no minimisation may use this instance.
-        start: state at the beginning of the solve; equal to ``end`` if only derivatives of later solves are needed.
+        level: tangent preconditioner of the body; no minimisation may use this instance.
+        start: state at the beginning of the solve; may be ``end`` if the beginning does not matter.
         end: state at the end of the solve.
 
     Attributes:
@@ -157,23 +157,23 @@ class Linearised:
         u: (3 r,) unknowns.
         frame: commanded positions of the handles.
         forces: (n, 3) [N] dE/dx of elements and terms.
-        joint: access to the multipliers of all terms as one vector.
+        joint: the multipliers of all terms as one vector (`Multipliers`).
         multipliers: (k,) the multipliers at the end.
         scale: (m,) hourglass scales.
         softening: indices of the elements whose hourglass scales depend on the strain.
         spacing: displacement [m] of finite differences.
-        interrupted: function that is called at every product; once it returns True, the computation ends with an error.
+        interrupted: function that is called at every product; when it returns True, the computation ends with an error.
         numbers: the arrays ``reals`` of all terms at the end, joined.
         volumes: volume laws of the elements at the end.
     """
 
     EXACT, STIFF = 1e-8, 1e-10
-    """Relative tolerances of the linear solve, without and with incompressible elements, for which small errors of
-    positions cause large errors of reactions.
+    """Relative tolerances of the linear solve, without and with incompressible elements. With incompressible elements,
+    small errors of positions cause large errors of reactions.
     """
     SPACING, NEARER, TURN = 1e-6, 1e-8, 1e-6
-    """Displacements in finite differences, divided by the body's size: for terms without friction, for terms with
-    friction, whose slip is tiny, and for rotations of handles.
+    """Displacements in finite differences, divided by the body's size: for terms without friction; for terms with
+    friction, because slips may be tiny; and for rotations of handles.
     """
 
     def __init__(self, equilibrium: EquilibriumSolver, level: TangentLevel, start: State, end: State) -> None:
@@ -228,7 +228,7 @@ class Linearised:
         return force
 
     def turn_contacts(self, x: Array) -> None:
-        """Turn the forces of all contacts with the surfaces, as these are at positions ``x`` (n, 3) [m]."""
+        """Update the contact forces to positions ``x`` (n, 3) [m], where they turn with the surfaces."""
         for contact in self.actuation.contacts:
             contact.look(x)
         if self.actuation.contacts:
@@ -237,11 +237,11 @@ class Linearised:
     def element_forces(
         self, table: MaterialTable, *, operators: Operators | None = None, scale: Array | None = None
     ) -> Array:
-        """Return dE/dx (n, 3) [N] of the elements with the materials of ``table``, at their pressures."""
+        """Return dE/dx (n, 3) [N] of the elements with the materials of ``table``; pressures follow from `Volumes`."""
         return self._sum(self._corner_forces(elastic(table), operators, self.scale if scale is None else scale))
 
     def _corner_forces(self, table: MaterialTable, operators: Operators | None, scale: Array) -> Array:
-        """Return dE/dx (m, c, 3) [N] of the elements with `elastic` materials; None for the operators of the state."""
+        """Return dE/dx (m, c, 3) [N] of elements with an `elastic` ``table``; operators None: those of the state."""
         force, energies, found = self.no_forces(), np.zeros(len(self.body.material)), operators or self.end.operators
         given = self.body.material, self.volumes.pressures(table), scale, table, self._watch.watched
         evaluate(self.x, found.shape, found.blocks, *given, force, energies, None)
@@ -277,7 +277,7 @@ class Linearised:
         return forces + self._sum(own), change
 
     def solve(self, forces: Array, change: Array, turned: Array) -> StateDerivative:
-        """Return the derivative of the solution from derivatives of forces and updates at constant x and m.
+        """Return the derivative of the solution from the derivatives of forces F and updates U at constant x and m.
 
         Args:
             forces: (n, 3) derivative of the forces.
@@ -335,7 +335,7 @@ class Linearised:
         return difference(*sides, 2.0 * step)
 
     def _turn_forces(self, unknowns: Array) -> Array:
-        """Return the change (3 q,) of the rigid rows' generalised forces by ``unknowns`` at constant vertex forces."""
+        """Return the change (3 q,) of generalised forces on rigid rows along ``unknowns`` at constant vertex forces."""
         step = self.TURN * self.body.size / max(np.abs(unknowns).max(initial=0.0), 1e-300)
         sides = [self.rigid_part(self.u + sign * unknowns, self.frame) for sign in (step, -step)]
         return difference(*sides, 2.0 * step)
@@ -352,7 +352,7 @@ class Linearised:
         return np.concatenate([gradient, (multipliers - change) / self._weights])
 
     def _precondition(self, vector: Array) -> Array:
-        """Solve with the factor of the tangent; changes of the multipliers act on the forces, and stay unchanged."""
+        """Solve with the factor of the tangent; the forces include changes of the multipliers, which stay unchanged."""
         rows = 3 * self._unknowns.rows
         gradient, multipliers = vector[:rows], vector[rows:]
         if len(multipliers):

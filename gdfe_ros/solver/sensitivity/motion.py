@@ -34,7 +34,7 @@ class Carried:
     Attributes:
         positions: (n, 3) derivative of the positions.
         terms: derivatives of the terms' stored states.
-        share: fraction of the parameter's change by which the present command or pose has already changed.
+        share: fraction of the parameter's change that the present command or pose already contains.
         reactions: dict from handle or obstacle name to the derivative (6,) of its reaction.
     """
 
@@ -51,11 +51,11 @@ class Trail:
         stepper: the stepper of the motion.
         parameters: parameters of the derivatives.
         state: state at the beginning; it depends on no parameter.
-        tangents: cache of tangents that several trails have in common.
+        tangents: cache of tangents for several trails.
     """
 
     MOST_LENGTHS = 4
-    """Largest number of time step lengths [s] for which tangents are cached."""
+    """Largest number of equilibrium solvers, one for each step length and scheme, whose tangents are cached."""
 
     def __init__(
         self, stepper: MotionStepper, parameters: Sequence[Parameter], state: State, tangents: dict[int, Tangents]
@@ -110,7 +110,7 @@ class Trail:
         return found
 
     def _history(self, own: VariedInputs, parameter: Parameter, column: Carried) -> Pair | None:
-        """Return the inputs of two solves from varied initial states; None if the parameter varies no initial state."""
+        """Return the inputs of two solves from varied initial states; None if the initial state has no derivative."""
         kept = column.terms[inertia.NAME]
         h, size = own.start.terms[inertia.NAME]["h"][0] or 1.0, self._stepper.body.size
         ways = (np.abs(kept["velocity"]).max(initial=0.0) * h, np.abs(kept["acceleration"]).max(initial=0.0) * h * h)
@@ -122,7 +122,7 @@ class Trail:
         return Pair(*sides, own, step)
 
     def _finish_terms(self, stage: InternalStep, side: VariedInputs, x: Array) -> Kept:
-        """Return the terms' states, and the reactions as `REACTIONS`, after a varied step that ends at ``x`` (n, 3)."""
+        """Return the terms' states after a varied step that ends at ``x`` (n, 3) [m]; `REACTIONS` is a further key."""
         dynamics, h, terms = stage.dynamics, stage.h, {}
         actuation = self._stepper.equilibrium_of(dynamics, h).actuation
         for contact in actuation.contacts:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A parameter of derivatives: a command, a component of a pose, or a number of materials and damping."""
+"""A parameter of derivatives: a command, a component of a pose, or a number in the materials or the damping."""
 
 from __future__ import annotations
 
@@ -103,11 +103,12 @@ class Parameter:
         name: dotted name from the scene's keys.
         unit: unit of the value; empty for a dimensionless parameter.
         value: value in the model; zero for poses and commands, whose values are in the state.
-        scale: least order of magnitude of the value, to which finite differences are proportional (`step`).
+        scale: least order of magnitude of the value; the variation in finite differences is proportional to it
+            (`step`).
         command: name of the actuator or load whose command the parameter is; empty for other parameters.
-        handle: name of the handle whose pose has the parameter as component; empty for other parameters.
+        handle: name of the handle of whose pose the parameter is a component; empty for other parameters.
         axis: index of the component of the pose.
-        model: function that returns the body for another value; None for poses and commands.
+        model: function that returns the `Variant` of the body for another value; None for poses and commands.
     """
 
     NEAR = 1e-5

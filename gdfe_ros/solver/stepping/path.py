@@ -37,7 +37,7 @@ def count_increments(
         targets: pose of every handle.
         poses: present poses of the handles.
         size: size of the body [m].
-        together: names of handles that move nearly as one rigid body, and whose motion hardly deforms it.
+        together: names of handles that move nearly as one rigid body, and whose motion hardly deforms the body.
     """
     most = 1.0
     for name, target in targets.items():
@@ -80,7 +80,7 @@ class Path:
     The path consists of units. An attempt covers ``size`` units: at first `WHOLE`, and half as many after each failure.
 
     Attributes:
-        began: the state at the beginning.
+        began: state at the beginning of the path.
         state: the present state.
         goal: request for the end of the path.
         total: number of units of the whole path.
@@ -91,7 +91,7 @@ class Path:
     """
 
     WHOLE = 1
-    """Number of units of an attempt that is not halved."""
+    """Number of units that an attempt covers before any halving."""
 
     began: State
     state: State
@@ -156,7 +156,7 @@ class LoadPath(Path):
         budget: largest number of iterations on the load path.
         jumped: whether the body has jumped to another equilibrium in an attempt.
         folded: whether an attempt ended in folded or inverted elements, or failed with corners pressed flat.
-        unstable: actuator that lost its stability in an attempt; None for none.
+        unstable: actuator that lost its stability in an attempt; None if no actuator did.
     """
 
     SHORTEST = 1.0 / 256.0
@@ -194,21 +194,21 @@ class Attempt:
     """Result of an attempted increment, and the evidence for the verdict.
 
     Attributes:
-        path: the load path with the iterations of this attempt, at the state before it.
+        path: the load path at the state before the attempt, with the iterations of the attempt counted.
         solution: result of the solve.
         jumps: whether the body jumped to another equilibrium.
-        unstable: actuator that lost its stability; None for none.
+        unstable: actuator that lost its stability; None if no actuator did.
         spent: whether no iterations or no time are left for another attempt.
-        patient: whether a folded shape is accepted if a limit or the deadline ended the solve. It is accepted as long
-            as the number of iterations for this command, including earlier unfinished steps, is below the solver's
-            ``patience``.
+        patient: whether a folded shape is accepted if a limit or the deadline ended the solve. This is the case while
+            the number of iterations for this command, including earlier unfinished steps, is below the solver's
+            patience.
     """
 
     SHORTEST_STUCK = 1.0 / 4.0
     """An increment whose solve got stuck is not halved again if it is at most this fraction of a load path."""
     STUCK = 1e-4
-    """A solve without further descent is stuck if the estimated distance to the equilibrium, divided by the body's
-    size, exceeds this. An example is a kink of the energy. At a smaller distance, the rounding of the energy has ended
+    """A solve without further descent is stuck, for example at a kink of the energy, if the estimated distance to the
+    equilibrium, divided by the body's size, exceeds this. At a smaller distance, the rounding of the energy has ended
     the solve.
     """
     SHORTEST_JUMP = 1.0 / 32.0
@@ -250,7 +250,7 @@ class Attempt:
 
     @property
     def folds(self) -> bool:
-        """Whether a sound body became unsound, except in a solve that was cut while the attempt is `patient`."""
+        """Whether a sound body became unsound; False if the solve was cut and the attempt is `patient`."""
         before = self.path.state
         once_sound = before.sound or before.anchor is not None
         passing = self.solution.cut and self.patient
@@ -304,11 +304,11 @@ def work_between(old: State, new: State, handles: HandleMotions) -> tuple[float,
 def has_jumped(old: State, new: Solution, handles: HandleMotions, size: float) -> bool:
     """Return whether a body of ``size`` [m] jumped between two equilibria, as in buckling.
 
-    Along a stable branch, the potential changes by the work of handles and commands, the integral of its slopes with
-    respect to poses and commands. If the slopes are monotone, the integral lies between two bounds: those computed with
-    the first slopes and with the last slopes. Loads always have monotone slopes, because the potential of a stable
-    branch is concave in a load. A jump releases more energy than these bounds allow, and ends far from the positions
-    that were predicted from the last motion.
+    Along a stable branch, the potential changes by the work of handles and commands. This work is the integral of the
+    potential's slopes with respect to poses and commands. If the slopes are monotone, the integral lies between two
+    bounds, computed with the first slopes and with the last slopes. Loads always have monotone slopes, because the
+    potential of a stable branch is concave in a load. A jump releases more energy than these bounds allow, and ends far
+    from the positions that were predicted from the last motion.
     """
     found = new.state
     if old.balance is None or found.balance is None:
@@ -324,7 +324,7 @@ def has_jumped(old: State, new: Solution, handles: HandleMotions, size: float) -
 
 
 def _displacement(begin: Pose, end: Pose) -> Array:
-    """Return translation [m] and rotation about world axes [rad] (6,); their product with a wrench is its work."""
+    """Return translation [m] and rotation about world axes [rad] (6,); its product with a wrench is the work."""
     middle, change = 0.5 * np.add(end.rotation, begin.rotation), np.subtract(end.rotation, begin.rotation)
     turned = apply_left_jacobian(middle[None], change[None])[0]
     return np.concatenate([np.subtract(end.translation, begin.translation), turned])

@@ -174,14 +174,14 @@ class Stepper:
         return {}
 
     def _unreachable(self, state: State, goal: Increment) -> str:
-        """Return a message if a cable is commanded shorter than the distance between its handles; empty if not."""
+        """Return a message if a cable's commanded length is below the distance of its fixed points; empty if not."""
         if not self.actuation.strung:
             return ""
         base = self.equilibrium.handles.base(goal.poses, state.poses, state.base)
         return self.actuation.unreachable(base, goal.commands)
 
     def _march(self, state: State, goal: Increment) -> March:
-        """Return the outcome of the load path from ``state`` to a goal; increments are halved after failed attempts."""
+        """Return the outcome of the load path from ``state`` to a goal; failed attempts halve the increment."""
         centres = self.equilibrium.handles.centres_together(state.poses, goal.poses)
         together = () if self.actuation.contacts else centres  # nothing is in the way
         planned = count_increments(goal.poses, state.poses, self.body.size, together=together)
@@ -222,7 +222,7 @@ class Stepper:
         )
 
     def _find_unstable(self, state: State, solution: Solution, commands: Mapping[str, float]) -> Actuator | None:
-        """Return an actuator that lost its stability in a failed attempt; None for none."""
+        """Return an actuator that lost its stability in a failed attempt; None if no actuator did."""
         if solution.converged:
             return None
         before = state.commands if solution.diverged else None
@@ -233,8 +233,9 @@ class Stepper:
         """Return the state of an accepted attempt; if the load path fails, the state gets a `State.anchor`.
 
         A load path fails if the solve is unfinished, or if the path stops before its end with elements folded or nearly
-        folded. The anchor is then the last equilibrium without such elements: before the attempt, at the beginning of
-        the load path, or the anchor of that. If all have such elements, it is the last of them.
+        folded. An anchor that the state already has stays. Otherwise there are three candidates, latest first: the
+        state before the attempt, the state at the beginning of the load path, and the anchor of the latter. The anchor
+        is the first candidate without folded or nearly folded elements; if all have such elements, it is the first one.
         """
         state, begin = attempt.path.state, attempt.path.began
         accepted = self.equilibrium.accept(attempt.solution, state)
@@ -248,7 +249,7 @@ class Stepper:
         return accepted.with_(sound=attempt.sound, anchor=anchor)
 
     def _end(self, path: LoadPath, *, snapped: bool = False) -> March:
-        """Return the outcome at the end of a load path, with the reason if it ends before its command."""
+        """Return the outcome of a load path that has ended, with the reason if it ended before its command."""
         state, deadline = path.state, path.goal.deadline
         if not path.arrived and state.summary.converged:
             ended = deadline.reason if past(deadline) else f"{path.iterations} iterations are spent"
@@ -261,9 +262,9 @@ class Stepper:
     def _let_go(self, march: March, goal: Increment, start: State) -> March:
         """Retry with the moving obstacles at their targets and without contact forces; return the accepted outcome.
 
-        The first attempt starts from the present state, the second from the undeformed body. A result is accepted only
-        if these obstacles do not touch the body there: otherwise an obstacle might have passed through the body. If no
-        result is accepted, ``march`` is returned.
+        The first attempt starts from the state of ``march``, the second from the undeformed body. A result is accepted
+        only if these obstacles do not touch the body there: otherwise an obstacle might have passed through the body.
+        If no result is accepted, ``march`` is returned.
         """
         flaw, touched = march.message, [contact.name for contact in self.actuation.contacts if contact.on_body]
         touched = [name for name in touched if march.state.terms[name]["press"].any()]
@@ -286,7 +287,7 @@ class Stepper:
         return there.with_(poses=poses, terms={**there.terms, **lost})
 
     def _better_from_rest(self, march: March, goal: Increment) -> March:
-        """Return the better of ``march`` and the load path from the undeformed body; the latter gets a message."""
+        """Return the better of ``march`` and the outcome from the undeformed body; a message marks the latter."""
         again = self._march(self.at_rest(), goal)
         gain = self._energy(march.state) - self._energy(again.state)
         if not again.is_better(march, March.NEAR * goal.tolerance * self.body.size, gain=gain):

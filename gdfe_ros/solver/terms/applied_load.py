@@ -3,13 +3,12 @@
 
 A dead load has forces of constant magnitude and direction, and the energy E = -s sum_v f_v . (x_v - X_v).
 
-A follower pressure p acts on faces of the body, normal to them as they move and stretch.
-
-Node a of the faces gets the force p f_a, with f_a = int N_a n dA over the deformed faces. Let V be the volume of the
-cones from the faces to a fixed point, V = 1/3 int x . n dA. Then f_a = dV/dx_a + b_a, where b_a is not zero only at
-nodes on open edges of the faces. The first part has the energy -p V. The second part has none: with open edges, the
-work of a pressure depends on the path. The forces p b_a, with the energy -p b_a . x_a, are therefore constant in each
-minimisation, and updated between minimisations until they agree with the present positions.
+A follower pressure p acts normal to the deformed faces. Node a of the faces gets the force p f_a, with f_a = int N_a n
+dA over the deformed faces. Let V be the volume of the cones from the faces to a fixed point, V = 1/3 int x . n dA. Then
+f_a = dV/dx_a + b_a, where b_a is not zero only at nodes on open edges of the faces. The first part has the energy -p V.
+The second part has none: with open edges, the work of a pressure depends on the path. The forces p b_a, with the energy
+-p b_a . x_a, are therefore constant in each minimisation. They are updated between minimisations until they agree with
+the present positions.
 """
 
 from __future__ import annotations
@@ -69,7 +68,9 @@ class PressureTerm(UpdatedTerm):
     FINE = 1e-2
     """Allowed displacement by the last change of the forces p b, divided by the tolerance."""
     GROWTH = 1e3
-    """Growth of the residual up to which Anderson acceleration keeps its history; plain updates of b may diverge."""
+    """Growth factor of the residual up to which Anderson acceleration keeps its history. It is large, because plain
+    updates of b may diverge.
+    """
 
     kernel, stored = pressure_entry, "edge"
 
@@ -159,9 +160,10 @@ class PressureTerm(UpdatedTerm):
         return {"swept": np.array([self._sweep(positions)]), "edge": self.own_multipliers.copy()}
 
     def _sweep(self, positions: Array) -> float:
-        """Return the volume [m^3] int f . dx that the faces have swept since the beginning of the run.
+        """Return the volume [m^3] that the faces have swept since the beginning of the run.
 
-        The part of open edges depends on the path and is integrated by the trapezoidal rule.
+        It is the integral of sum_a f_a . dx_a. The part of open edges depends on the path and is integrated by the
+        trapezoidal rule.
         """
         last = self._last
         mean = 0.5 * (self.renew(last) + self.renew(positions))
@@ -174,7 +176,7 @@ class PressureTerm(UpdatedTerm):
         return np.full(self.multipliers.shape, np.sqrt(self._area))
 
     def potential(self, positions: Array, command: float) -> tuple[float, float]:
-        """Return minus the work [J] of the present pressure in the swept volume, and its derivative by the factor."""
+        """Return minus the work [J] of the present pressure on the swept volume, and its derivative by the command."""
         slope = -self._load.pressure * self._sweep(positions)
         return command * slope, slope
 

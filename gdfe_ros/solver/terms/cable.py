@@ -2,7 +2,8 @@
 """Cables as terms.
 
 The segments have the lengths d. The cable's length is L = sum sqrt(d^2 + e^2) - c, with the constant c for which L is
-exact at rest. Without the short length e, L would have a kink at d = 0, where a cable holds two points together.
+exact in the undeformed body. Without the short length e, L would have a kink at d = 0, where a cable holds two points
+together.
 
 A cable of length L has the tension t = max(0, T + k (L - l)) and the energy (t^2 - T^2) / (2 k). This is the augmented
 Lagrangian of the constraint L <= l with multiplier T. For T = 0 it is an elastic cable of stiffness k. For k = 0 the
@@ -109,8 +110,8 @@ class CableTerm(EffortTerm):
     """
 
     ROUND = 3e-4
-    """The length e, divided by the mean length of a cable's segments at rest. With e = 0, the line search would shorten
-    every Newton step to the kink.
+    """The length e, divided by the mean length of a cable's undeformed segments. With e = 0, the line search would
+    shorten every Newton step to the kink.
     """
     FAINT, NEARLY = 1e-12, 3e-6
     """FAINT: negligible tension, divided by Young's modulus times the squared body size. NEARLY: negligible
@@ -176,9 +177,10 @@ class CableTerm(EffortTerm):
         return np.concatenate([corners[:-1], corners[1:]], axis=1)
 
     def tangents(self, positions: Array) -> Array:
-        """Return the tangent t / l (I - d d^T) [N/m] of each segment, by which a taut cable resists bending.
+        """Return the tangents of the segments (k, 6 c, 6 c) [N/m], by which a taut cable resists bending.
 
-        t is the tension, l the segment's length and d its direction.
+        They are t / l (I - d d^T), with the tension t, the segment's length l and its direction d, distributed to the
+        vertices that carry both ends.
         """
         weights, corners = self._points()
         points = np.einsum("ia,iak->ik", weights, positions[corners]) + self._anchors
@@ -197,7 +199,7 @@ class CableTerm(EffortTerm):
         return bool(numbers[STIFFNESS] and cable_tension(cable_length(positions, numbers, self.integers), numbers))
 
     def spring(self, positions: Array) -> Array:
-        """Return the cable as a spring: its stiffness or penalty k gives k dL/dx dL/dx^T."""
+        """Return the cable as a spring (n, 3), sqrt(k) dL/dx, with its stiffness or penalty k."""
         slope = np.zeros_like(positions)
         pull(positions, self.reals, self.integers, np.sqrt(self.reals[STIFFNESS]), slope)
         return slope
@@ -223,7 +225,7 @@ class CableTerm(EffortTerm):
         numbers[EFFORT] += self._lifted
 
     def vary(self, commands: Mapping[str, float], saved: Saved, positions: Array) -> None:
-        """Begin a solve from another command or stored state after `resume`, to differentiate by it."""
+        """Set another command or stored state after `resume`, to differentiate by it."""
         self.begin(commands, saved, positions, 0.0)
         self.reals[EFFORT] += self._lifted
 
@@ -237,7 +239,7 @@ class CableTerm(EffortTerm):
 
     @property
     def strung(self) -> bool:
-        """Whether two or more points are on handles or in the world; commands below their distance are refused."""
+        """Whether the distance of two or more points on handles or in the world limits a commanded length."""
         return self.updates and int(self._anchored.sum()) > 1
 
     def shortest(self, base: Array) -> float:

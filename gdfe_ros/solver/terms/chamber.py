@@ -149,7 +149,7 @@ class ChamberTerm(EffortTerm):
         return self.updates
 
     def spring(self, positions: Array) -> Array:
-        """Return a commanded volume with its penalty k as a spring: k dV/dx dV/dx^T."""
+        """Return a commanded volume with its penalty k as a spring (n, 3): -sqrt(k) dV/dx."""
         return np.sqrt(self.reals[STIFFNESS]) * self._find_unit_forces(positions)
 
     def _volume(self, positions: Array) -> float:
@@ -189,7 +189,7 @@ class ChamberTerm(EffortTerm):
         return ActuatorState(self.actuator.mode, self._command, extent, float(self.reals[EFFORT]))
 
     def potential(self, positions: Array, command: float) -> tuple[float, float]:
-        """Return the potential [J] and its derivative by the command; for a commanded volume, that is the pressure."""
+        """Return the potential [J] and its derivative by the command: for a commanded volume, the pressure."""
         if self.updates:
             return 0.0, float(self.reals[EFFORT])
         slope = self._rest_volume - self._volume(positions)

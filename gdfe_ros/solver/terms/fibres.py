@@ -57,7 +57,9 @@ class FibreTerm(Term):
     """
 
     ONSET = -1e-6
-    """A slack fibre whose strain is above this counts as taut in the tangent, which only speeds up the minimisation."""
+    """A slack fibre whose strain is above this counts as taut in the tangent. The tangent only speeds up the
+    minimisation.
+    """
 
     kernel = _entry
 
@@ -76,7 +78,7 @@ class FibreTerm(Term):
         return self.integers[HEAD:].reshape(-1, self.integers[NODES])
 
     def stiffness(self) -> sparse.csc_matrix:
-        """Return the layer's stiffness (n, n) [N/m] for undeformed taut fibres, the same along x, y and z."""
+        """Return the layer's stiffness (n, n) [N/m] for undeformed taut fibres; it acts on x, y and z alike."""
         blocks = np.einsum("fp,fpa,fpb->fab", self._springs, self._factors, self._factors)
         return scatter(blocks, self._faces, self._count).tocsc()
 

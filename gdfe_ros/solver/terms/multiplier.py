@@ -14,19 +14,19 @@ from gdfe_ros.solver.vectors import Array
 
 
 class UpdatedTerm(Term):
-    """Base class of terms whose multipliers are among their numbers ``reals``; solves change them if `updates` is True.
+    """Base class of terms whose multipliers are stored in `Term.reals`; solves change them if `updates` is True.
 
     Attributes:
         own_multipliers: the multipliers, of any shape; a view.
-        renew: method that returns the multipliers, in this shape, after an update at positions (n, 3) [m].
-        stored: name under which the stored state has the multipliers; other rows may follow them there.
+        renew: method that returns the multipliers, in the same shape, after an update at positions (n, 3) [m].
+        stored: name of the array with the multipliers in the stored state; further rows may follow the multipliers.
         errors: error of the constraints [m] before each update of a solve.
         size: size of the body [m].
     """
 
     PATIENCE, FAINT = 6, 1e-5
-    """After the first number of updates, the error must be smaller than at the first update. Errors below the second
-    number times the body's size do not count.
+    """Updates do not settle if, after the first number of them, the error is not smaller than at the first update.
+    Errors below the second number times the body's size do not count.
     """
     own_multipliers: Array
     renew: Callable[[Array], Array]
@@ -71,9 +71,9 @@ class EffortTerm(UpdatedTerm):
     """A term with one effort, a tension [N] or pressure [Pa]: commanded, or the multiplier of a length or volume."""
 
     PENALTY = 10.0
-    """Penalty stiffness of a commanded length or volume, divided by the stiffness with which the body resists a change
-    of it. The constant matrix gives this stiffness. The ratio is large enough for few updates. It is small enough to
-    cause only one outlying eigenvalue, which the history of a minimisation resolves.
+    """Penalty stiffness of a commanded length or volume, divided by the body's stiffness against a change of this
+    length or volume. The constant matrix gives this stiffness. The ratio is large enough for few updates. It is small
+    enough to cause only one outlying eigenvalue, which the history of a minimisation resolves.
     """
     stored = "effort"
 
@@ -119,7 +119,7 @@ class EffortTerm(UpdatedTerm):
         return {"effort": np.zeros(2)}
 
     def finish(self, saved: Saved, positions: Array) -> Saved:
-        """Return the state to store: the effort, and the one before it."""
+        """Return the state to store: the present effort, and the effort of the step before."""
         return {"effort": np.array([self.reals[EFFORT], saved["effort"][0] if saved else 0.0])}
 
 
@@ -165,8 +165,8 @@ class Anderson:
     It is of type II (Anderson 1965), with restarts.
 
     Args:
-        growth: largest factor by which the norm of the residual may grow without dropping the history. A large one
-            suits iterations that diverge by themselves, which only the history makes converge.
+        growth: largest factor by which the norm of the residual may grow before the history is dropped. A large factor
+            suits iterations that diverge without acceleration.
     """
 
     MEMORY = 6

@@ -78,7 +78,7 @@ def as_arrays(x, n, reals, k, integers, i, force, size):
 
 @inlined
 def weighted(x, vertices, at, weights, first, count):
-    """Return the sum of ``count`` positions: of ``vertices`` from ``at`` on, times ``weights`` from ``first`` on."""
+    """Return a weighted sum (3,) of ``count`` positions: ``vertices`` begin at ``at``, ``weights`` at ``first``."""
     total = 0.0, 0.0, 0.0
     for a in range(count):
         total = along(1.0, total, weights[first + a], corner(x, vertices[at + a]))
@@ -107,7 +107,7 @@ class Term:
 
     Attributes:
         name: unique name among the terms of a body; for an actuator or load, its name in the scene.
-        kernel: compiled entry, made by `term_kernel`; None for a term without an energy of its own.
+        kernel: compiled entry, made by `term_kernel`; None for a term without energy.
         reals: (k,) float64 data for the kernel; written by `begin` and `update`.
         integers: (i,) int32 data for the kernel; written by `begin` and `update`.
         updates: whether `update` changes multipliers.
@@ -115,8 +115,9 @@ class Term:
         wanders: whether updates do not settle, so that the increment should be shorter.
         delicate: whether the term's forces change within tiny displacements, as at the onset of slip.
         exact: whether `tangents`, `spring` and `stiffness` are the whole second derivative of the term's energy.
-        stage: a number; when it changes, the kept tangent is taken anew, because `tangents` have changed much.
-        unbounded: whether a command can leave the energy without a lower bound, as a pressure beyond its limit point.
+        stage: a number; when it changes, the kept tangent is evaluated anew, because `tangents` have changed much.
+        unbounded: whether a command can leave the energy without a lower bound, such as a pressure beyond its limit
+            point.
         conservative: whether the forces have a potential; without one, the stability of an equilibrium is not known.
         even: whether `stiffness` is the term's whole tangent, acts on x, y and z alike, and never changes. Kept
             tangents then use it directly.
@@ -138,10 +139,10 @@ class Term:
         return np.zeros((0, 1), np.int32)
 
     def tangents(self, positions: Array) -> Array:
-        """Return the term's part (k, 3 c, 3 c) [N/m] of the kept tangent, between neighbours.
+        """Return the term's part (k, 3 c, 3 c) [N/m] of the kept tangent, between neighbouring vertices.
 
-        It speeds up the minimisation; no equilibrium depends on it. If it is the whole second derivative (`exact`), a
-        factor of the tangent proves the stability of an equilibrium.
+        It speeds up the minimisation; no equilibrium depends on it. If this part is the whole second derivative
+        (`exact`), a factor of the tangent proves the stability of an equilibrium.
         """
         return np.zeros((0, 3, 3))
 
@@ -152,8 +153,8 @@ class Term:
     def spring(self, positions: Array) -> Array:
         """Return the spring (n, 3) [(N/m)^(1/2)] by which a term couples vertices that are no neighbours.
 
-        It is the square root of its stiffness times the derivative of its length at ``positions`` (n, 3) [m]. It has
-        the same purpose as `tangents`.
+        The result is the square root of the spring's stiffness times the derivative of its length at ``positions`` (n,
+        3) [m]. It has the same purpose as `tangents`.
         """
         return np.zeros_like(positions)
 
@@ -174,8 +175,8 @@ class Term:
             commands: dict from actuator or load name to command.
             saved: the term's stored state after the last accepted step.
             positions: (n, 3) [m] at the start of the solve; energies may be relative to them.
-            ratio: ``positions`` are those of the last state plus this multiple of the displacement in the last accepted
-                step; multipliers may be extrapolated by the same multiple.
+            ratio: ``positions`` are predicted: the last state plus this multiple of the last step's displacement.
+                Multipliers may be extrapolated likewise.
         """
 
     def update(self, positions: Array) -> float:
@@ -191,7 +192,7 @@ class Term:
         self.begin(commands, saved, positions, 0.0)
 
     def vary(self, commands: Mapping[str, float], saved: Saved, positions: Array) -> None:
-        """Begin a solve from other commands or states after `resume`, to differentiate by them; no contact changes."""
+        """Set other commands or states after `resume`, to differentiate by them; contacts keep their points."""
         self.begin(commands, saved, positions, 0.0)
 
     @property
@@ -227,14 +228,15 @@ class Term:
         return ""
 
     def ran_away(self, positions: Array, since: Array) -> bool:
-        """Return whether the extent grew without bound between ``since`` (n, 3) [m] and ``positions`` (n, 3) [m]."""
+        """Return whether the actuator's extent grew without bound from ``since`` to ``positions`` (n, 3) [m]."""
         return False
 
     def potential(self, positions: Array, command: float) -> tuple[float, float]:
         """Return the potential [J] and its derivative with respect to the command.
 
-        The potential of an actuator or a load is zero while the body is undeformed, and zero if a multiplier keeps the
-        commanded quantity. The derivative is then the multiplier, with the sign of the work by a rising command.
+        The potential of an actuator or a load is zero while the body is undeformed. It is also zero if a multiplier
+        keeps the commanded quantity; the derivative is then the multiplier, with the sign of the work by a rising
+        command.
         """
         return self.energy(positions), 0.0
 

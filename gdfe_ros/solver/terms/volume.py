@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compiled volume between faces and a point, with its derivatives, and the integrals of the faces' normals.
+"""Compiled volume between faces and a point, with its derivatives, and the integrals of N_a n over the faces.
 
 The volume of the cones from the faces to an apex is V = 1/3 int x . n dA, with x relative to the apex. It is a sum of
-triple products u . (v x w) over integration points, with u = sum_a n_a x_a, v = sum_a g_a x_a and w = sum_a h_a x_a:
-the shape functions of the faces and their two slopes. These sums are exact for bilinear quads and six-node triangles.
-With [w] the matrix of the cross product w x ., the second derivative of one triple product is
+triple products u . (v x w) over integration points, with u = sum_a n_a x_a, v = sum_a g_a x_a and w = sum_a h_a x_a.
+Here n_a are the shape functions of the faces, and g_a and h_a their two slopes. These sums are exact for bilinear quads
+and six-node triangles. With the matrix [w] of the cross product by w, the second derivative of one triple product is
 
     d2/dx_a dx_b = (g_a n_b - n_a g_b) [w] + (h_a g_b - g_a h_b) [u] + (n_a h_b - h_a n_b) [v] .
 """
@@ -67,7 +67,7 @@ def combine(x, apex, integers, first, weights, p):
 
 @inlined
 def add_faces(x, integers, apex, n, g, h, share, of_volume, of_area, force):
-    """Do `face_forces` with the products of the faces."""
+    """Do `face_forces` with the faces' `Products` ``n``, ``g`` and ``h``."""
     total, nodes, pushes = 0.0, n.shape[1], of_volume != 0.0 or of_area != 0.0
     for q in range(integers[COUNT]):
         first = FACES + nodes * q
@@ -88,7 +88,8 @@ def add_faces(x, integers, apex, n, g, h, share, of_volume, of_area, force):
 def add_quads(x, integers, apex, scale, force):
     """Return the volume between quads and ``apex``; add ``scale`` times its derivative to ``force``.
 
-    The volume of a bilinear quad is the mean over both divisions into triangles: five times as fast as the products.
+    The volume of a bilinear quad is the mean over both divisions into triangles. This is five times as fast as the
+    triple products at Gauss points.
     """
     total, share = 0.0, scale / 12.0
     for q in range(integers[COUNT]):

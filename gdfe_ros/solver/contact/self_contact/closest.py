@@ -18,11 +18,13 @@ MOST_STEPS = 12
 EQUAL = 1e-9
 """Two distances count as equal if they differ by less than this fraction."""
 OPPOSED = -0.5
-"""Largest cosine between the normals of a face and of a vertex, or of a face around it, that can touch each other."""
+"""A face and a vertex can touch only if the cosine between the normals of the face and of the vertex, or of a face
+around the vertex, is below this.
+"""
 
 
 class Nearest(NamedTuple):
-    """What each surface vertex, or each seat of an edge (`crossing`), can touch: a face, or an edge.
+    """The face that each surface vertex can touch, or the edge that each seat of an edge can touch (`crossing`).
 
     Attributes:
         face: (k,) int64 nearest face, or edge; -1 if none is within reach.
@@ -30,7 +32,7 @@ class Nearest(NamedTuple):
         weights: (k, 4) weights of the face's corners at the closest point; for edges, those of `OwnPairs`.
         normal: (k, 3) unit normal of the plane that the vertex must stay in front of.
         gap: (k,) [m] signed distance to that plane; infinite if nothing is within reach.
-        support: (k,) fraction of the contact force that the face carries, as in `nearest_faces`.
+        support: (k,) fraction of the contact force that the face or edge carries, see `nearest_faces`.
     """
 
     face: NDArray[np.int64]
@@ -59,7 +61,7 @@ def write_pair(found, i, away, face, w, n, height, share):
 
 @inlined
 def area_vector(x, quad):
-    """Return the area vector (3,) [m^2] of a face, with the length of its mean normal; it points out of the body."""
+    """Return the area vector (3,) [m^2] of a face: its area-weighted mean normal, which points out of the body."""
     n = cross(minus(corner(x, quad[2]), corner(x, quad[0])), minus(corner(x, quad[3]), corner(x, quad[1])))
     return 0.5 * n[0], 0.5 * n[1], 0.5 * n[2]
 
@@ -93,13 +95,13 @@ def face_at(x, quad, u, v):
 
 @inlined
 def clamp(value, beyond):
-    """Return a coordinate clamped to 0 to 1, and by how much it may be ``beyond``."""
+    """Return a coordinate clamped to the interval from -``beyond`` to 1 + ``beyond``."""
     return min(max(value, -beyond), 1.0 + beyond)
 
 
 @internal
 def closest_on(x, quad, p):
-    """Return the weights (4,) of a face's corners at its closest point to p [m], the vector from it, and its length."""
+    """Return the corner weights (4,) of a face's closest point to p [m], the vector from it to p, and its length."""
     u, v = 0.5, 0.5
     for _ in range(MOST_STEPS):
         place, e, g = face_at(x, quad, u, v)
@@ -129,7 +131,8 @@ def closest_on(x, quad, p):
 def opposes(areas, surface, vertex, n):
     """Return whether a vertex, or any face around it, has a normal whose cosine with n (3,) is below `OPPOSED`.
 
-    The normal of a vertex is the mean of those around it, which opposes what a sharp tip touches.
+    The normal of a vertex is the mean of the normals around it. At a sharp tip, only this mean opposes the touched
+    face.
     """
     s = 0.0, 0.0, 0.0
     starts, faces = surface.about
@@ -155,7 +158,7 @@ def to_box(boxes, f, p):
 def least_distance(x, pairs, surface, most):
     """Return the least distance [m] between the vertex and the face of each pair (2, p), up to ``most`` [m].
 
-    Normals do not count: what does not oppose may come to oppose.
+    Normals are ignored: they may come to oppose each other during the motion.
     """
     boxes = boxes_around(x, surface.quads)
     for pair in range(pairs.shape[1]):
@@ -167,11 +170,11 @@ def least_distance(x, pairs, surface, most):
 
 @inlined
 def face_plane(areas, surface, f, w, d, away):
-    """Return the plane that a vertex must stay in front of, at the closest point of face ``f`` with weights ``w`` (4,).
+    """Return the plane that a vertex must stay in front of, at its closest point on face ``f`` with weights ``w`` (4,).
 
-    The vertex lies at ``d`` (3,) [m], with the length ``away`` [m], from this point. The result is the unit normal
-    (3,), the height [m] above the plane, and the fraction of the contact force that the face carries. The fraction is
-    -1 if the vertex cannot touch the face.
+    ``d`` (3,) [m] is the vector from this point to the vertex, and ``away`` [m] its length. The result is the unit
+    normal (3,), the height [m] of the vertex above the plane, and the fraction of the contact force that the face
+    carries. The fraction is -1 if the vertex cannot touch the face.
     """
     m = 0.0, 0.0, 0.0
     for a in range(4):
@@ -193,20 +196,20 @@ def face_plane(areas, surface, f, w, d, away):
 def nearest_faces(x, last, sunk, pairs, surface, areas, reach, found):
     """Find, for each surface vertex, the nearest face that the vertex can touch.
 
-    A vertex deep behind a face touches this face only if it was in front of it at ``last``. Vertices on the far side of
-    a wall are thus excluded.
+    A vertex deep behind a face touches this face only if it was in front of the face at ``last``. Vertices on the far
+    side of a wall are thus excluded.
 
     Args:
         x: (n, 3) [m] positions.
         last: (n, 3) [m] positions of the last accepted state.
-        sunk: (k,) whether each vertex already penetrated at ``last``. Such a vertex takes its nearest face, even if it
-            is deep behind this face.
+        sunk: (k,) whether each vertex already penetrated at ``last``. Such a vertex touches its nearest face, even if
+            it is deep behind this face.
         pairs: (2, p) vertex of each candidate pair, as an index into the surface's vertices, and its face.
         surface: a `Topology`.
         areas: (q, 3) [m^2] area vectors of the faces at ``x``.
         reach: [m] search distance.
-        found: `Nearest`, is written. The ``support`` is 1 above the face and falls to 0 across the rim beside it.
-            Beyond the rim of a convex edge it is 1: the vertex then touches the edge.
+        found: `Nearest`, is written. Its fraction ``support`` is 1 above the face and falls to 0 across the rim beside
+            it. Beyond the rim of a convex edge the fraction is 1, because the vertex then touches the edge.
     """
     boxes = boxes_around(x, surface.quads)
     for pair in range(pairs.shape[1]):
@@ -231,9 +234,10 @@ def nearest_faces(x, last, sunk, pairs, surface, areas, reach, found):
 
 @inlined
 def is_better(share, height, other_share, other_height):
-    """Return whether a face suits a vertex better than another one that is as near, at an edge or a corner of both.
+    """Return whether a face is preferred to another face that is as near: the vertex is at an edge or corner of both.
 
-    It carries a larger fraction of the force; of two alike, it is the one whose plane is farther from the vertex.
+    The preferred face carries a larger fraction of the force. If the fractions are equal, it is the face whose plane is
+    farther from the vertex.
     """
     if abs(share - other_share) > EQUAL:
         return share > other_share
@@ -242,7 +246,7 @@ def is_better(share, height, other_share, other_height):
 
 @inlined
 def was_before(last, quad, vertex, w):
-    """Return whether a vertex was in front of a face at ``last`` (n, 3) [m]; ``w`` (4,) weights the face's corners."""
+    """Return whether a vertex was in front of a face at ``last`` (n, 3) [m], at the point with weights ``w`` (4,)."""
     away = corner(last, vertex)
     for a in range(4):
         away = along(1.0, away, -w[a], corner(last, quad[a]))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compiled search for the edges that an edge of the surface can cross, with the closest points of both."""
+"""Compiled search for the edges that an edge of the surface can cross, with the closest points of both edges."""
 
 from __future__ import annotations
 
@@ -12,26 +12,29 @@ from gdfe_ros.solver.contact.self_contact.closest import write_pair
 PARALLEL = 0.1
 """Least sine of the angle between two edges that touch. Vertices and faces carry the contact of parallel edges."""
 BESIDE = 0.1
-"""Least component of the normal of either face of an edge in the direction of contact, where only edges can touch. A
-direction with components between this number and its negative may be that of flat faces whose rims cross.
+"""Only the edges can touch at a crossing if the result of `between` for each of them is at least this. If a result lies
+between this number and its negative, the rims of two flat faces may cross.
 """
 ENDS = 1e-3
-"""Fraction of an edge' length. Edges touch up to this far beyond their ends: nothing passes between edges in a row."""
+"""Edges touch up to this fraction of their length beyond their ends. Nothing then passes between two edges in a row."""
 WITHIN = 1e-4
-"""Fraction of an edge' length. Rims of flat faces cross if the place is at least this far within both edges. Rounding
-thus does not decide whether rims cross whose corners meet.
+"""Rims of flat faces cross if the crossing is at least this fraction of the length away from the ends of both edges. If
+corners of two rims meet, rounding thus does not decide whether the rims cross.
 """
 LEAST = 0.01
 """Least fraction of a contact force that edges carry."""
 SEATS = 4
-"""Largest number of edges that may cross an edge at the same time. Of two edges, only the first counts the other."""
+"""Largest number of edges that may cross an edge at the same time (its seats). A crossing of two edges occupies a seat
+of only one of them.
+"""
 
 
 @kernel
 def crossing_edges(x, last, pairs, surface, areas, reach, before, found):
-    """Find, for each seat of a sharp edge, an edge that crosses it; an edge has `SEATS` seats.
+    """Find the edges that cross each sharp edge; each of them occupies one of the `SEATS` seats of this edge.
 
-    An edge that had a seat keeps it. Others get free seats, and if there are none, that of the farthest edge.
+    An edge that already had a seat keeps this seat. Another edge gets a free seat. If there is none, it gets the seat
+    of the farthest edge, unless that is nearer.
 
     Args:
         x: (n, 3) [m] positions.
@@ -40,10 +43,10 @@ def crossing_edges(x, last, pairs, surface, areas, reach, before, found):
         surface: a `Topology`.
         areas: (q, 3) [m^2] area vectors of the surface's faces at ``x``.
         reach: [m] search distance.
-        before: (k,) int64 edge that was in each seat, after what the surface's vertices touched; -1 for none.
-        found: `Nearest`, is written at the seats: the ``weights`` are s, 1 - t, -s, t for the closest points s and t
-            between the ends of both edges, the ``normal`` that of both edges, out of the edge in the seat. The
-            ``support`` is 1 where only edges can touch, and where rims of flat faces cross.
+        before: (k,) int64 previous face of each surface vertex, then previous edge of each seat; -1 for none.
+        found: `Nearest`, is written at the seats. The ``weights`` are s, 1 - t, -s, t, with the positions s and t of
+            the closest points on both edges. The ``normal`` is perpendicular to both edges and points out of the edge
+            in the seat. The ``support`` is 1 where only edges can touch, and where rims of flat faces cross.
     """
     for known in (True, False):
         for pair in range(pairs.shape[1]):
@@ -74,7 +77,8 @@ def crossing_edges(x, last, pairs, surface, areas, reach, before, found):
 def least_between(x, pairs, ends, most):
     """Return the least distance [m] between the two edges of each pair (2, p) that cross, up to ``most`` [m].
 
-    ``ends`` (e, 2) are the vertices of the edges. The distance of an end is that of a vertex from a face.
+    ``ends`` (e, 2) are the vertices of the edges. Pairs whose closest points are not inside both edges are ignored: the
+    distances between vertices and faces include them.
     """
     for pair in range(pairs.shape[1]):
         i, j = pairs[0, pair], pairs[1, pair]
@@ -87,7 +91,11 @@ def least_between(x, pairs, ends, most):
 
 @inlined
 def seat(before, found, first, j, known):
-    """Return the seat of an edge for edge ``j``: that which it had if ``known``, else the best other one; or -1."""
+    """Return the seat for edge ``j``, or -1 if there is none.
+
+    If ``known`` is True, it is the seat that the edge already had. Otherwise, for an edge without a seat, it is a free
+    seat or that of the farthest edge.
+    """
     best = -1
     for k in range(first, first + SEATS):
         if before[k] == j:
@@ -99,9 +107,10 @@ def seat(before, found, first, j, known):
 
 @inlined
 def closest_between(x, a, b, c, d):
-    """Return the unit normal (3,) of the edges ab and cd, and the closest points of their lines.
+    """Return the unit normal (3,) of the edges ab and cd, and the closest points s and t of their lines.
 
-    These are positions s and t, from 0 to 1 between the ends; both are infinite if the edges are parallel.
+    A position s or t is 0 at the first end of the edge and 1 at the second. Both are infinite if the edges are nearly
+    parallel.
     """
     u, v = minus(corner(x, b), corner(x, a)), minus(corner(x, d), corner(x, c))
     r, n = minus(corner(x, c), corner(x, a)), cross(u, v)
@@ -133,9 +142,9 @@ def facing(n, areas, face):
 
 @inlined
 def between(n, areas, sides):
-    """Return the smaller component of the unit normals of an edge's two faces in a direction ``n`` normal to the edge.
+    """Return the smaller coefficient of ``n`` (3,), normal to an edge, as a sum of the unit normals of its two faces.
 
-    It is positive between both normals, and -1 for a face without area.
+    It is positive if ``n`` lies between the normals. The result is -1 if a face has no area or the faces are parallel.
     """
     m = unit(corner(areas, sides[0]))
     own, other, both = dot(n, m), facing(n, areas, sides[1]), facing(m, areas, sides[1])

@@ -28,11 +28,13 @@ REACH, FARTHEST = 0.02, 0.25
 relative to the surface's mean displacement. The second number times the body's size limits this sum.
 """
 DEEPEST = 1e-4
-"""Largest penetration depth, divided by the body's size, at the end of a step."""
+"""Largest penetration depth, divided by the body's size, that is accepted at the end of a step."""
 CLEAR = 1.5
-"""Least search distance, divided by the largest penetration depth in the last accepted state, or at the last search."""
+"""Least search distance, divided by the larger of two depths of penetration: in the last accepted state, and at the
+last search.
+"""
 VALID = 2.0
-"""Relative displacement of a pair for which its plane holds, divided by `Topology.depth`."""
+"""Largest relative displacement of a pair for which its plane is valid, divided by `Topology.depth`."""
 SAME_SIDE = 0.5
 """A vertex keeps its forces if the cosine between its old and its new contact normal exceeds this."""
 
@@ -45,7 +47,7 @@ class OwnContact(ContactTerm):
     anew. The first search uses the positions of the last accepted state.
 
     Args:
-        meant: the self-contact definition: faces that may touch, and friction.
+        meant: the self-contact of the scene: faces that may touch, and friction.
         body: the discretised body.
     """
 
@@ -97,7 +99,7 @@ class OwnContact(ContactTerm):
         self._deepest = 2.0 * far
 
     def _take_forces(self, saved: Saved, x: NDArray[np.float64]) -> None:
-        """Take the forces of all pairs from a stored state, turned with their faces at the points ``x``."""
+        """Set the forces of all pairs to those of a stored state, turned with their faces at the points ``x``."""
         some = np.flatnonzero(saved["face"] >= 0.0)
         axes = frames(x, self.pairs.carriers(some, saved["face"][some].astype(np.int64)))
         self._presses, self._shears, self._normals = saved["press"].copy(), saved["shear"].copy(), saved["normal"]
@@ -109,9 +111,10 @@ class OwnContact(ContactTerm):
         return super().near and not self._clear
 
     def room(self, positions: NDArray[np.float64]) -> float:
-        """Return how far [m] vertices may move from ``positions`` (n, 3) [m] before parts come near; 0 while any press.
+        """Return the distance [m] that vertices may move from ``positions`` (n, 3) [m] before parts are near others.
 
-        Two parts approach each other by at most twice the motion of both relative to their mean.
+        It is 0 while any pair presses. The distance between two parts shrinks by at most twice the largest displacement
+        relative to the mean displacement.
         """
         if self.acts:
             return 0.0
@@ -121,8 +124,9 @@ class OwnContact(ContactTerm):
     def follow(self, positions: NDArray[np.float64], ahead: float) -> None:
         """Search the pairs again at ``positions`` (n, 3) [m]; pairs that persist keep their forces.
 
-        Nothing is searched if the next displacement of at most ``ahead`` [m] leaves everything apart. After a large
-        displacement, the pairs of the last state serve for one iteration: it moves entered vertices back.
+        The search is left out if no parts can meet in the next displacement of at most ``ahead`` [m]. After a large
+        displacement at the start of a solve, the pairs of the last state are used for one iteration, which moves
+        entered vertices back.
         """
         self._clear = self.room(positions) > ahead
         if self._clear:
@@ -143,13 +147,13 @@ class OwnContact(ContactTerm):
     def lay_out(self, positions: NDArray[np.float64], stencils: Stencils) -> None:
         """Do `ContactTerm.lay_out` for the pairs.
 
-        The vector from the second member of a pair to the first is x_v - sum w_a x_a, and the slip is its component in
-        the plane, minus that of the same material points in the last state.
+        The vector from the second member of a pair to the first is x_v - sum w_a x_a. The slip is the change of its
+        component in the plane since the last state, at the same material points.
 
-        A face carries a vertex at its rim with the fraction c only: c is 1 above the face, and 0 at the outer edge of
-        the rim. The force acts through a spring of stiffness k c / (1 - c), with k the stiffness of the body at the
-        pair: the gap closes up to the spring's length. A vertex that slides over an edge is thus released gradually,
-        and no equilibrium is skipped.
+        At its rim, a face carries only a fraction c of the force: c is 1 above the face, and 0 at the outer edge of the
+        rim. The force acts through a spring of stiffness k c / (1 - c), with the stiffness k of the body at the pair.
+        The vertex may enter as far as the spring yields. A vertex that slides over an edge is thus released
+        gradually, and no equilibrium is skipped.
         """
         self._at = x = self.points.at(positions)
         if self._slid is not None:
@@ -195,8 +199,8 @@ class OwnContact(ContactTerm):
     def flaw(self, positions: NDArray[np.float64]) -> str:
         """Return a sentence about the deepest penetration, or an empty string if its depth is within `DEEPEST`.
 
-        Every surface vertex is checked, also a vertex without a pair in the solve, and every crossing of edges, also of
-        two edges that have passed each other since the last state.
+        All surface vertices are checked, including vertices without a pair in the solve. All crossings of edges are
+        checked, including edges that have passed each other since the last state.
         """
         if self._sound and self._last.summary.converged and self.room(positions) > 0.0:
             return ""  # nothing has come near since the last state, which was checked
@@ -213,7 +217,7 @@ class OwnContact(ContactTerm):
         return text
 
     def _set_reach(self, x: NDArray[np.float64], deepest: float) -> None:
-        """Set the search distance at the points ``x`` (n + p, 3) [m]; some may have been ``deepest`` [m] inside."""
+        """Set the search distance for points ``x`` (n + p, 3) [m]; ``deepest`` [m] is the last penetration depth."""
         size = self._body.size
         reach = min(REACH * size + 2.0 * self.pairs.motion(x, self._seen), FARTHEST * size)
         self._reach, self._seen = max(reach, CLEAR * max(deepest, self._least)), x
@@ -239,10 +243,10 @@ class OwnContact(ContactTerm):
         self.lay_out(positions, self.hold_forces(self._presses[chosen], self._shears[chosen]))
 
     def _slip_before(self) -> NDArray[np.float64]:
-        """Return the vectors (k, 3) [m] from the second member of each pair to the first, in the last state.
+        """Return the last state's vectors (k, 3) [m], along the planes, from the second to the first members of pairs.
 
-        They do not turn with the faces. All slips are then projections of one displacement field, so that vertex on
-        vertex, each in the other's pair, do not contradict.
+        The vectors do not turn with the faces. All slips are then projections of one displacement field. Two vertices
+        that touch each other, each in a pair of its own, therefore have consistent slips.
         """
         return slips_of(self._from, self._firsts, self._corners, self._now.weights, self._now.normal)
 
@@ -267,7 +271,7 @@ class OwnContact(ContactTerm):
             self._from = kept
 
     def _look_again(self, x: NDArray[np.float64]) -> None:
-        """Take the nearest points at the points ``x`` (n + p, 3) [m] on the pairs' own faces, for derivatives."""
+        """Update the closest points on the pairs' own faces to the points ``x`` (n + p, 3) [m], for derivatives."""
         found = self.pairs.nearest_to(x, self._chosen, self._now.face)
         on = found.face[self._chosen] >= 0  # a vertex that leaves its face sideways keeps its normal
         self._now = Nearest(*(new.copy() for new in self._solved))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The pairs of self-contact: each surface vertex with its nearest face, each sharp edge with the edge it crosses."""
+"""The pairs of self-contact: each surface vertex with its nearest face, each sharp edge with edges that cross it."""
 
 from __future__ import annotations
 
@@ -28,7 +28,10 @@ NONE = np.zeros((2, 0), np.int64)
 
 @kernel
 def choose_pairs(found, first, own, others, start, yielding):
-    """Do `OwnPairs.choose`; the vertices of a pair are a row of ``own`` plus one of ``others``, after its ``start``."""
+    """Do `OwnPairs.choose`. The four vertices of a pair are its row of ``own``, plus a row of ``others``.
+
+    The row of ``others`` has the index of the found face or edge, plus the entry of ``start`` for the pair.
+    """
     chosen, count = np.empty(len(first), np.int64), 0
     corners, give = np.empty((len(first), 4), np.int32), np.empty(len(first))
     for i in range(len(first)):
@@ -51,7 +54,7 @@ def choose_pairs(found, first, own, others, start, yielding):
 
 @kernel
 def slips_of(x, first, corners, weights, normals):
-    """Return the vectors (k, 3) [m] from the second members of pairs to the first, less their parts along normals."""
+    """Return the vectors (k, 3) [m] from the second members of pairs to the first, without components along normals."""
     found = np.empty((len(first), 3))
     for i in range(len(first)):
         away, n = corner(x, first[i]), corner(normals, i)
@@ -63,7 +66,7 @@ def slips_of(x, first, corners, weights, normals):
 
 @kernel
 def lay_out_pairs(first, corners, weights, carriers, shares, stencils):
-    """Write the ends of the ``stencils`` of pairs: the vertices that carry their five points, with their weights.
+    """Write the ends of the ``stencils`` of pairs: the vertices that carry each pair's five points, and their weights.
 
     Further ends repeat the first one, without weight.
     """
@@ -88,13 +91,13 @@ class OwnPairs:
     Args:
         body: the discretised body.
         points: the points of the body.
-        meant: the self-contact definition.
+        meant: the self-contact of the scene.
 
     Attributes:
         surface: the vertices, faces and edges.
         count: number of pairs k.
         first: (k,) int32 vertex v of each pair.
-        kept: candidates, of which `look` finds those that touch.
+        kept: the last candidates, from which `look` chooses.
     """
 
     def __init__(self, body: Body, points: BodyPoints, meant: SelfContact) -> None:
@@ -126,9 +129,9 @@ class OwnPairs:
             x: (n + p, 3) [m] positions; if they are not finite, nothing is found.
             last: (n + p, 3) [m] positions of the last accepted state.
             reach: [m] search distance.
-            before: (k,) faces and edges of all pairs until now; -1 for none.
+            before: (k,) previous faces and edges of all pairs; -1 for none.
             sunk: (k,) whether each surface vertex already penetrated at ``last``; None if none did.
-            candidates: the pairs among which to look; None for all within ``reach``.
+            candidates: the pairs to examine; None for all pairs within ``reach``.
         """
         surface, (faces, edges) = self.surface, self.kept.within(x, reach) if candidates is None else candidates
         sunk = np.zeros(len(surface.vertices), dtype=np.bool_) if sunk is None else sunk
@@ -158,7 +161,7 @@ class OwnPairs:
         return faces, np.stack([earlier, later]).compress(earlier < later, axis=1)
 
     def nearest_to(self, x: Array, pairs: Numbers, others: Numbers) -> Nearest:
-        """Return the closest points of some ``pairs`` (p,) and their given faces or edges ``others`` (p,)."""
+        """Return the closest points of some ``pairs`` (p,) on the given faces or edges ``others`` (p,)."""
         count, before = len(self.surface.vertices), np.full(self.count, -1)
         before[pairs], own = others, pairs < count
         edges = np.stack([(pairs - count) // SEATS, others]).compress(~own, axis=1)
@@ -170,7 +173,7 @@ class OwnPairs:
         return self._own[pairs] + self._others[others + self._start[pairs]]
 
     def choose(self, found: Nearest, yielding: Array) -> tuple[Numbers, NDArray[np.int32], Array]:
-        """Return the pairs (p,) that may press, their four vertices (p, 4), and their compliances (p,) [m/N].
+        """Return the pairs (p,) that may press, the four vertices (p, 4) of each, and their compliances (p,) [m/N].
 
         ``yielding`` (n + p,) [m/N] are the compliances of the points.
         """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The surface for self-contact: its vertices, faces and sharp edges, and which of them can never touch."""
+"""The surface for self-contact: vertices, faces and sharp edges, and the pairs of them that can never touch."""
 
 from __future__ import annotations
 
@@ -17,30 +17,30 @@ from gdfe_ros.solver.contact.self_contact.closest import face_areas
 CREASE = 0.7
 """The surface counts as smooth at an edge if the cosine between the rest normals of its two faces exceeds this."""
 DEPTH, RIM = 0.25, 0.05
-"""Two distances divided by the shortest edge. A vertex up to `DEPTH` behind a face touches this face even if it was
-never in front of it. A vertex up to `RIM` beside a face still counts as above it.
+"""Two distances divided by the shortest edge. A vertex up to `DEPTH` behind a face touches this face even if the vertex
+was never in front of the face. A vertex up to `RIM` beside a face still counts as above it.
 """
 
 
 class Topology(NamedTuple):
     """Neighbourhoods of the undeformed surface.
 
-    A vertex is a vertex of the body, or a contact point of a skin (`BodyPoints`). The edges are those where the surface
-    is convex, and not smooth: elsewhere, vertices and faces carry all contact.
+    A vertex here is a vertex of the body, or a contact point of a skin (`BodyPoints`). The edges are the convex edges
+    at which the surface is not smooth: elsewhere, vertices and faces carry all contact.
 
     Attributes:
         vertices: (k,) int32 vertices of the faces, sorted.
         quads: (q, 4) int32 faces.
         about: faces around each of n + p vertices.
-        smooth: faces over which the normal at each of 4 q corners of faces is averaged.
-        near: vertices that can never touch each of q faces: the vertices of all cells that share a vertex with the
+        smooth: for each of the 4 q corners of faces, the faces over which the normal is averaged.
+        near: for each of q faces, the vertices that can never touch it: those of all cells that share a vertex with the
             face's own cell.
         ends: (e, 2) int32 vertices at the ends of each edge.
         sides: (e, 2) int64 the two faces of each edge.
-        beside: vertices that can never touch either face of each of e edges.
-        shortest: [m] shortest edge of a cell. Two edges that passed each other by less touch even if they never were
-            apart: sound bodies are thicker.
-        depth: [m] depth behind a face up to which a vertex touches it even if it was never in front of it.
+        beside: for each of e edges, the vertices that can never touch either of its faces.
+        shortest: [m] shortest edge of a cell. Two edges that have passed each other by less than this touch even if
+            they were never apart, because no part of a body is thinner than a cell.
+        depth: [m] depth behind a face up to which a vertex touches the face even if it was never in front of it.
         rim: [m] distance beside a face that still counts as above it.
     """
 
@@ -86,7 +86,7 @@ class Topology(NamedTuple):
 def _sharp_edges(
     rest: NDArray[np.float64], quads: NDArray[np.int32], normals: NDArray[np.float64]
 ) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
-    """Return the sides (e, 2) of two faces (q, 4) between which the surface is sharp and convex, and these faces."""
+    """Return the vertices (e, 2) of edges at which the surface is sharp and convex, and the faces (e, 2) of each."""
     sides = np.sort(np.stack([quads, np.roll(quads, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
     whole = sides[:, 0] != sides[:, 1]  # a triangle repeats its last corner
     sides, owner = sides[whole], np.repeat(np.arange(len(quads)), 4)[whole]
@@ -100,7 +100,7 @@ def _sharp_edges(
 
 
 def _cells_of(body: Body, points: BodyPoints, quads: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Return the vertices (q, 3 c) of the cells of each face, which are three for a triangle of contact points."""
+    """Return the vertices (q, 3 c) of the cells of each face; a triangle of contact points has three cells."""
     faces, cells = flat_boundary(body)
     owner = {tuple(quad): cell for quad, cell in zip(faces.tolist(), cells.tolist(), strict=True)}
     lined, found = quads[:, 0] >= points.count, np.empty((len(quads), 3 * body.cells.shape[1]), dtype=np.int32)
@@ -111,7 +111,7 @@ def _cells_of(body: Body, points: BodyPoints, quads: NDArray[np.int32]) -> NDArr
 
 
 def flat_boundary(body: Body) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """Return the boundary faces of a body as quads (q, 4), as `flat_quads` does, and the cell of each one (q,)."""
+    """Return the boundary faces of a body as quads (q, 4), see `flat_quads`, and the cell (q,) of each face."""
     boundary = body.cell_type.boundary(body.cells)
     quads = flat_quads(boundary.quads)
     return quads, np.repeat(boundary.cells, len(quads) // max(len(boundary.quads), 1))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Published forces of self-contact: the forces of vertex-face pairs, distributed to the vertices on both sides."""
+"""Published forces of self-contact: the forces of all pairs, distributed to the vertices on both sides."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ Array = NDArray[np.float64]
 def touching_points(
     x: Array, pairs: tuple[NDArray, NDArray, Array, Array], presses: Array, shears: Array, slips: NDArray[np.bool_]
 ) -> Touch:
-    """Return the contact forces at all points that touch; a face's force is distributed to its corners.
+    """Return the contact forces at all points that touch; the force on a face or edge is distributed to its corners.
 
-    The indices in the result are those of points, not of vertices.
+    The indices in the result are indices of points, not of vertices.
 
     Args:
         x: (n + p, 3) [m] positions of the points.
-        pairs: vertex of each pair (k,), corners of its face (k, 4), their weights at the point of contact (k, 4), and
-            unit normals out of the faces (k, 3).
+        pairs: vertex (k,) of each pair, its four other vertices (k, 4) with their weights (k, 4), and unit normals (k,
+            3), see `OwnPairs`.
         presses: (k,) [N] normal forces on the vertices.
         shears: (k, 3) [N] friction forces on the vertices.
         slips: (k,) whether each pair slips.
@@ -63,7 +63,7 @@ def touching_points(
 
 @kernel
 def frames(x, quads):
-    """Return the frames (k, 3, 3) of faces (k, 4) at positions (n, 3) [m]. Columns are axes, the third the normal."""
+    """Return the frames (k, 3, 3) of faces (k, 4) at positions (n, 3) [m]; columns are axes, the third the normal."""
     axes = np.empty((len(quads), 3, 3))
     for k in range(len(quads)):
         u, v = face_at(x, quads[k], 0.5, 0.5)[1], area_vector(x, quads[k])

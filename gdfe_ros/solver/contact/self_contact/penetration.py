@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Penetration of the body into itself: points of its surface in foreign cells, and their depth, whatever touches."""
+"""Penetration of the body into itself: points of its surface inside foreign cells, and their depth, without pairs."""
 
 from __future__ import annotations
 
@@ -37,13 +37,14 @@ class FilledCells(NamedTuple):
     Attributes:
         cells: (m, 8) int32 corners of the cells.
         pieces: (m,) connected piece of each cell.
-        near: vertices and contact points of the cells that share a vertex with each of m cells. They are not tested in
-            this cell.
+        near: for each of m cells, the vertices and contact points of all cells that share a vertex with it. They are
+            not tested in this cell.
         quads: (q, 4) int32 all faces, ordered by connected piece: triangles of skins, and faces of other cells.
         touchable: (q,) whether each face takes part in self-contact.
         starts: (p + 1,) index at which the faces of each piece begin.
         lined: (p,) whether each piece has a skin.
-        rest, boxes: (n + p, 3) and (q, 2, 3) [m] positions, and boxes around the faces, at rest.
+        rest, boxes: undeformed positions (n + p, 3) [m] of the points, and boxes (q, 2, 3) [m] around the undeformed
+            faces.
     """
 
     cells: NDArray[np.int32]
@@ -84,7 +85,7 @@ def place_in_cell(x, cell, p):
 
 @inlined
 def has_all(quad, point):
-    """Return whether all numbers of ``point`` (4,) are corners of a face."""
+    """Return whether all indices in ``point`` (4,) are corners of a face."""
     count = 0
     for a in range(4):
         count += point[a] in (quad[0], quad[1], quad[2], quad[3])
@@ -93,10 +94,11 @@ def has_all(quad, point):
 
 @internal
 def nearest_of(x, boxes, material, piece, point, p, bound):
-    """Return the nearest face of a piece to a point p [m], their distance [m], and the height [m] of p above its plane.
+    """Return the face of a piece nearest to a point p [m], their distance [m], and the height [m] of p above its plane.
 
-    Faces with all of ``point`` (4,) as corners are left out. If several are equally near, at an edge or a corner, it is
-    the one whose plane is farthest from p. The search ends with a face that is nearer than ``bound`` [m].
+    Faces with all indices in ``point`` (4,) as corners are left out. If several faces are equally near, at an edge or a
+    corner, the face whose plane is farthest from p is returned. The search ends at the first face that is nearer than
+    ``bound`` [m].
     """
     nearest, least, height = -1, np.inf, 0.0
     for f in range(material.starts[piece], material.starts[piece + 1]):
@@ -120,8 +122,9 @@ def nearest_of(x, boxes, material, piece, point, p, bound):
 def depth_in(x, boxes, material, e, point, p, bound):
     """Return the depth [m] of a point p [m] in cell ``e``, below the faces of the piece; see `find_inside`.
 
-    In a piece with a skin, the point is in the material if it is behind the nearest triangle, and if its place at rest
-    is so, too: a body may fold until the surface of a cell is far from a place in it.
+    In a piece with a skin, the point is in the material if it is behind the nearest face, in the deformed and in the
+    undeformed body. The second condition is needed because folding may move the surface in a cell far from other places
+    in this cell.
     """
     piece, (within, place) = material.pieces[e], place_in_cell(x, material.cells[e], p)
     if not within:
@@ -137,15 +140,15 @@ def depth_in(x, boxes, material, e, point, p, bound):
 
 @kernel
 def find_inside(x, material, points, places, pairs, bounds, depth, cell):
-    """Find which points of the surface are inside of cells, and their depth below the faces of the cells' pieces.
+    """Find the points of the surface that are inside of cells, and their depth below the faces of the cells' pieces.
 
-    The depth is 0 if it is below the bound, or if the nearest face takes no part in self-contact.
+    The depth is 0 if it is below the least reported depth, or if the nearest face takes no part in self-contact.
 
     Args:
         x: (n + p, 3) [m] positions.
         material: `FilledCells`.
-        points: (k, 4) faces whose middles are tested; four times the same number for a vertex or contact point.
-        places: (k, 3) [m] their positions.
+        points: (k, 4) faces whose middles are tested; for a tested vertex or contact point, its index four times.
+        places: (k, 3) [m] the tested positions.
         pairs: (2, i) points and cells that may contain them.
         bounds: (k,) [m] least depths that are reported.
         depth: (k,) [m], is written for points inside a cell.
@@ -170,7 +173,7 @@ class Inside:
         body: the discretised body.
         points: the vertices and contact points of the body.
         surface: faces that may touch each other, and their vertices.
-        meant: the self-contact definition, which gives the names of the parts.
+        meant: the self-contact of the scene, which has the names of the parts.
     """
 
     def __init__(self, body: Body, points: BodyPoints, surface: Topology, meant: SelfContact) -> None:
@@ -201,8 +204,8 @@ class Inside:
         """Return the penetration depth [m] of each surface vertex (k,), and the cell in which it lies (k,).
 
         Depth and cell are 0 and -1 in three cases: the vertex is in no foreign cell, it is less than ``bound`` [m]
-        below the surface, or its nearest face takes no part in self-contact. Contact points count only where cells are:
-        a skin that lies beyond its cells may enter another one by this distance.
+        below the surface, or its nearest face takes no part in self-contact. Contact points count only inside of cells:
+        where a skin lies outside its cells, another skin may enter it by the distance between skin and cells.
 
         Args:
             x: (n + p, 3) [m] positions.
@@ -212,10 +215,10 @@ class Inside:
         return depths[: self._count], cells[: self._count]
 
     def _find(self, x: NDArray[np.float64], bound: float) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-        """Return what `depths` returns, also of the middles of faces that are at least a quarter of an edge deep.
+        """Do `depths` for the tested points: surface vertices, and middles of faces at least `Topology.depth` inside.
 
-        Two plates of one cell that lie in one plane and overlap have all vertices on the surface of each other. Nothing
-        is found if a position is not finite.
+        Middles are needed for two plates, each one cell thick, that overlap in one plane: each of their vertices lies
+        on the surface of the other plate. Nothing is found if a position is not finite.
         """
         depth, bounds = np.zeros(len(self._tested)), np.full(len(self._tested), bound)
         cell, bounds[self._count :] = np.full(len(depth), -1, dtype=np.int64), self._deep
@@ -224,16 +227,16 @@ class Inside:
         return depth, cell
 
     def _middles(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the tested points (k, 3) [m]."""
+        """Return the positions (k, 3) [m] of the tested points."""
         return 0.25 * np.einsum("kai->ki", x[self._tested])
 
     def _find_cells(self, x: NDArray[np.float64], within: float) -> NDArray[np.int64]:
-        """Return the tested points and cells (2, i) that come within a distance [m] along each axis."""
+        """Return the pairs (2, i) of tested points and cells that are at most ``within`` [m] apart along each axis."""
         places, cells = self._middles(x), boxes_around(x, self._material.cells)
         return find_near(np.stack([places, places], axis=1), cells, self._tested, self._material.near, within)
 
     def tell(self, x: NDArray[np.float64], bound: float) -> tuple[float, str]:
-        """Return the largest penetration depth [m], and a sentence with parts, depth and place; 0 and empty if none."""
+        """Return the largest penetration depth [m] and a sentence with parts, depth and place; 0 and empty if none."""
         depths, cells = self._find(x, bound)
         deepest = int(depths.argmax())
         if not depths[deepest] > 0.0:
@@ -242,7 +245,7 @@ class Inside:
         return depth, self.sentence(own[0], other, x[own].mean(axis=0), depth)
 
     def sentence(self, vertex: int, within: int, place: NDArray[np.float64], depth: float) -> str:
-        """Return a sentence about a vertex that lies inside of the part of another vertex, deepest at ``place`` [m]."""
+        """Return a sentence: a vertex is inside of the part of the vertex ``within``, deepest at ``place`` (3,) [m]."""
         own, other = (self._meant.owner(self._points.vertices[point]) for point in (vertex, within))
         where = ", ".join(f"{value:.4g}" for value in place + self._meant.origin)
         inside = f"{depth:.3g} m inside of {'itself' if own == other else other}"
