@@ -41,7 +41,10 @@ def markdown() -> str:
 
 
 def _topic(spec: TopicSpec) -> Sequence[str]:
-    return f"`{spec.name.replace('{', '<').replace('}', '>')}`", f"`{spec.type}`", spec.meaning, spec.delivery.words
+    name, of = spec.name.replace("{", "<").replace("}", ">"), spec.delivery
+    quality = f"{'reliable' if of.reliable else 'best effort'}, {'transient local' if of.local else 'volatile'}"
+    quality += f", last {of.depth}{', while not active, too' * of.always}"
+    return f"`{name}`", f"`{spec.type}`", spec.meaning, quality
 
 
 def _parameter(spec: ParameterSpec) -> Sequence[str]:

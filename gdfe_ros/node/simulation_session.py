@@ -375,10 +375,7 @@ class SimulationSession:
         self.step_publisher.put(replace(last, first=False, again=True, stored=stored, **again))
 
     def _change_moduli(self, moduli: Mapping[str, float]) -> None:
-        """Replace the simulation by one with other moduli.
-
-        Without dynamics, it is solved at the present commands. With dynamics, it continues the present motion.
-        """
+        """Replace the simulation by one with other moduli that is solved at the present commands, or goes on moving."""
 
         def swap() -> None:
             self.run.simulation = with_moduli(self.simulation, moduli, interrupted=self.stepper.must_end)

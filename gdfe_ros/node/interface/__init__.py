@@ -25,36 +25,19 @@ class Changeable(Enum):
 
 
 class Delivery(Enum):
-    """Quality of service of a topic, named by the purpose of the topic.
+    """Quality of service of a topic: reliable, transient local, number of messages, published while not active, too."""
 
-    Attributes:
-        reliable: whether the middleware sends lost messages again.
-        local: whether late subscribers receive the last messages, if they ask for them (transient local).
-        depth: number of messages that are kept.
-        always: whether the topic is published while the node is not active, too.
-    """
-
-    STATE = True, True, 10
-    """Subscribers that ask for transient local durability miss no step during discovery."""
-    CLOUD = True, True, 1
-    """A late subscriber needs the present cloud only, and ten clouds of a large body are many bytes."""
-    COMMAND = True, False, 1000
+    STATE = True, True, 10, False  # subscribers that ask for it miss no step during discovery
+    CLOUD = True, True, 1, False  # ten clouds of a large body are many bytes
+    COMMAND = True, False, 1000, False
     LATCHED = True, True, 1, True
     EVENT = True, False, 100, True
-    CLOCK = False, False, 1
-    TRANSFORMS = True, False, 100
-    """The same quality of service as in tf2_ros."""
-    FOLLOWED = False, False, 10
-    """The leader's publisher may be reliable or not."""
+    CLOCK = False, False, 1, False
+    TRANSFORMS = True, False, 100, False  # as in tf2_ros
+    FOLLOWED = False, False, 10, False  # the leader's publisher may be reliable or not
 
-    def __init__(self, reliable: bool, local: bool, depth: int, always: bool = False) -> None:
+    def __init__(self, reliable: bool, local: bool, depth: int, always: bool) -> None:
         self.reliable, self.local, self.depth, self.always = reliable, local, depth, always
-
-    @property
-    def words(self) -> str:
-        """The quality of service in words."""
-        first = f"{'reliable' if self.reliable else 'best effort'}, {'transient local' if self.local else 'volatile'}"
-        return f"{first}, last {self.depth}{', while not active, too' * self.always}"
 
 
 @dataclass(frozen=True, kw_only=True)
