@@ -82,8 +82,8 @@ def make_contact_rows() -> list[Row]:
     for given in GROUPS["contact"]:
         unit, targets = given.get("unit", "real time"), [Target("ratio", SLOWER), Target("unconverged", 0)]
         for part, bounds in given.get("wanted", {}).items():
-            least = {"after": unit == "real time"}
-            targets += [Target(name, bound, least=least.get(name, False), part=part) for name, bound in bounds.items()]
+            for name, bound in bounds.items():
+                targets.append(Target(name, bound, least=name == "after" and unit == "real time", part=part))
         moves = "file" in given or load_scene(given["scene"]).dynamics
         task = _move(given, _mesh(given) | ({"dynamics.step": given.get("step", STEP)} if moves else {}))
         more = {"unit": unit, "turns": given.get("turns", 3), "targets": tuple(targets)}

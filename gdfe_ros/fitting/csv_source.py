@@ -168,9 +168,9 @@ class CsvSource:
         """Return the probes whose position columns are in the file, with the names of these columns."""
         found = {}
         for probe in self._scene.probes:
-            for stem in (f"probe/{probe}.pose.position.", f"{probe}."):
+            for stem in (f"{probe}.", f"probe/{probe}.pose.position."):
                 if columns := {axis: f"{stem}{axis}" for axis in AXES if f"{stem}{axis}" in self._table}:
-                    found[probe] = CompareModel(probe=probe, columns=columns)
+                    found.setdefault(probe, CompareModel(probe=probe, columns=columns))
         if not found:
             probes = ", ".join(f"{name}.x" for name in self._scene.probes) or "e.g. of a probe; the scene has none"
             raise GdfeError(

@@ -45,11 +45,11 @@ def find_cavities(mesh: Mesh) -> list[Cavity]:
 
     The boundary consists of closed pieces. A piece bounds a cavity if its volume in `boundary_pieces` is positive.
     """
-    found = [
-        Cavity(inner, volume, mesh.vertices[np.unique(inner)].mean(axis=0))
-        for inner, volume in ((reverse(mesh.boundary.quads[own]), volume) for own, volume in boundary_pieces(mesh))
-        if volume > 0.0
-    ]
+    found = []
+    for own, volume in boundary_pieces(mesh):
+        if volume > 0.0:
+            inner = reverse(mesh.boundary.quads[own])
+            found.append(Cavity(inner, volume, mesh.vertices[np.unique(inner)].mean(axis=0)))
     return sorted(found, key=lambda cavity: (-cavity.volume, tuple(cavity.center)))
 
 

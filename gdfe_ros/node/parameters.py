@@ -86,7 +86,8 @@ class NodeParameters(Mapping[str, Any]):
                 require_allowed(spec, change.value)
             except GdfeError as error:
                 return SetParametersResult(successful=False, reason=str(error))
-            if change.value != self[spec.name] and state not in _OPEN.get(spec.change, (state,)):
+            closed = spec.change is not Changeable.ALWAYS and state not in _OPEN[spec.change]
+            if closed and change.value != self[spec.name]:
                 reason = f"{spec.name} can be changed {spec.change.value}; the node is {state}"
                 return SetParametersResult(successful=False, reason=reason)
         return SetParametersResult(successful=True)

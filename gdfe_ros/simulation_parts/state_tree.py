@@ -33,8 +33,23 @@ from gdfe_ros.solver.state import (
 )
 from gdfe_ros.solver.stepping.stepper import Stepper
 
-_STATES = Bound, Failure, Ledger, Balance, ElementState, Motion, ShapeState, Snapshot, State, Summary, Unfinished
-_CLASSES = {kind.__name__: kind for kind in (*_STATES, ActuatorState, Pose, Tangent)}
+_VALUES = (
+    Bound,
+    Failure,
+    Ledger,
+    Balance,
+    ElementState,
+    Motion,
+    ShapeState,
+    Snapshot,
+    State,
+    Summary,
+    Unfinished,
+    ActuatorState,
+    Pose,
+    Tangent,
+)
+_CLASSES = {kind.__name__: kind for kind in _VALUES}
 """Dict from name to a dataclass that a tree may contain."""
 
 

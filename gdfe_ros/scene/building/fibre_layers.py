@@ -66,5 +66,7 @@ def _layer(name: str, model: FibreLayerModel, mesh: Mesh) -> FibreLayer:
 def _wall(mesh: Mesh, wall: Wall) -> NDArray[np.int32]:
     """Return the faces of the outer wall of a body, or of the walls of its cavities."""
     faces = mesh.surface()
-    chosen = [own for own, volume in boundary_pieces(mesh) if (volume < 0.0) is (wall is Wall.OUTER)]
-    return faces[np.any([np.zeros(len(faces), dtype=bool), *chosen], axis=0)]
+    kept = np.zeros(len(faces), dtype=bool)
+    for own, volume in boundary_pieces(mesh):
+        kept |= own & ((volume < 0.0) is (wall is Wall.OUTER))
+    return faces[kept]

@@ -160,9 +160,7 @@ def find_screw(here: Array, there: Array, sense: Array) -> Array:
     """
     start, end = here.mean(axis=0), there.mean(axis=0)
     arms, moved = here - start, there - end
-    spread = np.linalg.svd(moved.T @ arms, compute_uv=False)
-    on_a_line = not spread[1] > LEAST_TURN * spread[0]
-    if on_a_line or np.abs(moved - arms).max() <= LEAST_TURN * np.abs(arms).max():
+    if np.abs(moved - arms).max() <= LEAST_TURN * np.abs(arms).max() or _are_on_a_line(arms, moved):
         return np.concatenate([np.zeros(3), end - start])
     turn = Rotation.align_vectors(moved, arms)[0]
     vector = turn.as_rotvec()
@@ -172,6 +170,12 @@ def find_screw(here: Array, there: Array, sense: Array) -> Array:
     # exp(xi) moves a point by (J - I) x + J_l v; J_l is invertible below a whole turn.
     left = apply_left_jacobian(vector[None], np.eye(3)).T
     return np.concatenate([vector, np.linalg.solve(left, end - turn.apply(start))])
+
+
+def _are_on_a_line(arms: Array, moved: Array) -> bool:
+    """Return whether points with ``arms`` (k, 3) [m] from their mean, ``moved`` later, do not show how they turn."""
+    spread = np.linalg.svd(moved.T @ arms, compute_uv=False)
+    return not spread[1] > LEAST_TURN * spread[0]
 
 
 def follow_screws(screws: Array, points: Array) -> Array:

@@ -129,9 +129,10 @@ class FreeMass:
 
     def _include(self, vertices: NDArray[np.int32]) -> None:
         """Extend the known part of the inverse mass matrix to ``vertices``, by one column for each new vertex."""
-        new = np.unique(vertices[self._place[vertices] < 0])
-        if not len(new):
+        missing = vertices[self._place[vertices] < 0]
+        if not len(missing):
             return
+        new = np.unique(missing)
         self._known = np.concatenate([self._known, new])
         count = len(self._known)
         self._place[self._known], found = np.arange(count), np.zeros((count, 3, count, 3))
