@@ -19,7 +19,7 @@ from gdfe_ros.compiled import internal, kernel
 from gdfe_ros.mesh.triples import along
 from gdfe_ros.solver.contact.field import PointField
 from gdfe_ros.solver.contact.kept_columns import ConstantColumns, HalvedColumns, KeptColumns
-from gdfe_ros.solver.descent.lbfgs_workspace import MEMORY, Problem, Workspace, inner, numbers
+from gdfe_ros.solver.descent.lbfgs_workspace import MEMORY, Problem, Workspace, inner
 from gdfe_ros.solver.descent.loop import Metric, apply_initial
 from gdfe_ros.solver.matrix.rotation import left_jacobian_transposed
 from gdfe_ros.solver.matrix.unknowns import rigid_part
@@ -353,7 +353,7 @@ class Compliance:
         dropped. The constant matrix may replace the tangent for a while; its columns are kept beside those of the
         tangent. ``key`` has the arrays that identify the tangent.
         """
-        free, wild, known = problem.unknowns.free, int(numbers(work)["wild"]), self.known
+        free, wild, known = problem.unknowns.free, int(work.status[0]["wild"]), self.known
         constant = bool(wild) or not len(metric.kept.order)
         source = (metric.coupling.inverse_schur, free) if constant else key
         before, columns = self._columns.get(constant, ((), None))

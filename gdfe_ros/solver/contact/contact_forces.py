@@ -23,7 +23,7 @@ from gdfe_ros.solver.contact.compliance import Compliance, project, pull
 from gdfe_ros.solver.contact.contact_term import FAINT, ROUNDING
 from gdfe_ros.solver.contact.field import HeldLoads, PointField
 from gdfe_ros.solver.contact.stencil import PLANES
-from gdfe_ros.solver.descent.lbfgs_workspace import Problem, Workspace, numbers
+from gdfe_ros.solver.descent.lbfgs_workspace import Problem, Workspace
 from gdfe_ros.solver.descent.loop import Metric
 from gdfe_ros.solver.matrix.unknowns import Unknowns
 
@@ -57,8 +57,8 @@ class ContactForces:
         for p in range(len(unknowns.slides)):
             handle_of[unknowns.members[unknowns.member_start[p] : unknowns.member_start[p + 1]]] = p
         self._rows, self._numbered = (np.full(count, -1, dtype=np.int64), handle_of), None
-        self._record = np.zeros(1, dtype=TALLY).view(np.recarray)
-        self._tally = self._record.view(TALLY, np.ndarray)[0]
+        self._record = np.zeros(1, dtype=TALLY)
+        self._tally = self._record[0]
         self._tally["swings"] = any(contact.valid < np.inf for contact in self.contacts)
         self.begin()
         vertices = np.unique(np.concatenate([contact.vertices for contact in self.contacts]))
@@ -169,7 +169,7 @@ class ContactForces:
         self._tally["room"], near = -np.inf, False  # points are chosen again before the next step
         for contact in self._waiting:
             near |= contact.near
-            contact.follow(work.x, 2.0 * float(numbers(work)["step"]))
+            contact.follow(work.x, 2.0 * float(work.status[0]["step"]))
             near |= contact.near
         return near
 

@@ -150,7 +150,7 @@ class ContactTerm(Term):
     def finish(self, saved: Saved, positions: NDArray[np.float64]) -> Saved:
         """Return the state to store after a solve that ended at ``positions`` (n, 3) [m] and began with ``saved``.
 
-        The stencils must have been updated to these positions.
+        The stencils must have been updated to these positions. The state still lacks the mean forces.
         """
         if not self.acts:
             return {**self._free, "lost": saved["lost"]}
@@ -160,7 +160,7 @@ class ContactTerm(Term):
         kept = {name: array.copy() for name, array in self._free.items()}
         kept["press"][chosen], kept["slips"][chosen], kept["shear"][chosen] = press, slips, self.to_stored_axes(shear)
         self.keep_places(kept)
-        return self.add_mean_forces(saved, kept, press * np.linalg.norm(self.stencils.axes[:, 0], axis=1), -shear)
+        return {**kept, "lost": saved["lost"]}
 
     @abstractmethod
     def to_stored_axes(self, vectors: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -169,6 +169,11 @@ class ContactTerm(Term):
     @abstractmethod
     def keep_places(self, kept: Saved) -> None:
         """Write the places where the near points touch to the state ``kept``, which has the forces and slips."""
+
+    def add_multipliers(self, saved: Saved, kept: Saved) -> Saved:
+        """Do `add_mean_forces` with the multipliers as mean forces: those of an equilibrium."""
+        held, axes, shears = self.stencils.held, self.stencils.axes, self.stencils.shears
+        return self.add_mean_forces(saved, kept, held[:, 0] * np.linalg.norm(axes[:, 0], axis=1), -shears)
 
     def add_mean_forces(
         self, saved: Saved, kept: Saved, pushes: NDArray[np.float64], shears: NDArray[np.float64]

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from gdfe_ros.materials.material import Law
 from gdfe_ros.materials.table import CARRIED
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.descent.lbfgs_workspace import allocate, numbers
+from gdfe_ros.solver.descent.lbfgs_workspace import allocate
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.outcome import Outcome
 from gdfe_ros.solver.settings import Skip
@@ -71,7 +71,7 @@ class ActiveSet:
     @cached_property
     def status(self) -> np.void:
         """The workspace's status record."""
-        return numbers(self.workspace)
+        return self.workspace.status[0]
 
     @property
     def ended(self) -> Outcome:

@@ -119,11 +119,6 @@ class Workspace(NamedTuple):
     status: NDArray[np.void]
 
 
-def numbers(work: Workspace) -> np.void:
-    """Return a view of the status record, with the fields of `STATUS`; it is faster than the record array."""
-    return work.status.view(STATUS, np.ndarray)[0]
-
-
 def allocate(rows: int, x: Array, cells: tuple[int, int], memory: int = MEMORY) -> Workspace:
     """Return a workspace for ``rows`` rows of unknowns, a body at ``x`` (n, 3) [m] and ``memory`` pairs of history.
 
@@ -138,7 +133,7 @@ def allocate(rows: int, x: Array, cells: tuple[int, int], memory: int = MEMORY) 
         np.zeros(1),
         *(np.zeros((memory, 3 * rows)) for _ in range(2)),
         *(np.zeros(memory) for _ in range(2)),
-        np.zeros(1, dtype=STATUS).view(np.recarray),
+        np.zeros(1, dtype=STATUS),
     )
 
 
@@ -198,14 +193,14 @@ def remember(work):
 
 def history(work: Workspace) -> tuple[Array, Array]:
     """Return the steps and changes (k, 3 r) of the history, oldest first; copies."""
-    status = numbers(work)
+    status = work.status[0]
     rows = (int(status["head"]) - int(status["count"]) + np.arange(int(status["count"]))) % len(work.curvature)
     return work.steps[rows], work.changes[rows]
 
 
 def load_history(work: Workspace, steps: Array, changes: Array) -> None:
     """Set the history of a workspace to steps and changes (k, 3 r), oldest first."""
-    status, count = numbers(work), len(steps)
+    status, count = work.status[0], len(steps)
     work.steps[:count], work.changes[:count] = steps, changes
     work.curvature[:count] = np.einsum("ki,ki->k", steps, changes)
     status["count"], status["head"] = count, count % len(work.curvature)

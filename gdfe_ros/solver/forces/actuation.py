@@ -157,11 +157,17 @@ class Actuation:
         """Whether updates of a term do not settle, so that the increment should be shorter."""
         return any(term.wanders for term in self.terms)
 
-    def finish(self, saved: Mapping[str, Saved], positions: Array) -> dict[str, Saved]:
-        """Return a dict from term name to the state to store after a solve that ended at ``positions`` (n, 3) [m]."""
+    def finish(self, saved: Mapping[str, Saved], positions: Array, *, moving: bool) -> dict[str, Saved]:
+        """Return a dict from term name to the state to store after a solve that ended at ``positions`` (n, 3) [m].
+
+        If the body is ``moving``, contacts get their mean forces from the impulses of the step.
+        """
         if self.contacts:
             self.held.look(positions)
-        return {term.name: term.finish(saved[term.name], positions) for term in self.terms}
+        found = {term.name: term.finish(saved[term.name], positions) for term in self.terms}
+        for contact in (each for each in self.contacts if each.acts and not moving):
+            found[contact.name] = contact.add_multipliers(saved[contact.name], found[contact.name])
+        return found
 
     def unstable(
         self, positions: Array, since: Array, commands: Mapping[str, float], before: Mapping[str, float] | None = None

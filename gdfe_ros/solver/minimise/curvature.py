@@ -16,7 +16,7 @@ import numpy as np
 from scipy.linalg import eigh_tridiagonal
 
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.descent.lbfgs_workspace import allocate, numbers
+from gdfe_ros.solver.descent.lbfgs_workspace import allocate
 from gdfe_ros.solver.descent.search import advance
 from gdfe_ros.solver.minimise.minimiser import Task
 from gdfe_ros.solver.vectors import Array, largest
@@ -54,7 +54,7 @@ class TangentProducts:
         """Return the energy [J] of all terms at the unknowns plus ``step`` (3 r,)."""
         self._beside.u[...] = self._u + step
         advance(self._problem, self._beside, True)
-        return float(numbers(self._beside)["energy"])
+        return float(self._beside.status[0]["energy"])
 
     def __call__(self, direction: Array) -> Array:
         """Return the product K d (3 r,) [N] of the tangent and a ``direction`` d (3 r,)."""

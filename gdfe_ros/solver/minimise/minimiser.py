@@ -15,7 +15,7 @@ from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact.contact_forces import ContactForces
 from gdfe_ros.solver.descent.active_set import ActiveSet
 from gdfe_ros.solver.descent.arc import follow_arc_once
-from gdfe_ros.solver.descent.lbfgs_workspace import Problem, Workspace, numbers
+from gdfe_ros.solver.descent.lbfgs_workspace import Problem, Workspace
 from gdfe_ros.solver.descent.loop import ENDLESS, Metric, descend, precondition
 from gdfe_ros.solver.descent.search import ROUNDING, advance
 from gdfe_ros.solver.matrix.substitution import Kept
@@ -277,6 +277,6 @@ class Minimiser:
 
     def _show(self, work: Workspace, *, begins: bool) -> None:
         if self.observer is not None:
-            status = numbers(work)
+            status = work.status[0]
             size = float(status["absolute"] + status["outside"]) + self._grain / ROUNDING
             self.observer(float(status["energy"]), size, begins)

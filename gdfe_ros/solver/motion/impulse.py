@@ -109,13 +109,13 @@ class ContactImpulses:
         if not any(contact.acts and contact.near for contact in held.contacts):
             return now
         part, x, saved = Pressing.of(held, now.positions, before), now.positions, now.terms[NAME]
-        vertices, loads = np.unique(part.vertices), np.zeros_like(x)
-        rule = Rule.of(dynamics, h, Kinematics.of(before.terms[NAME]))
+        loads, rule = np.zeros_like(x), Rule.of(dynamics, h, Kinematics.of(before.terms[NAME]))
         add_loads(held.gather().stencils, loads)
-        moved = self._mass.respond(x, vertices, -loads) / rule.kappa
+        self._mass.include(part.vertices)
+        moved = self._mass.respond(x, -loads) / rule.kappa
         velocity = saved["velocity"] - rule.theta * moved
         pulls, now = self._strike(part, velocity, 2.0 / (rule.kappa * h), before, now, h)
-        gained = self._mass.respond(x, vertices, pulls)
+        gained = self._mass.respond(x, pulls)
         kept = {
             **saved,
             "velocity": velocity + gained,
@@ -134,7 +134,7 @@ class ContactImpulses:
 
         The first guess of the impulses, exact for contacts that push steadily, is ``time`` [s] times the multipliers.
         """
-        (place, between), (count, width) = self._mass.inverse(now.positions, part.vertices), part.vertices.shape
+        (place, between), (count, width) = self._mass.inverse(now.positions), part.vertices.shape
         given, every = (part.vertices.astype(np.int64), part.blocks, np.full(count, width)), np.arange(count)
         came, speeds, w = *np.empty((2, count, 3)), np.empty((3 * count, 3 * count))
         for found, of in ((came, before.terms[NAME]["velocity"]), (speeds, velocity)):
@@ -172,16 +172,14 @@ class ContactImpulses:
         changes ``gained`` (k, 2) [m/s] of the slip speeds have rows for the contact's ``own`` points. The missing
         impulse is the body's mass times the mean of these changes.
         """
-        friction, mass, axes = contact.friction, contact.held_mass, part.axes[own]
-        if not mass:
+        friction, mass, axes, push = contact.friction, contact.held_mass, part.axes[own], impulses[:, 0]
+        if not mass or (np.linalg.norm(impulses[:, 1:], axis=1) < (1.0 - ROUNDING) * friction * push).any():
             return ""
-        push, rub = impulses[:, 0], np.einsum("ka,kai->ki", impulses[:, 1:], axes[:, 1:])
-        squeezed = np.linalg.norm(push @ axes[:, 0]) < self.OPPOSED * push.sum()
-        sticks = np.linalg.norm(rub, axis=1) < (1.0 - ROUNDING) * friction * push
-        if not squeezed or sticks.any():
+        if not np.linalg.norm(push @ axes[:, 0]) < self.OPPOSED * push.sum():
             return ""
+        rub = np.einsum("ka,kai->i", impulses[:, 1:], axes[:, 1:])
         slips = np.einsum("ka,kai->ki", gained, axes[:, 1:])
-        needed = float(np.linalg.norm(rub.sum(axis=0) - mass * slips.mean(axis=0)) / push.sum())
+        needed = float(np.linalg.norm(rub - mass * slips.mean(axis=0)) / push.sum())
         if not needed > self.LACKING * friction:
             return ""
         where = ", ".join(map(str, np.unique(part.vertices[own][push > 0.0, 0])[: self.LISTED]))

@@ -79,10 +79,10 @@ class FreeMass:
         self._between, self._columns = np.zeros((0, 0)), {}
 
     @cached_property
-    def _parts(self) -> list[tuple[list[int], NDArray[np.intp], LuFactor]]:
+    def _parts(self) -> list[tuple[NDArray[np.int64], NDArray[np.intp], LuFactor]]:
         """Groups of axes with equal free vertices: the axes, these vertices, and the factor of their mass matrix."""
         alike = all(np.array_equal(free, self._free[0]) for free in self._free)  # no rollers, or alike in x, y and z
-        each = [[0, 1, 2]] if alike else [[0], [1], [2]]
+        each = np.arange(3).reshape((1, 3) if alike else (3, 1))
         freed = [self._free[axes[0]] for axes in each]
         return [
             (axes, free, LuFactor(self._mass[free][:, free].tocsc())) for axes, free in zip(each, freed, strict=True)
@@ -99,36 +99,29 @@ class FreeMass:
             acceleration[own] = factor.solve(forces[own])
         return acceleration
 
-    def respond(self, positions: Array, vertices: NDArray[np.int32], forces: Array) -> Array:
-        """Do `accelerate` for ``forces`` (n, 3) [N] on ``vertices`` (k,) only, by columns of the inverse mass matrix.
+    def respond(self, positions: Array, forces: Array) -> Array:
+        """Do `accelerate` by columns of the inverse mass matrix, for ``forces`` (n, 3) [N] on included vertices only.
 
         Accelerations of rigid bodies are rigid motions at ``positions`` (n, 3) [m].
         """
-        self._include(vertices)
         acceleration = np.zeros_like(forces)
         for axes, free, _ in self._parts:
-            spread(self._columns[axes[0]], self._place[vertices], vertices, free, np.array(axes), forces, acceleration)
+            spread(self._columns[axes[0]], self._place, free, axes, forces, acceleration)
         if len(self._rigid):
             acceleration[self._rigid] = rigid_part(positions[self._rigid], acceleration[self._rigid])
         return acceleration
 
-    def inverse(self, positions: Array, vertices: NDArray[np.int32]) -> tuple[NDArray[np.int64], Array]:
+    def inverse(self, positions: Array) -> tuple[NDArray[np.int64], Array]:
         """Return the place (n,) of each vertex in a part of the inverse mass matrix, and this part (3 m, 3 m) [1/kg].
 
-        The part contains all ``vertices`` (of any array shape) and perhaps others. Rigid bodies move as rigid bodies at
-        ``positions`` (n, 3) [m]; if a vertex of a rigid body is among ``vertices``, all four must be. The caller must
-        not modify the results.
+        The part contains the included vertices. Rigid bodies move as rigid bodies at ``positions`` (n, 3) [m]; of a
+        rigid body, either all four vertices are included or none. The caller must not modify the results.
         """
-        self._include(vertices)
-        for four, mass in zip(self._rigid, self._of_rigid, strict=True):
-            if self._place[four[0]] >= 0:
-                own = (3 * self._place[four][:, None] + np.arange(3)).ravel()
-                every = rigid_part(np.tile(positions[four], (12, 1, 1)), np.eye(12).reshape(12, 4, 3))
-                self._between[np.ix_(own, own)] = every.reshape(12, 12) / mass
+        write_rigid(positions, self._rigid, self._of_rigid, self._place, self._between)
         return self._place, self._between
 
-    def _include(self, vertices: NDArray[np.int32]) -> None:
-        """Extend the known part of the inverse mass matrix to ``vertices``, by one column for each new vertex."""
+    def include(self, vertices: NDArray[np.int32]) -> None:
+        """Extend the known part of the inverse mass matrix to ``vertices`` (any shape), a column for each new one."""
         missing = vertices[self._place[vertices] < 0]
         if not len(missing):
             return
@@ -151,17 +144,16 @@ class FreeMass:
 
 
 @kernel
-def spread(columns, rows, vertices, free, axes, forces, out):
+def spread(columns, place, free, axes, forces, out):
     """Write the acceleration of ``free`` vertices (f,) by ``forces`` (n, 3) [N] along ``axes`` to ``out`` (n, 3).
 
-    Only the forces on ``vertices`` (k,) count. Their columns of the inverse mass matrix are the ``rows`` (k,) of
-    ``columns``.
+    The column of each vertex in the inverse mass matrix is the row ``place`` (n,) of ``columns``. Forces on vertices
+    whose place is -1 do not count.
     """
     found = np.zeros((len(axes), len(free)))
-    for j in range(len(rows)):
-        column = columns[rows[j]]
-        for a in range(len(axes)):
-            force = forces[vertices[j], axes[a]]
+    for v in range(len(place)):
+        for a in range(len(axes) if place[v] >= 0 else 0):
+            force, column = forces[v, axes[a]], columns[place[v]]
             for i in range(len(free) if force != 0.0 else 0):
                 found[a, i] += column[i] * force
     for a in range(len(axes)):
@@ -199,6 +191,26 @@ def rigid_part(positions, vectors):
             for j in range(3):
                 found[k, a, j] = mean[j] + turned[j]
     return found
+
+
+@kernel
+def write_rigid(positions, rigid, masses, place, between):
+    """Write the entries of ``between``, see `FreeMass.inverse`, of all bodies in ``rigid`` (b, 4) that have a place.
+
+    ``masses`` (b,) [kg] are the masses of one vertex of each body.
+    """
+    unit, four = np.zeros((1, 4, 3)), np.empty((1, 4, 3))
+    for k in range(len(rigid) if len(between) else 0):
+        for a in range(4):
+            four[0, a] = positions[rigid[k, a]]
+        for row in range(12 if place[rigid[k, 0]] >= 0 else 0):
+            unit[0, row // 3, row % 3] = 1.0
+            moved = rigid_part(four, unit)[0]
+            unit[0, row // 3, row % 3] = 0.0
+            for b in range(4):
+                for j in range(3):
+                    own = between[3 * place[rigid[k, row // 3]] + row % 3]
+                    own[3 * place[rigid[k, b]] + j] = moved[b, j] / masses[k]
 
 
 NAME = "(inertia)"

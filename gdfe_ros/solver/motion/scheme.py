@@ -12,17 +12,16 @@ impulse at the end of the step (`gdfe_ros.solver.motion.impulse`). `docs/theory/
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from gdfe_ros.solver.settings import Dynamics, Scheme
-from gdfe_ros.solver.state import Saved, replace_fields
+from gdfe_ros.solver.state import Saved
 from gdfe_ros.solver.vectors import Array
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Kinematics:
+class Kinematics(NamedTuple):
     """Kinematics of the vertices at the end of a step; all arrays are (n, 3).
 
     Attributes:
@@ -72,7 +71,7 @@ class Kinematics:
     @property
     def saved(self) -> Saved:
         """The kinematics as a stored state."""
-        return {**vars(self), "h": np.array([self.h]), "first": np.array([float(self.first)])}
+        return {**self._asdict(), "h": np.array([self.h]), "first": np.array([float(self.first)])}
 
     @property
     def trend(self) -> Array:
@@ -93,11 +92,10 @@ class Kinematics:
         to step, and a much longer step would turn this oscillation into energy.
         """
         fresh = self.start(self.positions, self.velocity, self.balanced + self.pushed, h, first=True)
-        return replace_fields(fresh, balanced=self.balanced, pushed=self.pushed)
+        return fresh._replace(balanced=self.balanced, pushed=self.pushed)
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Rule:
+class Rule(NamedTuple):
     """One step of a scheme from given kinematics.
 
     Attributes:
