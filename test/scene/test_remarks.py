@@ -49,6 +49,9 @@ def _slid(simulation: Simulation) -> float:
         ("scheme: generalised_alpha, rho_inf: 1.0", True),
         ("scheme: generalised_alpha, rho_inf: 0.0", False),
         ("scheme: bdf2", False),
+        ("step: 0.002", True),
+        ("step: 0.002, rho_inf: 0.2", False),
+        ("step: 0.002, damping: {viscosity: 200.0}", False),
     ],
 )
 def test_schemes_that_slide_where_friction_holds_are_remarked(scheme: str, told: bool) -> None:

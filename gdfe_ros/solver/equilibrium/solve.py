@@ -221,7 +221,7 @@ class Solve:
     def _solution(self) -> Solution:
         """Return the solution at the end of the last minimisation."""
         active, start, problem, body = self._active, self.start, self.problem, self._body
-        if self._minimiser.ran_away(active):
+        if self._minimiser.ran_away(active, start.positions):
             state = start.with_flaw(tell(Outcome.RUNAWAY), error_estimate=np.inf)
             ended = {"ended": Outcome.RUNAWAY, "began": start.positions}
             return Solution(state=state, iterations=self.iterations, **ended)

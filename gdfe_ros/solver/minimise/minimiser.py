@@ -83,7 +83,7 @@ class Minimiser:
     TRUST = 0.1
     """Assumed least ratio of the length of a step with the constant matrix to the distance to the equilibrium."""
     FARTHEST = 3000.0
-    """A body counts as running away if a vertex' displacement, or a step, exceeds this multiple of the body's size."""
+    """A body counts as running away if a vertex moves by more than this multiple of the body's size in a solve."""
     LEAST_AGE, AGE = 24, 1.5
     """Within a solve, a tangent is renewed after the larger of two numbers of iterations: the first number, and the
     second number times `TangentLevel.price`. The first number prevents renewals after every few long steps.
@@ -243,9 +243,9 @@ class Minimiser:
         """Return whether a new tangent lowers the mean cost of a solve."""
         return tangent is not None and tangent.overdue(max(self.LEAST_AGE // 2, self.level.price))
 
-    def ran_away(self, active: ActiveSet) -> bool:
-        """Return whether the body runs away, because the energy has no lower bound."""
-        far = not largest_distance(active.workspace.x, self._body.rest) <= self.FARTHEST * self._body.size
+    def ran_away(self, active: ActiveSet, since: Array) -> bool:
+        """Return whether the body has run away from ``since`` (n, 3) [m], because the energy has no lower bound."""
+        far = not largest_distance(active.workspace.x, since) <= self.FARTHEST * self._body.size
         return far or active.ended is Outcome.RUNAWAY
 
     def metric(self, active: ActiveSet) -> Metric:

@@ -245,9 +245,15 @@ class MotionStepper:
         balance = now.balance or equilibrium.actuation.balance(now.positions, now.commands)
         return self.strike(dynamics, state, now.with_(unfinished=None, balance=balance, sound=True), h)
 
-    def strike(self, dynamics: Dynamics, before: State, now: State, h: float) -> State:
-        """Return the state ``now`` after an internal step from ``before``, with the impulses of the contacts."""
-        return self._impulses.add(dynamics, before, now, h, self.equilibrium_of(dynamics, h).actuation.held)
+    def strike(
+        self, dynamics: Dynamics, before: State, now: State, h: float, free_mass: FreeMass | None = None
+    ) -> State:
+        """Return the state ``now`` after an internal step from ``before``, with the impulses of the contacts.
+
+        ``free_mass`` replaces the body's own, in the derivatives by densities.
+        """
+        impulses = self._impulses if free_mass is None else ContactImpulses(free_mass)
+        return impulses.add(dynamics, before, now, h, self.equilibrium_of(dynamics, h).actuation.held)
 
     def place(self, state: State, positions: Array) -> State:
         """Return a state at ``positions`` (n, 3) [m] with the initial velocities; handles keep their poses."""

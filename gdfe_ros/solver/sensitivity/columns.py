@@ -19,6 +19,7 @@ from gdfe_ros.solver.forces.actuation import handle_reactions
 from gdfe_ros.solver.matrix.unknowns import HandlePositions, place
 from gdfe_ros.solver.minimise.curvature import TangentProducts
 from gdfe_ros.solver.minimise.level import TangentLevel
+from gdfe_ros.solver.motion.inertia import FreeMass
 from gdfe_ros.solver.sensitivity.linearised import Linearised, difference, map_arrays
 from gdfe_ros.solver.sensitivity.parameter import Parameter
 from gdfe_ros.solver.settings import Dynamics
@@ -40,6 +41,7 @@ class VariedInputs:
         poses: dict from handle name to commanded pose.
         table: packed materials.
         terms: dict from term name to a term that replaces the term of this name.
+        free_mass: mass of the free vertices and the rigid bodies in motion; None if it is that of the linearised solve.
     """
 
     start: State
@@ -47,6 +49,7 @@ class VariedInputs:
     poses: Mapping[str, Pose]
     table: MaterialTable
     terms: Mapping[str, Term] = field(default_factory=dict)
+    free_mass: FreeMass | None = None
 
 
 class Pair(NamedTuple):
@@ -289,6 +292,7 @@ def pair_of(
                 poses=parameter.change_poses(own.poses, share * change),
                 table=variant.table if variant else own.table,
                 terms=variant.terms(h, scheme) if variant else {},
+                free_mass=variant.free_mass if variant and h is not None else None,
             )
         )
     return Pair(*sides, own, step)

@@ -130,7 +130,7 @@ class Trail:
         for term in actuation.terms:
             terms[term.name] = side.terms.get(term.name, term).finish(side.start.terms[term.name], x)
         now = stage.after.with_(positions=x, poses=side.poses, commands=side.commands, terms=terms)
-        now = self._stepper.strike(dynamics, side.start, now, h)
+        now = self._stepper.strike(dynamics, side.start, now, h, side.free_mass)
         return {**now.terms, REACTIONS: now.summary.reactions}
 
     def _start_columns(self, stage: InternalStep) -> list[Carried]:

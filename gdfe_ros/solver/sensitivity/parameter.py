@@ -17,7 +17,7 @@ from gdfe_ros.materials.table import MaterialTable, pack
 from gdfe_ros.mesh.cells.filling import Filling
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.motion import inertia, viscosity
-from gdfe_ros.solver.motion.inertia import Inertia, mass_matrix
+from gdfe_ros.solver.motion.inertia import FreeMass, Inertia, mass_matrix
 from gdfe_ros.solver.motion.viscosity import Viscosity
 from gdfe_ros.solver.settings import Dynamics
 from gdfe_ros.solver.terms.applied_load import DeadLoadTerm
@@ -93,6 +93,11 @@ class Variant:
         """The mass matrix (n, n) [kg]."""
         density, model = cell_densities(self._model.materials, self._body.material), self._model
         return mass_matrix(self._body.rest, self._body.cells, density, model.masses, filling=model.filling)
+
+    @cached_property
+    def free_mass(self) -> FreeMass | None:
+        """Mass of the free vertices and the rigid bodies, with which contacts strike; None if no density differs."""
+        return FreeMass(self._body, self.mass) if self._heavier else None
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

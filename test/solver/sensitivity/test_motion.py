@@ -125,15 +125,16 @@ def test_steps_that_are_cut() -> None:
     assert motion_error(CASES["pose"], dt=0.012) <= 1.0
 
 
+@pytest.mark.parametrize(("key", "value", "step"), [("young", 1e5, 100.0), ("density", 1100.0, 0.1)])
 @pytest.mark.parametrize("friction", [0.0, 0.1, 2.0])
 @pytest.mark.parametrize("scheme", ["bdf2", "generalised_alpha"])
-def test_contact_in_motion(friction: float, scheme: str) -> None:
-    """With a ball pressed into the bar, which slides freely, slips or sticks, derivatives by modulus are exact."""
+def test_contact_in_motion(friction: float, scheme: str, key: str, value: float, step: float) -> None:
+    """With a ball pressed into the bar, which slides freely, slips or sticks, derivatives by materials are exact."""
     command = Command({"ball": Pose((0.0, 0.0, 0.006))}, loads={"push": 2.0})
     overrides = {"obstacles": {"ball": {"sphere": {"radius": 0.03}, "at": [0.07, 0.004, -0.04], "friction": friction}}}
     overrides.update(damped(scheme=scheme))
-    name = "materials.soft.young"
-    assert motion_error((name, lambda change: (command, {name: 1e5 + change}), 100.0, overrides)) <= 1.0
+    name = f"materials.soft.{key}"
+    assert motion_error((name, lambda change: (command, {name: value + change}), step, overrides)) <= 1.0
 
 
 def test_following_changes_no_bit() -> None:
