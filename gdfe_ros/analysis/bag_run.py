@@ -22,7 +22,7 @@ from gdfe_ros.recording.step import StepRecord, to_nanoseconds
 from gdfe_ros.results.contacts import total_forces
 from gdfe_ros.scene import Scene, scene_from_text
 
-_INPUTS = frozenset({"actuation", "commands", "trajectory"})
+_INPUTS = frozenset({"actuation", "attach", "commands", "joint_command", "release", "trajectory"})
 _HANDLE_INPUTS = frozenset({"target", "velocity", "follow", "set"})
 """Last parts of the names of a handle's input topics, e.g. of ``handles/tip/velocity``. The topic with the whole name
 ``velocity`` is an output. Inputs are not compared, because the step record has the consumed commands.
@@ -142,8 +142,8 @@ class BagSteps:
 def _is_known(role: str) -> bool:
     """Return whether a topic is an input of the node, or is not published once per step."""
     owner, _, last = role.rpartition("/")
-    is_input = last in _INPUTS or ("/" in owner and last in _HANDLE_INPUTS)
-    return role in _OTHERS or (is_input and not role.startswith("/"))
+    of_handle = "/" in owner and last in _HANDLE_INPUTS and not role.startswith("/")
+    return role in _OTHERS or role in _INPUTS or of_handle
 
 
 class BagRun:
