@@ -23,7 +23,6 @@ from gdfe_ros.untrusted.bounded_text import quote_formula
 if TYPE_CHECKING:
     import meshio
 
-_TIMES = {"time": "s", "dt": "s", "wall_time": "s", "solve_time": "s", "stamp": "ns"}
 _COMPONENTS = ("x", "y", "z", "w")
 
 
@@ -46,8 +45,6 @@ class Columns:
     def unit(self, column: str) -> str:
         """Return the SI unit of a table's column or of an array; empty for counts, texts and ratios."""
         topic, _, field = column.replace("/", ".").rpartition(".")
-        if column in _TIMES:
-            return _TIMES[column]
         if column.startswith("command."):
             actuator = self._actuators.get(column.removeprefix("command."))
             return actuator.mode.unit if actuator else ""
@@ -170,9 +167,6 @@ def _cells(topic: str, field: str, values: np.ndarray, known: Columns) -> Row:
     return {}
 
 
-_LENGTHS = {"X": "m", "positions": "m"}
-
-
 def write_npz(steps: Iterable[BagStep], scene: Scene, path: Path) -> int:
     """Write the t steps of a run and return t.
 
@@ -200,7 +194,7 @@ def write_npz(steps: Iterable[BagStep], scene: Scene, path: Path) -> int:
     }
     known = Columns(scene.actuators)
     arrays |= {"time": np.array(times), "X": scene.mesh.vertices, "cells": scene.mesh.cells}
-    units = {name: _LENGTHS.get(name) or known.unit(name) for name in arrays if not name.startswith("joint_states/")}
+    units = {name: known.unit(name) for name in arrays if not name.startswith("joint_states/")}
     texts = {
         "joint_names": np.array(known.joints, dtype=str),
         "units": json.dumps({k: u for k, u in units.items() if u}),
