@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import PoseStamped
@@ -98,7 +97,7 @@ class _SentTurns:
         self._handle = handle.name
         self._sent = _collect_turns(run, pose_key(handle))
         velocity = VELOCITY_COMMANDS[handle.section].key(**{handle.noun: handle.name})
-        twists = [message.twist for message in _messages(run, velocity)]
+        twists = [message.twist for message in run.messages(velocity)]
         rates = dict.fromkeys((twist.angular.x, twist.angular.y, twist.angular.z) for twist in twists)
         self._twists = [TwistOrder(handle.name, (0.0, 0.0, 0.0), rate) for rate in rates]
         self._stride = float(run.reader.run.settings.get("node", {}).get("dt", math.inf))
@@ -121,7 +120,7 @@ class _SentTurns:
 def _collect_turns(run: BagRun, key: str) -> dict[tuple[float, float, float], list[Quaternion]]:
     """Return a dict from translation to the quaternions that were sent with it on a topic."""
     sent: dict[tuple[float, float, float], list[Quaternion]] = {}
-    for message in _messages(run, key):
+    for message in run.messages(key):
         place, turn = message.pose.position, message.pose.orientation
         sent.setdefault((place.x, place.y, place.z), []).append((turn.x, turn.y, turn.z, turn.w))
     return sent
@@ -129,10 +128,3 @@ def _collect_turns(run: BagRun, key: str) -> dict[tuple[float, float, float], li
 
 def _quaternion(pose: Pose) -> Quaternion:
     return tuple(map(float, Rotation.from_rotvec(pose.rotation).as_quat()))
-
-
-def _messages(run: BagRun, key: str) -> Iterator[Any]:
-    """Yield the decoded messages of a topic; none if the bag does not have the topic."""
-    if run.topics(f"/{key}"):
-        for _, message in run.messages(f"/{key}"):
-            yield message

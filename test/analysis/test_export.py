@@ -17,6 +17,7 @@ import pytest
 
 from gdfe_ros.analysis.bag_run import BagRun
 from gdfe_ros.cli import main
+from test.analysis.conftest import last_positions
 
 
 def test_vtk_series_holds_the_run(make_bag: Callable[..., Path], tmp_path: Path) -> None:
@@ -26,7 +27,7 @@ def test_vtk_series_holds_the_run(make_bag: Callable[..., Path], tmp_path: Path)
     entries = ElementTree.parse(out / "run.pvd").getroot().findall(".//DataSet")
     assert [float(entry.get("timestep")) for entry in entries] == pytest.approx(np.arange(1, 7) * 0.01)
     grid = meshio.read(out / entries[-1].get("file"))
-    np.testing.assert_array_equal(grid.points, BagRun(bag).last_positions())
+    np.testing.assert_array_equal(grid.points, last_positions(BagRun(bag)))
     assert grid.cells_dict["hexahedron"].shape == (10, 8)
     assert grid.point_data["displacement"][:, 2].max() == pytest.approx(0.1)
     assert set(grid.cell_data) == {"eps_eq", "J", "omega", "tangent", "energy_density"}

@@ -21,7 +21,7 @@ from gdfe_ros.live.bag import StepBag
 from gdfe_ros.node.interface.topics import COMMANDS, PROBE
 from gdfe_ros.scene import load_scene
 from gdfe_ros.solver.matrix.constant_matrix import Factor
-from test.analysis.conftest import BagMaker, rewrite
+from test.analysis.conftest import COARSE, BagMaker, rewrite
 
 
 def _pose(z: float) -> dict[str, Pose]:
@@ -181,3 +181,16 @@ def test_commands_in_a_bag_are_no_part_of_its_steps(tmp_path: Path, maker: type[
     found = BagSteps(BagRun(tmp_path / "bag")).topics
     assert not commands.keys() & found.keys()
     assert "probe/commands" in found
+
+
+def test_a_probe_may_have_the_name_of_another_topic(tmp_path: Path, maker: type[BagMaker]) -> None:
+    """Messages of a probe with the name of another topic are not taken for those of this topic."""
+    scene = load_scene(
+        "bend5", overrides={**COARSE, "probes": {name: [0.1, 0.0, 0.0] for name in ("step_record", "wrench")}}
+    )
+    bag = maker(tmp_path / "bag", scene)
+    bag.step({"tip": Pose((0.0, 0.0, 0.01))})
+    run = BagRun(bag.close())
+    assert len(run.records) == 1
+    assert set(run.last_wrenches()) == {"base", "tip"}
+    assert Replay(run).run().verdict() is Difference.IDENTICAL
