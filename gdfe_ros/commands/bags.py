@@ -76,7 +76,7 @@ def _write(kind: str, steps: Iterator[BagStep], recorded: BagRun, out: Path) -> 
         return write_vtk_series(steps, recorded.scene.mesh, out)
     if kind == "npz":
         return write_npz(steps, recorded.scene, out)
-    known = Columns(recorded.scene.actuators)
+    known = Columns(recorded.scene)
     rows = [step_row(step, known) for step in steps]
     write = write_csv if kind == "csv" else write_parquet
     write(rows, out, known)
