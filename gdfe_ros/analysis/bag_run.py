@@ -22,7 +22,7 @@ from gdfe_ros.recording.step import StepRecord, to_nanoseconds
 from gdfe_ros.results.contacts import total_forces
 from gdfe_ros.scene import Scene, scene_from_text
 
-_INPUTS = frozenset({"actuation", "commands", "trajectory"})
+_INPUTS = frozenset({"actuation", "attach", "commands", "joint_command", "release", "trajectory"})
 _HANDLE_INPUTS = frozenset({"target", "velocity", "follow", "set"})
 """Last parts of the names of a handle's input topics, e.g. of ``handles/tip/velocity``. The topic with the whole name
 ``velocity`` is an output. Inputs are not compared, because the step record has the consumed commands.
@@ -142,8 +142,8 @@ class BagSteps:
 def _is_known(role: str) -> bool:
     """Return whether a topic is an input of the node, or is not published once per step."""
     owner, _, last = role.rpartition("/")
-    is_input = last in _INPUTS or ("/" in owner and last in _HANDLE_INPUTS)
-    return role in _OTHERS or (is_input and not role.startswith("/"))
+    of_handle = "/" in owner and last in _HANDLE_INPUTS and not role.startswith("/")
+    return role in _OTHERS or role in _INPUTS or of_handle
 
 
 class BagRun:
@@ -166,7 +166,7 @@ class BagRun:
         self.reader = BagReader(path)
         self.decode = self.reader.decoder()
         self.roles = _roles(self.reader.topics.values())
-        if self.reader.run is None or not self.topics(f"/{RECORD}"):
+        if self.reader.run is None or RECORD not in self.roles:
             raise RecordingError(f"bag {path} {_what_it_is(self.reader.topics)}")
 
     @cached_property
@@ -177,21 +177,13 @@ class BagRun:
     @cached_property
     def records(self) -> list[StepRecord]:
         """Records of all steps, in order."""
-        return [StepRecord.from_json(message.data) for _, message in self.messages(f"/{RECORD}")]
+        return [StepRecord.from_json(message.data) for message in self.messages(RECORD)]
 
-    def topics(self, ending: str) -> list[str]:
-        """Return the sorted names of the topics for which ``/`` followed by the role ends with ``ending``."""
-        return sorted(name for role, name in self.roles.items() if f"/{role}".endswith(ending))
-
-    def messages(self, ending: str) -> Iterator[tuple[int, Any]]:
-        """Yield log time [ns] and decoded message, for each message of the topics that match ``ending``."""
-        for message in self.reader.messages(self.topics(ending)):
-            yield message.log_time, self.decode(message.type, message.data)
-
-    def last_positions(self) -> NDArray[np.float64]:
-        """Return the vertex positions (n, 3) [m] of the last mesh message."""
-        columns = cloud_values(_last(self.messages("/mesh"))[1])
-        return np.stack([columns[axis] for axis in "xyz"], axis=1).astype(np.float64)
+    def messages(self, role: str) -> Iterator[Any]:
+        """Yield the decoded messages of the topic with a role; none if the bag does not have the topic."""
+        if role in self.roles:
+            for message in self.reader.messages([self.roles[role]]):
+                yield self.decode(message.type, message.data)
 
     def last_wrenches(self) -> dict[str, tuple[tuple[float, ...], tuple[float, ...]]]:
         """Return the last force (3,) [N] and moment (3,) [N m] on the body, as a dict from handle or obstacle.
@@ -199,12 +191,14 @@ class BagRun:
         Wrenches of contact sensors are included, with the keys ``sensor <name>``.
         """
         wrenches = {}
-        for role in sorted(role for role in self.roles if role.endswith("/wrench")):
-            _, message = _last(self.messages(f"/{role}"))
-            force, torque = message.wrench.force, message.wrench.torque
-            section, name = role.split("/")[-3:-1]
-            name = f"sensor {name}" if section == "sensors" else name
-            wrenches[name] = (force.x, force.y, force.z), (torque.x, torque.y, torque.z)
+        for role in sorted(self.roles):
+            section, _, item = role.partition("/")
+            name, _, quantity = item.partition("/")
+            if quantity == "wrench":
+                wrench = _last(self.messages(role)).wrench
+                force, torque = wrench.force, wrench.torque
+                name = f"sensor {name}" if section == "sensors" else name
+                wrenches[name] = (force.x, force.y, force.z), (torque.x, torque.y, torque.z)
         return wrenches
 
     def last_places(self, pattern: str) -> dict[str, tuple[float, float, float]]:
@@ -217,15 +211,15 @@ class BagRun:
         places = {}
         for role, found in names.items():
             if found:
-                place = _last(self.messages(f"/{role}"))[1].pose.position
+                place = _last(self.messages(role)).pose.position
                 places[found[1]] = place.x, place.y, place.z
         return places
 
     def last_total_forces(self) -> dict[str, NDArray[np.float64]]:
         """Return the last total contact force (3,) [N] on each obstacle and rigid body; empty without contact."""
-        if not self.topics("/contacts"):
+        if CONTACTS not in self.roles:
             return {}
-        return total_forces(cloud_values(_last(self.messages("/contacts"))[1]), self.scene.handles)
+        return total_forces(cloud_values(_last(self.messages(CONTACTS))), self.scene.handles)
 
 
 def _roles(topics: Iterable[TopicInfo]) -> dict[str, str]:

@@ -12,7 +12,8 @@ from gdfe_ros.analysis.difference import Differences, FieldDifference, Place
 from gdfe_ros.untrusted.terminal import PlainConsole
 
 UNITS = {
-    "x": "m", "y": "m", "z": "m", "ux": "m", "uy": "m", "uz": "m",
+    "x": "m", "y": "m", "z": "m", "ux": "m", "uy": "m", "uz": "m", "X": "m", "positions": "m",
+    "time": "s", "dt": "s", "wall_time": "s", "solve_time": "s", "stamp": "ns",
     "tangent": "Pa", "energy_density": "J/m^3", "energy": "J", "position": "m", "force": "N", "torque": "N m",
     "gap": "m", "fx": "N", "fy": "N", "fz": "N", "tx": "N", "ty": "N", "tz": "N",
     "vx": "m/s", "vy": "m/s", "vz": "m/s", "angular_velocity": "rad/s", "linear_acceleration": "m/s^2", "energies": "J",

@@ -13,7 +13,6 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from gdfe_ros.actuators import Actuator, Mode
 from gdfe_ros.analysis.bag_run import CONTACTS, JOINTS, RECORD, BagStep
 from gdfe_ros.analysis.difference_table import unit_of
 from gdfe_ros.mesh import Mesh
@@ -23,38 +22,39 @@ from gdfe_ros.untrusted.bounded_text import quote_formula
 if TYPE_CHECKING:
     import meshio
 
-_TIMES = {"time": "s", "dt": "s", "wall_time": "s", "solve_time": "s", "stamp": "ns"}
 _COMPONENTS = ("x", "y", "z", "w")
 
 
 class Columns:
-    """Names of the actuators in joint states, and units and frames of all columns.
+    """Names of the actuators and joints in joint states, and units and frames of all columns.
 
     Args:
-        actuators: the scene's actuators, in the order of joint states.
+        scene: scene with the actuators and arms.
+
+    Attributes:
+        joints: names of the actuators, then of the joints of arms, in the order of joint states.
     """
 
-    def __init__(self, actuators: Iterable[Actuator]) -> None:
-        self._actuators = {actuator.name: actuator for actuator in actuators}
+    def __init__(self, scene: Scene) -> None:
+        modes = {actuator.name: actuator.mode for actuator in scene.actuators}
+        self._commands = {name: mode.unit for name, mode in modes.items()}
+        self._positions = {name: mode.position[1] for name, mode in modes.items()}
+        self._efforts = {name: mode.effort_unit for name, mode in modes.items()}
+        for joint in (joint for arm in scene.arms for joint in arm.joints):
+            self._commands[joint.name] = self._positions[joint.name] = joint.unit
+            self._efforts[joint.name] = "N m" if joint.unit == "rad" else "N"
+        self.joints = list(self._positions)
         self._frames: dict[str, str] = {}
-
-    @property
-    def joints(self) -> list[str]:
-        """Names of the actuators, in the order of joint states."""
-        return list(self._actuators)
 
     def unit(self, column: str) -> str:
         """Return the SI unit of a table's column or of an array; empty for counts, texts and ratios."""
         topic, _, field = column.replace("/", ".").rpartition(".")
-        if column in _TIMES:
-            return _TIMES[column]
         if column.startswith("command."):
-            actuator = self._actuators.get(column.removeprefix("command."))
-            return actuator.mode.unit if actuator else ""
+            return self._commands.get(column.removeprefix("command."), "")
         if column.startswith(("target.", "set.")):
             return "rad" if field.startswith("r") else "m"
         if topic.startswith(f"{JOINTS}."):
-            return self._joint_unit(self._actuators[topic.partition(".")[2]].mode, field)
+            return self._joint_unit(topic.partition(".")[2], field)
         if ".orientation." in column:
             return ""
         # For wrench.force.z the word before the component determines the unit; z alone would be a length.
@@ -76,11 +76,10 @@ class Columns:
         text = " ".join(part for part in parts if part)
         return f"{column} [{text}]" if text else column
 
-    @staticmethod
-    def _joint_unit(mode: Mode, field: str) -> str:
+    def _joint_unit(self, name: str, field: str) -> str:
         if field == "effort":
-            return mode.effort_unit
-        unit = mode.position[1]
+            return self._efforts[name]
+        unit = self._positions[name]
         return f"{unit or 1}/s" if field == "velocity" else unit
 
 
@@ -95,7 +94,7 @@ def step_row(step: BagStep, known: Columns) -> Row:
 
     Columns: ``step, time`` [s], ``dt`` [s], ``stamp`` [ns], ``solve_time`` [s], outcomes, ``target.<handle>.x`` to
     ``rz`` [m, rad], ``set.<body>.x`` to ``rz`` [m, rad], ``command.<actuator, load or joint>``, then
-    ``<topic>.<field>``, and ``joint_states.<actuator>.<field>``.
+    ``<topic>.<field>``, and ``joint_states.<actuator or joint>.<field>``.
     """
     record = step.record
     known.note_frames(step.frames)
@@ -170,9 +169,6 @@ def _cells(topic: str, field: str, values: np.ndarray, known: Columns) -> Row:
     return {}
 
 
-_LENGTHS = {"X": "m", "positions": "m"}
-
-
 def write_npz(steps: Iterable[BagStep], scene: Scene, path: Path) -> int:
     """Write the t steps of a run and return t.
 
@@ -198,9 +194,9 @@ def write_npz(steps: Iterable[BagStep], scene: Scene, path: Path) -> int:
         name: np.concatenate(list(found.values())) if name.startswith(f"{CONTACTS}/") else _stack(found, len(times))
         for name, found in columns.items()
     }
-    known = Columns(scene.actuators)
+    known = Columns(scene)
     arrays |= {"time": np.array(times), "X": scene.mesh.vertices, "cells": scene.mesh.cells}
-    units = {name: _LENGTHS.get(name) or known.unit(name) for name in arrays if not name.startswith("joint_states/")}
+    units = {name: known.unit(name) for name in arrays if not name.startswith("joint_states/")}
     texts = {
         "joint_names": np.array(known.joints, dtype=str),
         "units": json.dumps({k: u for k, u in units.items() if u}),

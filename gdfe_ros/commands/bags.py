@@ -10,7 +10,6 @@ from __future__ import annotations
 import argparse
 import time
 from collections.abc import Iterator
-from enum import Enum
 from importlib import import_module
 from itertools import islice
 from pathlib import Path
@@ -26,13 +25,8 @@ if TYPE_CHECKING:
     from gdfe_ros.analysis.bag_run import BagRun, BagStep
 
 
-class Format(Enum):
-    """Output format. The suffix of the file determines it; VTK files are written into a directory."""
-
-    VTK = "vtk"
-    NPZ = "npz"
-    CSV = "csv"
-    PARQUET = "parquet"
+FORMATS = ("vtk", "npz", "csv", "parquet")
+"""Output formats. The suffix of the file determines the format; VTK files are written into a directory."""
 
 
 def add_export(parser: argparse.ArgumentParser) -> None:
@@ -41,7 +35,7 @@ def add_export(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--format",
         "--to",
-        choices=[kind.value for kind in Format],
+        choices=FORMATS,
         help="vtk: a series of files for ParaView; npz: all arrays; csv, parquet: a table with one row for each step "
         "(default: by the ending of --out, otherwise vtk)",
     )
@@ -57,35 +51,35 @@ def export(arguments: argparse.Namespace) -> int:
 
     kind = _format(arguments)
     bag = arguments.bag.resolve()
-    out = arguments.out or bag.with_name(f"{bag.stem}_vtk" if kind is Format.VTK else f"{bag.stem}.{kind.value}")
+    out = arguments.out or bag.with_name(f"{bag.stem}_vtk" if kind == "vtk" else f"{bag.stem}.{kind}")
     recorded = BagRun(bag)
     steps = islice(BagSteps(recorded), 0, None, arguments.every)
     print(f"{out}: {_write(kind, steps, recorded, out)} steps")
     return 0
 
 
-def _format(arguments: argparse.Namespace) -> Format:
-    if arguments.format:
-        return Format(arguments.format)
+def _format(arguments: argparse.Namespace) -> str:
+    """Return one of `FORMATS`: the requested one, else that of the file's suffix."""
     ending = arguments.out.suffix.removeprefix(".") if arguments.out else ""
-    endings = [kind.value for kind in Format]
-    if ending and ending not in endings:
+    kind = arguments.format or ending or "vtk"
+    if kind not in FORMATS:
         raise GdfeError(
-            f"--out ends with .{ending}; allowed: {', '.join(endings)}; remedy: another ending, or --format"
+            f"--out ends with .{ending}; allowed: {', '.join(FORMATS)}; remedy: another ending, or --format"
         )
-    return Format(ending) if ending else Format.VTK
+    return kind
 
 
-def _write(kind: Format, steps: Iterator[BagStep], recorded: BagRun, out: Path) -> int:
+def _write(kind: str, steps: Iterator[BagStep], recorded: BagRun, out: Path) -> int:
     from gdfe_ros.analysis.export import Columns, step_row, write_csv, write_npz, write_parquet, write_vtk_series
 
-    if kind is Format.VTK:
+    if kind == "vtk":
         return write_vtk_series(steps, recorded.scene.mesh, out)
-    if kind is Format.NPZ:
+    if kind == "npz":
         return write_npz(steps, recorded.scene, out)
-    known = Columns(recorded.scene.actuators)
+    known = Columns(recorded.scene)
     rows = [step_row(step, known) for step in steps]
-    {Format.CSV: write_csv, Format.PARQUET: write_parquet}[kind](rows, out, known)
+    write = write_csv if kind == "csv" else write_parquet
+    write(rows, out, known)
     return len(rows)
 
 

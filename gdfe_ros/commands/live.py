@@ -6,19 +6,17 @@ from __future__ import annotations
 import argparse
 import math
 import os
-import sys
 import threading
 import webbrowser
 from typing import TYPE_CHECKING
 
-from gdfe_ros.commands.options import add_overrides
+from gdfe_ros.commands.options import add_overrides, say
 from gdfe_ros.commands.waiting import waiting
 from gdfe_ros.entry import catch_endings, collect, without_collection
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.driving.pace import ClockMode
 from gdfe_ros.node.interface import NODE_NAME
 from gdfe_ros.scene.override import read_overrides
-from gdfe_ros.untrusted.bounded_text import plain_lines
 
 if TYPE_CHECKING:
     from gdfe_ros.live.page import Page
@@ -114,7 +112,7 @@ def _session_of(scene: Scene, arguments: argparse.Namespace, page: Page) -> Live
     with waiting(f"preparing {scene.name}"):
         simulation = Simulation(scene)
     for remark in simulation.remarks():
-        print(plain_lines(f"warning: {remark}"), file=sys.stderr)
+        say(f"warning: {remark}")
     clock = ClockMode.FAST if arguments.fast else ClockMode.WALL
     dt = DT if arguments.dt is None else arguments.dt
     return LiveSession(simulation, dt=dt, clock=clock, told=page.take, warn=page.say)
@@ -122,7 +120,7 @@ def _session_of(scene: Scene, arguments: argparse.Namespace, page: Page) -> Live
 
 def _show_node(arguments: argparse.Namespace, ending: threading.Event) -> int:
     """Show a node. Whenever the node starts another scene, replace the page at the same address."""
-    _say(f"looking for the node {arguments.ros} in the ROS domain {os.environ.get('ROS_DOMAIN_ID', '0')}")
+    say(f"looking for the node {arguments.ros} in the ROS domain {os.environ.get('ROS_DOMAIN_ID', '0')}")
     with without_collection():
         from gdfe_ros.live.gate import Gate
         from gdfe_ros.live.page import Page
@@ -130,7 +128,7 @@ def _show_node(arguments: argparse.Namespace, ending: threading.Event) -> int:
 
     port, said, gate = arguments.port, 0, Gate()
     while True:
-        session = NodeSession(arguments.ros, say=_say)
+        session = NodeSession(arguments.ros, say=say)
         page = None
         try:
             page = Page(host=arguments.host, port=port, frames=arguments.fps, gate=gate)
@@ -181,11 +179,6 @@ def _require_source(arguments: argparse.Namespace) -> None:
             f"{', '.join(refused)} cannot stand beside --ros; remedy: leave it out, and set the node's "
             "parameters instead"
         )
-
-
-def _say(text: str) -> None:
-    """Print a message about a wait to standard error, without buffering."""
-    print(text, file=sys.stderr, flush=True)
 
 
 def _say_where(arguments: argparse.Namespace, page: Page) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import sys
 from contextlib import AbstractContextManager, nullcontext
 from importlib.util import find_spec
 from pathlib import Path
@@ -13,6 +14,7 @@ from typing import TYPE_CHECKING
 from gdfe_ros.analysis.workers import connect
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.quantity import Quantity
+from gdfe_ros.untrusted.bounded_text import plain_lines
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -31,6 +33,11 @@ def require_number(option: str, value: float | None, quantity: Quantity) -> None
     except ValueError as error:
         hint = f"; {value:g} mm are {1e-3 * value:g}" if quantity.unit == "m" and 1.0 <= value < math.inf else ""
         raise GdfeError(f"{option} = {value:g}; {error}{hint}") from error
+
+
+def say(text: str) -> None:
+    """Print a text to standard error at once, with its control characters escaped."""
+    print(plain_lines(text), file=sys.stderr, flush=True)
 
 
 def add_overrides(parser: argparse.ArgumentParser, text: str) -> None:

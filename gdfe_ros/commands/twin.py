@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import argparse
 import math
-import sys
 import threading
 import time
 from collections.abc import Sequence
@@ -13,13 +12,12 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gdfe_ros.commands.options import add_overrides
+from gdfe_ros.commands.options import add_overrides, say
 from gdfe_ros.commands.waiting import waiting
 from gdfe_ros.entry import catch_endings
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.interface import NODE_NAME
 from gdfe_ros.scene.override import read_overrides
-from gdfe_ros.untrusted.bounded_text import plain_lines
 
 if TYPE_CHECKING:
     from gdfe_ros.live.page import Page
@@ -84,7 +82,7 @@ def run(arguments: argparse.Namespace) -> int:
         raise GdfeError(f"--topics names the probe {unknown[0]!r}; probes of the scene: {known}")
     given = {"moduli": arguments.fit, "dt": arguments.dt, "noise": 1e-3 * arguments.noise, "delay": arguments.delay}
     page = _page(arguments)
-    told = {"warn": _say, "told": page.take} if page is not None else {"warn": _say}
+    told = {"warn": say, "told": page.take} if page is not None else {"warn": say}
     files = {path.suffix: path for path in arguments.record}
     twin = Twin(simulation, table=files.get(".csv"), bag=files.get(".mcap"), **given, **told)
     measured_body = MeasuredBody(simulation.scene)
@@ -95,7 +93,7 @@ def run(arguments: argparse.Namespace) -> int:
         if page is not None:
             page.show(twin.session)
             print(f"look at {page.address()} (Ctrl-C ends it)", flush=True)
-        robot = Robot(twin, commands=arguments.commands, measured=measured, patience=arguments.patience, warn=_say)
+        robot = Robot(twin, commands=arguments.commands, measured=measured, patience=arguments.patience, warn=say)
         twin.start()
         print("following", flush=True)
         _follow(twin, page, measured_body, ending, arguments.seconds)
@@ -165,7 +163,3 @@ def _require_files(paths: Sequence[Path]) -> None:
         raise GdfeError(f"--record has several {kinds[0]} files; allowed: one .csv and one .mcap file")
     if taken := [path for path in paths if path.exists()]:
         raise GdfeError(f"--record: {taken[0]} exists; name another file or remove it")
-
-
-def _say(text: str) -> None:
-    print(plain_lines(text), file=sys.stderr, flush=True)

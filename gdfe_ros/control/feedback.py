@@ -85,7 +85,7 @@ class FeedbackControl:
             raise CommandError(f"slew must be a finite time [s], not negative, got {slew!r}")
         self._stack = Stack(simulation, targets, tolerance)
         self.names = tuple(simulation.actuator_names if actuators is None else actuators)
-        self._limits = CommandLimits.of_scene(simulation.scene, self.names, slew=slew)
+        self._limits = CommandLimits(simulation.scene, self.names, slew=slew)
         if simulation.result is None or not simulation.settled:
             simulation.step()
         self._rows, self._learning = self._stack.jacobian(self.names), learning

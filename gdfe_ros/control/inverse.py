@@ -93,7 +93,7 @@ class InverseControl:
         self._stack = Stack(simulation, targets, tolerance)
         usual = [each.name for each in simulation.scene.actuators if each.mode is not Mode.GRIP]
         self.names = tuple(usual if actuators is None else actuators)
-        self._limits = CommandLimits.of_scene(scene, self.names)
+        self._limits = CommandLimits(scene, self.names)
         self.simulation, self._trust = simulation, 1.0
         self._jacobian = KeptJacobian(lambda: self._stack.jacobian(self.names))
 

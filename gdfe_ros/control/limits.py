@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.actuators import Actuator, Cable, Mode
+from gdfe_ros.actuators import Cable, Mode
 from gdfe_ros.errors import CommandError, DependencyError, require_named
 from gdfe_ros.scene.scene import Scene
 
@@ -21,8 +21,12 @@ class CommandLimits:
     """Ranges and rates of the commands of some actuators.
 
     Args:
-        actuators: actuators (n,) whose commands are limited.
+        scene: scene with the actuators.
+        names: names of the actuators (n,) whose commands are limited.
         slew: least time [s] in which a command may cross its range; 0 for no such limit.
+
+    Raises:
+        CommandError: there is no such actuator, none is named, or one is named twice.
 
     Attributes:
         low: least commands (n,); zero or more for a tension.
@@ -30,8 +34,15 @@ class CommandLimits:
         rates: largest changes of the commands per second (n,).
     """
 
-    def __init__(self, actuators: Sequence[Actuator], *, slew: float = 0.0) -> None:
-        self._names = [each.name for each in actuators]
+    def __init__(self, scene: Scene, names: Sequence[str], *, slew: float = 0.0) -> None:
+        known = {actuator.name: actuator for actuator in scene.actuators}
+        for name in names:
+            require_named("actuator", name, known, f" in scene {scene.name!r}")
+        if len(set(names)) < len(names):
+            raise CommandError(f"actuators named twice: {', '.join(names)}; give each name once")
+        if not names:
+            raise CommandError(f"inverse control needs an actuator; actuators of {scene.name!r}: {', '.join(known)}")
+        self._names, actuators = list(names), [known[name] for name in names]
         pulls = [isinstance(each, Cable) and each.mode is Mode.TENSION for each in actuators]
         self.low = np.maximum([each.low for each in actuators], np.where(pulls, 0.0, -np.inf))
         self.high = np.array([each.high for each in actuators])
@@ -40,22 +51,6 @@ class CommandLimits:
             self.rates = np.minimum(self.rates, (self.high - self.low) / slew)
         units = [each.mode.unit for each in actuators]
         self._alike = np.array([[unit == other for other in units] for unit in units])
-
-    @classmethod
-    def of_scene(cls, scene: Scene, names: Sequence[str], *, slew: float = 0.0) -> CommandLimits:
-        """Return the limits of the actuators ``names`` of a scene.
-
-        Raises:
-            CommandError: there is no such actuator, none is named, or one is named twice.
-        """
-        known = {actuator.name: actuator for actuator in scene.actuators}
-        for name in names:
-            require_named("actuator", name, known, f" in scene {scene.name!r}")
-        if len(set(names)) < len(names):
-            raise CommandError(f"actuators named twice: {', '.join(names)}; give each name once")
-        if not names:
-            raise CommandError(f"inverse control needs an actuator; actuators of {scene.name!r}: {', '.join(known)}")
-        return cls([known[name] for name in names], slew=slew)
 
     def costs(self, rows: Array) -> Array:
         """Return the costs D (n,) of changes of the commands, from the Jacobian ``rows`` (m, n).

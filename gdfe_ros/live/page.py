@@ -239,7 +239,7 @@ class Page:
             self._seen, self._again = view, False
             self._draw(view)
             self._ending.wait(self._interval / 2)  # meanwhile the browser reads the frame
-            self._stage.turn()
+            self._stage.body.turn()
             self._server.flush()
             self.drawn += 1
         if now - slow < _SLOWLY:
@@ -259,7 +259,7 @@ class Page:
             field = self._fields[self._colour.value]
             shares = self._range.shares(field.values(view, self._stage.surface), noise=field.noise)
         with self._server.atomic():
-            self._stage.draw(view.positions, shares)
+            self._stage.body.fill(self._stage.surface.pack(view.positions, shares))
             self._stage.mark(view)
         self._server.flush()
 

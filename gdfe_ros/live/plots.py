@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import threading
+from collections import deque
 from collections.abc import Iterator
 
 import numpy as np
@@ -33,21 +34,17 @@ class StepHistory:
     def __init__(self, scene: Scene) -> None:
         self._scene, self._lock = scene, threading.Lock()
         self.curves: dict[str, tuple[str, ...]] = {}
-        self._rows: NDArray[np.float64] | None = None
-        self._count = 0
+        self._rows: deque[NDArray[np.float64]] = deque(maxlen=_LENGTH)
 
     def add(self, view: View) -> None:
         """Add a step; if its time is earlier than the last step's, after a reset, clear the history first."""
         groups = list(self._groups(view))
         row = np.array([view.record.time, *(value for _, values in groups for value in values.values())])
         with self._lock:
-            if self._rows is None:
-                self.curves = {name: tuple(values) for name, values in groups}
-                self._rows = np.empty((_LENGTH, len(row)))
-            if self._count and row[0] < self._rows[(self._count - 1) % _LENGTH, 0]:
-                self._count = 0
-            self._rows[self._count % _LENGTH] = row
-            self._count += 1
+            self.curves = self.curves or {name: tuple(values) for name, values in groups}
+            if self._rows and row[0] < self._rows[-1][0]:
+                self._rows.clear()
+            self._rows.append(row)
 
     def table(self, plot: str) -> NDArray[np.float64]:
         """Return the table (1 + c, k) of a plot: a row of times [s], then a row for each of its c curves.
@@ -55,12 +52,12 @@ class StepHistory:
         If more than `_MOST` steps are stored, only every second, third, ... step is returned.
         """
         with self._lock:
-            names = list(self.curves)
-            first = 1 + sum(len(self.curves[name]) for name in names[: names.index(plot)])
-            columns = [0, *range(first, first + len(self.curves[plot]))]
-            count = min(self._count, _LENGTH)
-            order = np.arange(self._count - count, self._count)[:: max(1, -(-count // _MOST))] % _LENGTH
-            return self._rows[np.ix_(order, columns)].T.copy()
+            rows = list(self._rows)
+        names = list(self.curves)
+        first = 1 + sum(len(self.curves[name]) for name in names[: names.index(plot)])
+        columns = [0, *range(first, first + len(self.curves[plot]))]
+        shown = np.array(rows[:: -(-len(rows) // _MOST)])
+        return np.ascontiguousarray(shown[:, columns].T)
 
     def _groups(self, view: View) -> Iterator[tuple[str, dict[str, float]]]:
         record, rest = view.record, self._scene.mesh.vertices

@@ -17,7 +17,7 @@ from gdfe_ros.constraints import Pose
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.live.interface import Ability, ShownRun, View
 from gdfe_ros.node.driving.orders import ActuatorOrder, Inbox, Order, PoseOrder, require_order
-from gdfe_ros.node.driving.pace import ClockMode, FastPace, Timing, WallPace
+from gdfe_ros.node.driving.pace import ClockMode, FastPace, WallPace
 from gdfe_ros.node.driving.remodelling import moduli_of, with_moduli
 from gdfe_ros.node.driving.stepping_thread import SteppingThread
 from gdfe_ros.node.refusals import RefusalLog
@@ -136,6 +136,9 @@ class LiveSession(ShownRun):
         self.simulation = simulation
         self.parameters: dict[str, Any] = {
             "dt": dt,
+            "rate": 1.0 / dt,
+            "heartbeat": 0.0,
+            "publish_clock": False,
             "velocity_timeout": 0.5,
             "slew_time": 0.0,
             "deadline": 0.0,
@@ -213,9 +216,8 @@ class LiveSession(ShownRun):
 
     def start(self) -> None:
         """Start the stepping thread; it passes on the present state at once."""
-        dt = self.parameters["dt"]
         kind = FastPace if self._clock is ClockMode.FAST else RestingPace
-        self.stepper.start(kind(lambda: Timing(1.0 / dt, dt, 0.0, False)), self._inbox)
+        self.stepper.start(kind(self.parameters), self._inbox)
 
     def stop(self) -> None:
         """End the thread after the step in progress, and complete the bag."""

@@ -76,6 +76,7 @@ class Stage:
 
     Attributes:
         surface: drawn surface of the body.
+        body: the objects that show frames of this surface in turn.
     """
 
     def __init__(
@@ -94,7 +95,7 @@ class Stage:
         server.initial_camera.look_at, server.initial_camera.position = first_view(scene)
         self._light()
         first = self.surface.pack(scene.mesh.vertices, np.zeros(self.surface.count))
-        self._body, self._time = AlternatingBody(self._space, "/body", first), 0.0
+        self.body, self._time = AlternatingBody(self._space, "/body", first), 0.0
         self._held = [handle for handle in scene.handles if not isinstance(handle, Obstacle)]
         self._groups = {name: self._space.add_frame(_path(name), show_axes=False) for name in _groups_of(scene)}
         if GROUND in self._groups:
@@ -128,14 +129,6 @@ class Stage:
             )
         led = scene.probes if scene.actuators else {}
         self._goals = {name: self._goal(name, point.at(scene.mesh.vertices)[0]) for name, point in led.items()}
-
-    def draw(self, positions: NDArray[np.float64], shares: NDArray[np.float64] | None) -> None:
-        """Send a frame, which stays hidden until `turn` shows it; for the arguments see `DrawnSurface.pack`."""
-        self._body.fill(self.surface.pack(positions, shares))
-
-    def turn(self) -> None:
-        """Show the frame that was sent last, and hide the other one."""
-        self._body.turn()
 
     def mark(self, view: View) -> None:
         """Move probes, obstacles, rigid bodies, links and arrows to their positions after a step."""

@@ -259,19 +259,19 @@ def _figures(session: SimulationSession, last: _Mark, mark: _Mark) -> dict[str, 
     reduce it.
     """
     steps, late, span = max(0, mark.steps - last.steps), mark.late - last.late, max(mark.wall - last.wall, 1e-9)
-    timing = session.run.timing()
+    rate, dt = session.run.parameters["rate"], session.run.parameters["dt"]
     if session.mode is not ClockMode.WALL:
         asked = {
             ClockMode.FAST: "as fast as possible",
             ClockMode.LOCKSTEP: "one step for each command set",
-            ClockMode.EXTERNAL: f"{1.0 / timing.dt:.4g} a second of /clock",
+            ClockMode.EXTERNAL: f"{1.0 / dt:.4g} a second of /clock",
         }
         return _tell_pace(asked[session.mode], steps / span, late / max(steps, 1))
     work = session.stepper.work
     if work is not None and not steps:  # a step that takes longer than the report interval
-        steps, late = 1, max(0.0, mark.wall - work[1] - 1.0 / timing.rate)
-    reached = timing.rate if not steps else steps / (steps / timing.rate + late)
-    return _tell_pace(f"{timing.rate:.4g}", reached, late / max(steps, 1))
+        steps, late = 1, max(0.0, mark.wall - work[1] - 1.0 / rate)
+    reached = rate if not steps else steps / (steps / rate + late)
+    return _tell_pace(f"{rate:.4g}", reached, late / max(steps, 1))
 
 
 def _tell_pace(asked: str, reached: float, late: float) -> dict[str, str]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import threading
 from collections import deque
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
@@ -288,10 +288,8 @@ class Frames:
 
     def places(self, step: Step) -> list[Placement]:
         """Return the placements of the moving frames in their ``parents`` after a step, in the order of ``moving``."""
-        found, rest, positions, units = [], self._scene.mesh.vertices, step.result.positions, step.imus()
-        for handle in self._framed:
-            place = self._place_handle(handle, step.poses[handle.name])
-            found += [Placement(place.origin), place]
+        rest, positions, units = self._scene.mesh.vertices, step.result.positions, step.imus()
+        found = [place for _, place in self._place_handles(step.poses)]
         probes = {name: material_pose(point, rest, positions) for name, point in self._scene.probes.items()}
         points = [(np.array(pose.translation), name) for name, pose in probes.items()]
         found += [Placement(origin, Rotation.from_rotvec(probes[name].rotation)) for origin, name in points]
@@ -347,17 +345,18 @@ class Frames:
         """Return a dict from frame name to parent and placement, for handles, obstacles and contact sensors."""
         last = self.last()
         now, poses = (self._scene.mesh.vertices, {}) if last is None else (last.result.positions, last.poses)
-        own = {name: (self.frame_id, place) for name, place in self.rests().items()}
-        for handle in self._framed:
-            place = self._place_handle(handle, poses.get(handle.name, Pose()))
-            own[self.full_name(f"{handle.name}_centre")] = self.frame_id, Placement(place.origin)
-            own[self.full_name(handle.name)] = self.frame_id, place
-        centres = {name: sensor.centre(now) for name, sensor in self._scene.sensors.items()}
-        return own | {
-            self.full_name(f"{name}_sensor"): (self.frame_id, Placement(centre)) for name, centre in centres.items()
-        }
+        places = dict(self._place_handles(poses))
+        places |= {f"{name}_sensor": Placement(each.centre(now)) for name, each in self._scene.sensors.items()}
+        own = self.rests() | {self.full_name(name): place for name, place in places.items()}
+        return {name: (self.frame_id, place) for name, place in own.items()}
 
-    def _place_handle(self, handle: Handle, pose: Pose) -> Placement:
-        """Return the placement in the node's frame of a handle's or obstacle's frame at a pose relative to rest."""
-        origin = handle.centre(self._scene.mesh.vertices) + pose.translation
-        return Placement(origin, Rotation.from_rotvec(pose.rotation))
+    def _place_handles(self, poses: Mapping[str, Pose]) -> Iterator[tuple[str, Placement]]:
+        """Yield name and placement in the node's frame, for both frames of each handle and obstacle.
+
+        ``poses`` are relative to rest, by name; a handle without a pose is at rest.
+        """
+        for handle in self._framed:
+            pose = poses.get(handle.name, Pose())
+            origin = handle.centre(self._scene.mesh.vertices) + pose.translation
+            yield f"{handle.name}_centre", Placement(origin)
+            yield handle.name, Placement(origin, Rotation.from_rotvec(pose.rotation))

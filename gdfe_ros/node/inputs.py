@@ -20,7 +20,7 @@ from gdfe_ros.actuators import Mode
 from gdfe_ros.node.command_messages import ActuatorOrders, pose_order, put_order, twist_order
 from gdfe_ros.node.driving.orders import Inbox, Order, TrajectoryOrder
 from gdfe_ros.node.interface import TopicSpec, topics
-from gdfe_ros.node.interface.topics import put_key
+from gdfe_ros.node.interface.topics import pose_key
 from gdfe_ros.node.middleware.ros_types import interface_class, subscribe, topic_info
 from gdfe_ros.node.refusals import Freshness, Reason, Refusal, require_small
 from gdfe_ros.node.run import Followers, Leader, Run, make_follower_order, refuse_followed
@@ -328,15 +328,14 @@ def _handle_inputs(run: Run, leaders: Mapping[str, Leader]) -> Iterator[Input]:
     """Yield the inputs that move handles, obstacles and rigid bodies."""
     scene, frames, size = run.scene, run.frames, run.scene.mesh.size
     # First: in lockstep, a teleport that arrives before the command set is complete belongs to the same step.
+    for body in scene.rigid_bodies:
+        yield Input(topics.BODY_SET, partial(put_order, handle=body, size=size, frames=frames), pose_key(body))
     for handle in scene.handles:
-        if spec := topics.MOVED[handle.section].put:
-            yield Input(spec, partial(put_order, handle=handle, size=size, frames=frames), put_key(handle))
-    for handle in scene.handles:
-        leader, moved = leaders.get(handle.name), topics.MOVED[handle.section]
-        if moved.target is None:
+        if handle.section not in topics.VELOCITY_COMMANDS:
             continue
-        for spec, check in ((moved.target, pose_order), (moved.velocity, twist_order)):
-            take = partial(check, handle=handle, size=size, frames=frames)
+        leader = leaders.get(handle.name)
+        for commands, check in ((topics.POSE_COMMANDS, pose_order), (topics.VELOCITY_COMMANDS, twist_order)):
+            spec, take = commands[handle.section], partial(check, handle=handle, size=size, frames=frames)
             if leader is not None:
                 take = partial(refuse_followed, leader=leader)
             yield Input(spec, take, spec.key(**{handle.noun: handle.name}))

@@ -18,7 +18,7 @@ from gdfe_ros.constraints import Handle
 from gdfe_ros.errors import CommandError, GdfeError
 from gdfe_ros.node.command_messages import make_pose_order, require_pose
 from gdfe_ros.node.driving.orders import PoseOrder
-from gdfe_ros.node.driving.pace import ExternalPace, Pace, Timing
+from gdfe_ros.node.driving.pace import ExternalPace, Pace
 from gdfe_ros.node.driving.stepping_thread import SteppingThread
 from gdfe_ros.node.frames import Frames, Placement, Transforms
 from gdfe_ros.node.middleware.managed import ManagedNode
@@ -75,11 +75,6 @@ class Run:
     def report(self, text: str) -> None:
         """Log an error."""
         self.node.get_logger().error(text)
-
-    def timing(self) -> Timing:
-        """Return the present values of the parameters that determine the pace of the steps."""
-        values = self.parameters
-        return Timing(values["rate"], values["dt"], values["heartbeat"], values["publish_clock"])
 
     def clock(self) -> int:
         """Return the time on the node's clock [ns]; with ``use_sim_time`` it is 0 before the first /clock message."""

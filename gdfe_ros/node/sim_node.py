@@ -226,7 +226,7 @@ class SimNode(SessionNode):
 
     def _activate(self) -> None:
         self.session.start(paused=self._starts_paused)
-        held = [each for each in self.session.scene.handles if each.fixed and topics.MOVED[each.section].put is None]
+        held = [each for each in self.session.scene.handles if each.fixed and each.section in topics.VELOCITY_COMMANDS]
         fixed = tuple(f"{each.section}/{each.name}/" for each in held)
         inputs = ", ".join(f"~/{key}" for key in self.session.inputs.keys if not key.startswith(fixed))
         self.get_logger().info(f"active, clock {self.session.mode.value}; takes commands on {inputs or 'no topic'}")

@@ -127,7 +127,7 @@ class SimulationSession:
             self._begin_bag()
         inbox = Inbox(self.stepper.changed, queued=self.mode is ClockMode.LOCKSTEP, command_set=command_set)
         if before is None:
-            pace = make_pace(self.mode, self.run.timing, self.run.clock, self._warn)
+            pace = make_pace(self.mode, self.run.parameters, self.run.clock, self._warn)
         else:
             pace = before.pace
             inbox.take_over(before.inbox, self._bodies)
@@ -197,7 +197,7 @@ class SimulationSession:
         text = self._lateness.look(
             self.run.pace,
             steps=self.stepper.count,
-            rate=self.run.timing().rate,
+            rate=self.run.parameters["rate"],
             at=self.simulation.time,
             slewing=self.stepper.drive.slew.moving,
         )

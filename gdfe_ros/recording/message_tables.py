@@ -106,9 +106,7 @@ def _tables_of_handle(handle: Handle) -> dict[str, Table]:
     rest, centre = ("", "") if isinstance(handle, ArmLink) else (f"{name}_rest", f"{name}_centre")
     found = {
         f"{topic}/pose": Table(frame=rest, kind=POSE, write=lambda step, rows: write_pose(rows, step.poses[name])),
-        f"{topic}/wrench": Table(
-            frame=centre, kind=WRENCH, write=lambda step, rows: write_wrench(rows, step.result.reactions[name])
-        ),
+        f"{topic}/wrench": Table(frame=centre, kind=WRENCH, write=partial(_write_reaction, name)),
     }
     if handle.section == "handles":
         found[f"{topic}/force_torque"] = Table(frame=name, kind=WRENCH, write=partial(_write_force_torque, name))
@@ -119,11 +117,6 @@ def write_mesh(rows: NDArray, positions: NDArray[np.float64], rest: NDArray[np.f
     """Write vertices (n, 3) [m] and their displacements from ``rest`` (n, 3) [m] into ``rows`` (n, 6)."""
     rows[:, :3] = positions
     np.subtract(positions, rest, out=rows[:, 3:], casting="same_kind")
-
-
-def write_velocity(rows: NDArray, positions: NDArray[np.float64], velocities: NDArray[np.float64]) -> None:
-    """Write vertices (n, 3) [m] and their velocities (n, 3) [m/s] into ``rows`` (n, 6)."""
-    rows[:, :3], rows[:, 3:] = positions, velocities
 
 
 def write_strain(rows: NDArray, fields: ElementFields) -> None:
@@ -137,11 +130,6 @@ def write_pose(rows: NDArray, pose: Pose) -> None:
     """Write a pose into ``rows`` (1, 7); its rotation vector becomes a unit quaternion."""
     rows[0, :3] = pose.translation
     rows[0, 3:] = Rotation.from_rotvec(pose.rotation).as_quat() if any(pose.rotation) else _NO_TURN
-
-
-def write_wrench(rows: NDArray, reaction: NDArray[np.float64]) -> None:
-    """Write a reaction (6,), force [N] then moment [N m], into ``rows`` (1, 6)."""
-    rows[0] = reaction
 
 
 def write_imu(rows: NDArray, reading: ImuReading) -> None:
@@ -192,11 +180,15 @@ def _write_probe(point: Embedding, rest: NDArray[np.float64], step: Step, rows: 
 
 
 def _write_felt(sensor: ContactSensor, step: Step, rows: NDArray) -> None:
-    write_wrench(rows, sensor.wrench(step.result))
+    rows[0] = sensor.wrench(step.result)
+
+
+def _write_reaction(handle: str, step: Step, rows: NDArray) -> None:
+    rows[0] = step.result.reactions[handle]
 
 
 def _write_velocities(step: Step, rows: NDArray) -> None:
-    write_velocity(rows, step.result.positions, step.result.velocities)
+    rows[:, :3], rows[:, 3:] = step.result.positions, step.result.velocities
 
 
 def _write_reading(probe: str, step: Step, rows: NDArray) -> None:
@@ -206,4 +198,4 @@ def _write_reading(probe: str, step: Step, rows: NDArray) -> None:
 def _write_force_torque(handle: str, step: Step, rows: NDArray) -> None:
     """Write the wrench of the body on a handle, in the axes of the handle."""
     back = Rotation.from_rotvec(step.poses[handle].rotation).inv()
-    write_wrench(rows, -back.apply(step.result.reactions[handle].reshape(2, 3)).ravel())
+    rows[0] = -back.apply(step.result.reactions[handle].reshape(2, 3)).ravel()

@@ -52,10 +52,7 @@ class ReservedFile:
     """
 
     def __init__(self, path: Path) -> None:
-        self.path = path
-        self._position = 0
-        self._allocated = 0
-        self._fd: int | None = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o644)
+        self._file, self._allocated = path.open("xb", buffering=0), 0
 
     def reserve(self, size: int) -> None:
         """Ensure that the next ``size`` bytes [B] can be written.
@@ -63,7 +60,7 @@ class ReservedFile:
         Raises:
             OSError: there is no space (ENOSPC, EDQUOT, EFBIG, ...). Earlier reservations stay valid.
         """
-        end = self._position + size
+        end = self.tell() + size
         if end <= self._allocated:
             return
         generous = max(end, self._allocated + _STEP)
@@ -75,7 +72,7 @@ class ReservedFile:
     def _allocate(self, end: int) -> None:
         if hasattr(os, "posix_fallocate"):
             try:
-                os.posix_fallocate(self._descriptor(), self._allocated, end - self._allocated)
+                os.posix_fallocate(self._file.fileno(), self._allocated, end - self._allocated)
             except OSError as error:
                 if error.errno not in _CANNOT_RESERVE:
                     raise
@@ -85,14 +82,12 @@ class ReservedFile:
         """Append all bytes and return their number; raise ``OSError`` if they cannot be written."""
         view = memoryview(data)
         while view:
-            count = os.write(self._descriptor(), view)
-            self._position += count
-            view = view[count:]
+            view = view[self._file.write(view) :]
         return len(data)
 
     def tell(self) -> int:
         """Return the number of bytes written so far [B]."""
-        return self._position
+        return self._file.tell()
 
     def flush(self) -> None:
         """Do nothing: writes go straight to the operating system."""
@@ -103,20 +98,14 @@ class ReservedFile:
         Args:
             sync: whether to wait until the file is on the device.
         """
-        if self._fd is None:
+        if self._file.closed:
             return
-        fd, self._fd = self._fd, None
         try:
-            os.ftruncate(fd, self._position)
+            self._file.truncate()
             if sync:
-                os.fsync(fd)
+                os.fsync(self._file.fileno())
         finally:
-            os.close(fd)
-
-    def _descriptor(self) -> int:
-        if self._fd is None:
-            raise ValueError(f"{self.path} is closed")
-        return self._fd
+            self._file.close()
 
 
 # Upper bounds [B] of the overhead by mcap: for a message (record head, index entry), a chunk (its head and its

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import PoseStamped
@@ -16,7 +15,7 @@ from std_msgs.msg import Header
 from gdfe_ros.analysis.bag_run import BagRun
 from gdfe_ros.constraints import Handle, Pose
 from gdfe_ros.node.driving.orders import PoseOrder, TeleportOrder, TwistOrder
-from gdfe_ros.node.interface.topics import MOVED, put_key, target_key
+from gdfe_ros.node.interface.topics import VELOCITY_COMMANDS, pose_key
 from gdfe_ros.node.messages import actuation, pose_stamped
 from gdfe_ros.recording.step import StepRecord
 
@@ -49,11 +48,11 @@ class Consumed:
         handles = [known[name] for name in dict.fromkeys(name for record in run.records for name in record.handles)]
         self._driven = {name for record in run.records for name in (*record.actuators, *record.loads, *record.joints)}
         self._actuators = {item.name: item for item in run.scene.actuators if item.name in self._driven}
-        self.inputs = [*map(target_key, handles), *([ACTUATION] if self._driven else [])]
+        self.inputs = [*map(pose_key, handles), *([ACTUATION] if self._driven else [])]
         bodies = dict.fromkeys(name for record in run.records for name in record.bodies)
-        self._bodies = {name: (put_key(known[name]), _collect_turns(run, put_key(known[name]))) for name in bodies}
+        self._bodies = {name: (pose_key(known[name]), _collect_turns(run, pose_key(known[name]))) for name in bodies}
         self.puts = [key for key, _ in self._bodies.values()]
-        self._handles = {handle.name: (target_key(handle), _SentTurns(run, handle)) for handle in handles}
+        self._handles = {handle.name: (pose_key(handle), _SentTurns(run, handle)) for handle in handles}
         self._poses: dict[str, Pose] = {}
         self._values: dict[str, float] = {}
         self.inexact = 0
@@ -96,9 +95,9 @@ class _SentTurns:
 
     def __init__(self, run: BagRun, handle: Handle) -> None:
         self._handle = handle.name
-        self._sent = _collect_turns(run, target_key(handle))
-        velocity = MOVED[handle.section].velocity.key(**{handle.noun: handle.name})
-        twists = [message.twist for message in _messages(run, velocity)]
+        self._sent = _collect_turns(run, pose_key(handle))
+        velocity = VELOCITY_COMMANDS[handle.section].key(**{handle.noun: handle.name})
+        twists = [message.twist for message in run.messages(velocity)]
         rates = dict.fromkeys((twist.angular.x, twist.angular.y, twist.angular.z) for twist in twists)
         self._twists = [TwistOrder(handle.name, (0.0, 0.0, 0.0), rate) for rate in rates]
         self._stride = float(run.reader.run.settings.get("node", {}).get("dt", math.inf))
@@ -121,7 +120,7 @@ class _SentTurns:
 def _collect_turns(run: BagRun, key: str) -> dict[tuple[float, float, float], list[Quaternion]]:
     """Return a dict from translation to the quaternions that were sent with it on a topic."""
     sent: dict[tuple[float, float, float], list[Quaternion]] = {}
-    for message in _messages(run, key):
+    for message in run.messages(key):
         place, turn = message.pose.position, message.pose.orientation
         sent.setdefault((place.x, place.y, place.z), []).append((turn.x, turn.y, turn.z, turn.w))
     return sent
@@ -129,10 +128,3 @@ def _collect_turns(run: BagRun, key: str) -> dict[tuple[float, float, float], li
 
 def _quaternion(pose: Pose) -> Quaternion:
     return tuple(map(float, Rotation.from_rotvec(pose.rotation).as_quat()))
-
-
-def _messages(run: BagRun, key: str) -> Iterator[Any]:
-    """Yield the decoded messages of a topic; none if the bag does not have the topic."""
-    if run.topics(f"/{key}"):
-        for _, message in run.messages(f"/{key}"):
-            yield message

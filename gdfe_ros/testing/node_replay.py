@@ -19,7 +19,7 @@ from gdfe_ros.analysis.bag_run import BagRun, BagSteps
 from gdfe_ros.analysis.replay import Replay, ReplayReport, compare_steps
 from gdfe_ros.errors import GdfeError, RecordingError
 from gdfe_ros.node.interface import NODE_NAME
-from gdfe_ros.node.interface.topics import target_key
+from gdfe_ros.node.interface.topics import pose_key
 from gdfe_ros.node.messages import actuation, pose_stamped
 from gdfe_ros.recording.provenance import STATE_FILE
 from gdfe_ros.recording.step import Begin, StepRecord
@@ -90,7 +90,7 @@ def _messages(scene: Scene, moment: float) -> dict[str, Any]:
     """Return a dict from command topic, relative to the node's name, to message, at the time ``moment`` [s]."""
     program, handles = scene.program, {handle.name: handle for handle in scene.handles}
     poses = program.handle_poses(moment).items()
-    messages = {target_key(handles[name]): pose_stamped(Header(), pose) for name, pose in poses}
+    messages = {pose_key(handles[name]): pose_stamped(Header(), pose) for name, pose in poses}
     values = program.actuator_values(moment) | program.load_factors(moment) | program.joint_positions(moment)
     if values:
         messages[ACTUATION] = actuation({actuator.name: actuator for actuator in scene.actuators}, values)

@@ -108,5 +108,4 @@ class Painter:
 
     def _polygons(self, points: NDArray[np.float64], ids: NDArray[np.integer]) -> Any:
         """Return VTK's surface of polygons with these corners (f, k) among the points."""
-        rows = np.column_stack([np.full(len(ids), ids.shape[1]), ids])
-        return self._library.PolyData(np.ascontiguousarray(points), rows.ravel())
+        return self._library.PolyData.from_regular_faces(np.ascontiguousarray(points), ids)

@@ -24,7 +24,7 @@ from gdfe_ros.command import Orders
 from gdfe_ros.constraints import Pose
 from gdfe_ros.errors import CommandError, GdfeError, OverlapError
 from gdfe_ros.node.interface import COMPUTE_JACOBIAN, NODE_NAME, RESET_COMMANDS, STEP
-from gdfe_ros.node.interface.topics import JACOBIAN, REFUSED, is_commanded, put_key, state_topics, target_key
+from gdfe_ros.node.interface.topics import JACOBIAN, REFUSED, is_commanded, pose_key, state_topics
 from gdfe_ros.node.messages import actuation, pose_stamped
 from gdfe_ros.node.middleware.ros_types import interface_class, subscribe
 from gdfe_ros.node.refusals import Reason
@@ -73,8 +73,8 @@ class Simulator:
         patience: float = PATIENCE,
     ) -> None:
         self.scene = load_scene(scene, overrides=overrides)
-        self._movable = {each.name: target_key(each) for each in self.scene.handles if is_commanded(each)}
-        self._puts = {body.name: put_key(body) for body in self.scene.rigid_bodies}
+        self._movable = {each.name: pose_key(each) for each in self.scene.handles if is_commanded(each)}
+        self._puts = {body.name: pose_key(body) for body in self.scene.rigid_bodies}
         self._actuators = {actuator.name: actuator for actuator in self.scene.actuators}
         self._orders = Orders(self.scene, self.scene.solver)
         self._patience = patience

@@ -14,6 +14,8 @@ import trimesh
 from rclpy.serialization import deserialize_message, serialize_message
 from std_msgs.msg import String
 
+from gdfe_ros.analysis.bag_run import BagRun
+from gdfe_ros.analysis.message_values import cloud_values
 from gdfe_ros.constraints import Pose
 from gdfe_ros.live.bag import StepBag
 from gdfe_ros.node.interface import topics
@@ -146,3 +148,9 @@ def rewrite(
         writer.write(named[message.topic].name, data, message.log_time)
     writer.close({})
     return out
+
+
+def last_positions(run: BagRun) -> np.ndarray:
+    """Return the positions (n, 3) [m] of the last mesh message of a bag."""
+    *_, last = (cloud_values(message) for message in run.messages("mesh"))
+    return np.stack([last[axis] for axis in "xyz"], axis=1)

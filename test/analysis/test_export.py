@@ -17,6 +17,8 @@ import pytest
 
 from gdfe_ros.analysis.bag_run import BagRun
 from gdfe_ros.cli import main
+from gdfe_ros.scene import load_scene
+from test.analysis.conftest import BagMaker, last_positions
 
 
 def test_vtk_series_holds_the_run(make_bag: Callable[..., Path], tmp_path: Path) -> None:
@@ -26,7 +28,7 @@ def test_vtk_series_holds_the_run(make_bag: Callable[..., Path], tmp_path: Path)
     entries = ElementTree.parse(out / "run.pvd").getroot().findall(".//DataSet")
     assert [float(entry.get("timestep")) for entry in entries] == pytest.approx(np.arange(1, 7) * 0.01)
     grid = meshio.read(out / entries[-1].get("file"))
-    np.testing.assert_array_equal(grid.points, BagRun(bag).last_positions())
+    np.testing.assert_array_equal(grid.points, last_positions(BagRun(bag)))
     assert grid.cells_dict["hexahedron"].shape == (10, 8)
     assert grid.point_data["displacement"][:, 2].max() == pytest.approx(0.1)
     assert set(grid.cell_data) == {"eps_eq", "J", "omega", "tangent", "energy_density"}
@@ -91,6 +93,26 @@ def test_columns_have_names_and_units(kept_bags: dict[Path, float], tmp_path: Pa
         assert (units["positions"], units["time"], units["tangent"]) == ("m", "s", "Pa")
         assert units["handles/base/wrench/wrench.force.x"] == "N"
         assert data["joint_states/effort"].shape[1] == len(names)
+
+
+@pytest.mark.parametrize("kind", ["csv", "parquet", "npz"])
+def test_joints_of_an_arm_have_names_and_units(tmp_path: Path, maker: type[BagMaker], kind: str) -> None:
+    """An export of a run with an arm names the joints after the actuators, in every format."""
+    bag, scene = maker(tmp_path / "bag", load_scene("arm_grasp")), load_scene("arm_grasp")
+    bag.step()
+    out = tmp_path / f"run.{kind}"
+    assert main(["export", str(bag.close()), "--out", str(out)]) == 0
+    if kind == "npz":
+        names = [*(each.name for each in scene.actuators), *(joint.name for joint in scene.arms[0].joints)]
+        with np.load(out) as data:
+            assert list(data["joint_names"]) == names
+    elif kind == "csv":
+        head = out.read_text(encoding="utf-8").partition("\n")[0].split(",")
+        assert "joint_states.elbow.velocity [rad/s]" in head
+        assert "joint_states.left.effort [N]" in head
+    else:
+        field = pyarrow.parquet.read_schema(out).field("joint_states.elbow.effort")
+        assert field.metadata[b"unit"] == b"N m"
 
 
 def test_an_unknown_ending_is_refused(make_bag: Callable[..., Path], tmp_path: Path, capsys: Any) -> None:

@@ -30,6 +30,7 @@ from gdfe_ros.cli import main
 from gdfe_ros.colour_map import NOISE
 from gdfe_ros.constraints import Pose
 from gdfe_ros.scene import Scene, load_scene
+from test.analysis.conftest import last_positions
 
 ARTEFACTS = Path(__file__).parents[2] / ".ci" / "artefacts"
 CHARTS = {
@@ -94,7 +95,7 @@ def test_the_report_works_in_a_browser(
     _open(browser, page)
     surface = np.unique(BagRun(bag).scene.mesh.surface())
     shown = _drawn(browser, "z")
-    np.testing.assert_allclose(shown, BagRun(bag).last_positions()[surface, 2], atol=0.3 / 65535)
+    np.testing.assert_allclose(shown, last_positions(BagRun(bag))[surface, 2], atol=0.3 / 65535)
     last = _picture(browser, "report_last.png")
     _slide(browser, 0)
     np.testing.assert_allclose(_drawn(browser, "z"), BagRun(bag).scene.mesh.vertices[surface, 2], atol=0.3 / 65535)

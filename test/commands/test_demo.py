@@ -17,6 +17,7 @@ from gdfe_ros.analysis.replay import Replay
 from gdfe_ros.commands import demo
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.testing import NodeProcess
+from test.analysis.conftest import last_positions
 
 SCENE = """\
 name: bridge
@@ -50,7 +51,7 @@ def test_a_program_of_loads_alone_is_played(tmp_path: Path, capsys: pytest.Captu
     assert [record.loads["weight"] for record in bag.records[1:]] == pytest.approx(np.arange(1, 11) * 0.05)
     simulation = Simulation(load_scene(path))
     results = list(simulation.play(10))
-    np.testing.assert_allclose(bag.last_positions(), results[-1].positions, atol=1e-4 * simulation.mesh.size)
+    np.testing.assert_allclose(last_positions(bag), results[-1].positions, atol=1e-4 * simulation.mesh.size)
     assert simulation.handle_pose("base").rotation[1] > 0.04
     verdict = Replay(bag).run().differences.verdict()
     assert verdict.name == "IDENTICAL"

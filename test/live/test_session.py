@@ -13,7 +13,6 @@ import trimesh
 from gdfe_ros.live.session import LiveSession, RestingPace
 from gdfe_ros.live.surface import DrawnSurface
 from gdfe_ros.node.driving.orders import ActuatorOrder
-from gdfe_ros.node.driving.pace import Timing
 from gdfe_ros.scene import load_scene, scene_from_text
 from gdfe_ros.simulation import Simulation
 
@@ -21,7 +20,7 @@ from gdfe_ros.simulation import Simulation
 def test_time_stands_while_there_is_nothing_to_do() -> None:
     """After an hour without work, the next step covers one dt, and a later overrun is still counted."""
     now = [0.0]
-    pace = RestingPace(lambda: Timing(100.0, 0.01, 0.0, False), lambda: now[0])
+    pace = RestingPace({"rate": 100.0, "dt": 0.01, "heartbeat": 0.0, "publish_clock": False}, lambda: now[0])
     assert pace.begin() == 0.01
     assert pace.delay(pending=False, settled=True) is None
     now[0] = 3600.0

@@ -29,8 +29,6 @@ from gdfe_ros.recording.message_tables import (
     write_mesh,
     write_pose,
     write_strain,
-    write_velocity,
-    write_wrench,
 )
 from gdfe_ros.recording.packing import Packer
 from gdfe_ros.results.inertial_units import ImuReading
@@ -60,10 +58,13 @@ def _writer(write: Callable[..., None], *numbers: Any) -> Callable[[np.ndarray],
 
 _mesh = partial(_writer, write_mesh)
 _strain = partial(_writer, write_strain)
-_velocity = partial(_writer, write_velocity)
 _pose = partial(_writer, write_pose)
-_wrench = partial(_writer, write_wrench)
 _imu = partial(_writer, write_imu)
+
+
+def _numbers(*columns: np.ndarray) -> Callable[[np.ndarray], None]:
+    """Return the function that writes columns of numbers into the rows of a packer."""
+    return partial(np.copyto, src=np.hstack(columns))
 
 
 def _cloud(names: str, *parts: np.ndarray) -> PointCloud2:
@@ -90,8 +91,8 @@ def test_clouds_are_those_of_rclpy(bent: Simulation) -> None:
 def test_velocities_are_those_of_rclpy(bent: Simulation) -> None:
     """A packed cloud of velocities equals rclpy's, also after another one."""
     packer, velocities = Packer(VELOCITY, FRAME, bent.mesh.n_vertices), np.sin(bent.positions)
-    packer.pack(1, _velocity(bent.mesh.vertices, np.ones_like(velocities)))
-    made = packer.pack(12_250_000_000, _velocity(bent.positions, velocities))
+    packer.pack(1, _numbers(bent.mesh.vertices, np.ones_like(velocities)))
+    made = packer.pack(12_250_000_000, _numbers(bent.positions, velocities))
     assert _same(made, _cloud("x y z vx vy vz", bent.positions, velocities))
 
 
@@ -109,9 +110,9 @@ def test_wrenches_are_those_of_rclpy() -> None:
     """A packed wrench equals rclpy's, also after another one."""
     packer, reaction = Packer(WRENCH, FRAME), np.array([1.0, -2.0, 3.0, -4.0, 5.0, 1e-12])
     force, torque = Vector3(x=1.0, y=-2.0, z=3.0), Vector3(x=-4.0, y=5.0, z=1e-12)
-    packer.pack(3, _wrench(np.ones(6)))
+    packer.pack(3, _numbers(np.ones(6)))
     message = WrenchStamped(header=HEAD, wrench=Wrench(force=force, torque=torque))
-    assert _same(packer.pack(12_250_000_000, _wrench(reaction)), message)
+    assert _same(packer.pack(12_250_000_000, _numbers(reaction)), message)
 
 
 def test_readings_of_inertial_units_are_those_of_rclpy() -> None:

@@ -49,7 +49,7 @@ def test_a_file_is_cut_to_what_was_written(tmp_path: Path) -> None:
     file.close(sync=True)
     file.close()
     assert (tmp_path / "file").read_bytes() == b"abc"
-    with pytest.raises(ValueError, match="is closed"):
+    with pytest.raises(ValueError, match="closed file"):
         file.write(b"more")
 
 

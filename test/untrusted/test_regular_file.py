@@ -7,6 +7,7 @@ import csv
 import os
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -122,7 +123,7 @@ def test_a_state_overwrites_only_a_state(tmp_path: Path) -> None:
 def test_a_cell_is_no_formula(tmp_path: Path, text: str) -> None:
     """A text that a spreadsheet would execute begins with a quote in CSV; numbers stay numbers."""
     assert quote_formula(text) == f"'{text}"
-    write_csv([{"message": text, text: -1.5}], tmp_path / "a.csv", Columns(()))
+    write_csv([{"message": text, text: -1.5}], tmp_path / "a.csv", Columns(SimpleNamespace(actuators=(), arms=())))
     with (tmp_path / "a.csv").open(newline="") as file:
         assert list(csv.reader(file)) == [["message", f"'{text}"], [f"'{text}", "-1.5"]]
 

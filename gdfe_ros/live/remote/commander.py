@@ -21,7 +21,7 @@ from gdfe_ros.live.session import Programme
 from gdfe_ros.node import interface
 from gdfe_ros.node.driving.orders import ActuatorOrder, Order, PlaceOrder, require_order
 from gdfe_ros.node.interface import MODULUS, topics
-from gdfe_ros.node.interface.topics import is_commanded, put_key, target_key
+from gdfe_ros.node.interface.topics import is_commanded, pose_key
 from gdfe_ros.node.messages import actuation, pose_message
 from gdfe_ros.node.middleware.ros_types import interface_class, qos_profile
 from gdfe_ros.recording.step import Begin, StepRecord
@@ -51,12 +51,9 @@ class Commander:
         profile = qos_profile(topics.ACTUATION.delivery)
         self._actuation = node.create_publisher(JointState, f"{name}/{topics.ACTUATION.key()}", profile)
         self._targets = {
-            handle.name: node.create_publisher(PoseStamped, f"{name}/{target_key(handle)}", profile)
+            handle.name: node.create_publisher(PoseStamped, f"{name}/{pose_key(handle)}", profile)
             for handle in scene.handles
-            if is_commanded(handle)
-        } | {
-            body.name: node.create_publisher(PoseStamped, f"{name}/{put_key(body)}", profile)
-            for body in scene.rigid_bodies
+            if is_commanded(handle) or handle.section == "bodies"
         }
         self._parameters = AsyncParameterClient(node, name)
         self._clients = {

@@ -4,10 +4,9 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
 from enum import Enum
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from gdfe_ros.untrusted.bounded_text import Throttle
 
@@ -31,23 +30,6 @@ class ClockMode(str, Enum):
     EXTERNAL = "external"
 
 
-@dataclass(frozen=True)
-class Timing:
-    """Present values of the parameters that determine the pace of the steps.
-
-    Attributes:
-        rate: steps per second of wall time [Hz].
-        dt: simulation time of a step [s].
-        heartbeat: interval of heartbeats, the steps made while idle [s]; 0: no heartbeats.
-        ticking: whether to keep stepping while idle.
-    """
-
-    rate: float
-    dt: float
-    heartbeat: float
-    ticking: bool
-
-
 class _OwnPace:
     """Base class of paces without an external clock; a pace decides when to make a step.
 
@@ -57,7 +39,8 @@ class _OwnPace:
     covers [s]. `restart` ignores the wall time that has passed, e.g. in a pause.
 
     Args:
-        timing: function that returns the present values of the parameters.
+        values: present values of the node's parameters ``rate`` [Hz], ``dt`` [s], ``heartbeat`` [s] and
+            ``publish_clock``, by name. With ``publish_clock`` steps are made while idle, too.
         now: function that returns the time on a monotonic clock [s].
 
     Attributes:
@@ -69,8 +52,8 @@ class _OwnPace:
 
     moment, behind = 0, 0.0
 
-    def __init__(self, timing: Callable[[], Timing], now: Callable[[], float] = time.monotonic) -> None:
-        self._timing, self._now = timing, now
+    def __init__(self, values: Mapping[str, Any], now: Callable[[], float] = time.monotonic) -> None:
+        self._values, self._now = values, now
         self.overruns, self.late = 0, 0.0
         self.restart()
 
@@ -81,11 +64,12 @@ class _OwnPace:
     def begin(self) -> float:
         """Begin a step and return its simulation time, one dt [s]."""
         self._last = self._now()
-        return self._timing().dt
+        return self._values["dt"]
 
-    def _until_heartbeat(self, timing: Timing) -> float | None:
+    def _until_heartbeat(self) -> float | None:
         """Return the wall time to the next heartbeat [s]; None: there are no heartbeats."""
-        return max(0.0, self._last + timing.heartbeat - self._now()) if timing.heartbeat else None
+        heartbeat = self._values["heartbeat"]
+        return max(0.0, self._last + heartbeat - self._now()) if heartbeat else None
 
 
 class WallPace(_OwnPace):
@@ -99,35 +83,36 @@ class WallPace(_OwnPace):
 
     def delay(self, *, pending: bool, settled: bool) -> float | None:
         """Return the wall time to the next period [s] or, if idle, to the next heartbeat; None: no heartbeats."""
-        timing, now = self._timing(), self._now()
+        now = self._now()
         if self._running:
-            self._end(now, 1.0 / timing.rate)
-        if pending or not settled or timing.ticking:
+            self._end(now, 1.0 / self._values["rate"])
+        if pending or not settled or self._values["publish_clock"]:
             return max(0.0, self._due - now)
         self._idle = True
-        return self._until_heartbeat(timing)
+        return self._until_heartbeat()
 
     def begin(self) -> float:
         """Begin a step: advance to the next period, count missed periods, and return the step's simulation time [s]."""
-        timing, now = self._timing(), self._now()
-        period, periods = 1.0 / timing.rate, 1
+        now = self._now()
+        period, periods = 1.0 / self._values["rate"], 1
         if self._idle:
-            periods = max(1, round(self._count_idle(timing, now, period) / period))
+            periods = max(1, round(self._count_idle(now, period) / period))
             self._due = now
         else:
             self._end(now, period)
         self._due += period
         self._last, self._idle, self._running = now, False, True
-        return periods * timing.dt
+        return periods * self._values["dt"]
 
-    def _count_idle(self, timing: Timing, now: float, period: float) -> float:
+    def _count_idle(self, now: float, period: float) -> float:
         """Return the idle time that a step covers [s]; time of a stopped process is left out and counts as overruns."""
-        missed = now - self._last - timing.heartbeat
-        if not timing.heartbeat or missed <= _STILL:
+        heartbeat = self._values["heartbeat"]
+        missed = now - self._last - heartbeat
+        if not heartbeat or missed <= _STILL:
             return now - self._last
         self.overruns += int(missed / period)
         self.late += missed
-        return timing.heartbeat
+        return heartbeat
 
     def _end(self, now: float, period: float) -> None:
         """Record the end of a step.
@@ -151,8 +136,8 @@ class FastPace(_OwnPace):
 
     def delay(self, *, pending: bool, settled: bool) -> float | None:
         """Return 0 while there is work, otherwise the wall time to the next heartbeat [s]; None: no heartbeats."""
-        timing = self._timing()
-        return 0.0 if pending or not settled or timing.ticking else self._until_heartbeat(timing)
+        busy = pending or not settled or self._values["publish_clock"]
+        return 0.0 if busy else self._until_heartbeat()
 
 
 class LockstepPace(_OwnPace):
@@ -172,13 +157,13 @@ class ExternalPace:
     `FARTHEST_JUMP`, the steps continue from its new time. No steps are made for the skipped time.
 
     Args:
-        timing: function that returns the present values of the parameters.
+        values: present values of the node's parameters by name, as for `WallPace`.
         now: function that returns the time of the clock [ns]; 0 before the time is known.
         tell: function that receives a message about each jump of the clock.
     """
 
-    def __init__(self, timing: Callable[[], Timing], now: Callable[[], int], tell: Callable[[str], object]) -> None:
-        self._timing, self._now, self._tell = timing, now, tell
+    def __init__(self, values: Mapping[str, Any], now: Callable[[], int], tell: Callable[[str], object]) -> None:
+        self._values, self._now, self._tell = values, now, tell
         self.overruns, self.late, self.moment = 0, 0.0, 0
         self._idle = False
         self._leapt = 0
@@ -196,11 +181,11 @@ class ExternalPace:
 
     def delay(self, *, pending: bool, settled: bool) -> float | None:
         """Return 0 if a step of dt or, while idle, a heartbeat is due; otherwise None, to wait for the clock."""
-        timing, due = self._timing(), self._due()
-        if pending or not settled or timing.ticking:
+        heartbeat, due = self._values["heartbeat"], self._due()
+        if pending or not settled or self._values["publish_clock"]:
             return 0.0 if due else None
         self._idle = True
-        return 0.0 if due and timing.heartbeat and due * timing.dt >= timing.heartbeat else None
+        return 0.0 if due and heartbeat and due * self._values["dt"] >= heartbeat else None
 
     def begin(self) -> float:
         """Begin a step and return its simulation time [s]: one dt, or all the time that passed while idle."""
@@ -208,7 +193,7 @@ class ExternalPace:
         count = due if self._idle else 1
         self.overruns += due - 1 > 0 and not self._idle
         self._idle = False
-        dt = self._timing().dt
+        dt = self._values["dt"]
         self.moment += round(1e9 * dt) * count
         return count * dt
 
@@ -218,27 +203,34 @@ class ExternalPace:
 
     def _due(self) -> int:
         """Return the number of steps of dt that are due; after a jump, continue from the clock's new time."""
-        now = self._now()
-        back = now < self.moment - round(1e9 * self._timing().dt)
+        now, step = self._now(), round(1e9 * self._values["dt"])
+        back = now < self.moment - step
         if self.moment and (back or self._leapt):
             text = f"the clock jumped {'back' if back else 'ahead'} from {1e-9 * self.moment:.9g} to {1e-9 * now:.9g} s"
             self._tell(f"{text}: the simulation goes on from there, at its own time, and makes no steps for the jump")
         if self.moment == 0 or back or self._leapt:
             self.restart()
-        return max(0, (now - self.moment) // round(1e9 * self._timing().dt))
+        return max(0, (now - self.moment) // step)
 
 
 Pace = WallPace | FastPace | LockstepPace | ExternalPace
 
 
 def make_pace(
-    mode: ClockMode, timing: Callable[[], Timing], now: Callable[[], int], tell: Callable[[str], object]
+    mode: ClockMode, values: Mapping[str, Any], now: Callable[[], int], tell: Callable[[str], object]
 ) -> Pace:
-    """Return the pace of a clock mode; ``now`` returns the node's time [ns], ``tell`` receives texts about jumps."""
+    """Return the pace of a clock mode.
+
+    Args:
+        mode: the clock mode.
+        values: present values of the node's parameters by name.
+        now: function that returns the node's time [ns].
+        tell: function that receives texts about jumps of an external clock.
+    """
     if mode is ClockMode.EXTERNAL:
-        return ExternalPace(timing, now, tell)
+        return ExternalPace(values, now, tell)
     kinds = {ClockMode.WALL: WallPace, ClockMode.FAST: FastPace, ClockMode.LOCKSTEP: LockstepPace}
-    return kinds[mode](timing)
+    return kinds[mode](values)
 
 
 _LONG = 10.0

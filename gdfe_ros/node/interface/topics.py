@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from gdfe_ros.node.interface import Delivery, TopicSpec
@@ -295,45 +294,20 @@ COMMANDS = tuple(spec for spec in _ALL if spec.delivery is Delivery.COMMAND)
 OUTPUTS = tuple(spec for spec in _ALL if spec.delivery is not Delivery.COMMAND)
 
 
-@dataclass(frozen=True)
-class MovableTopics:
-    """The command topics of a handle, obstacle, rigid body or link.
-
-    Handles and obstacles have ``target`` and ``velocity``. A rigid body has ``put``, which teleports it.
-    """
-
-    target: TopicSpec | None = None
-    velocity: TopicSpec | None = None
-    put: TopicSpec | None = None
-
-    @property
-    def commands(self) -> tuple[TopicSpec, ...]:
-        """Topics on which the node accepts commands."""
-        return tuple(spec for spec in (self.target, self.velocity, self.put) if spec is not None)
-
-
-MOVED = {
-    "handles": MovableTopics(TARGET, VELOCITY),
-    "obstacles": MovableTopics(OBSTACLE_TARGET, OBSTACLE_VELOCITY),
-    "bodies": MovableTopics(put=BODY_SET),
-    "links": MovableTopics(),
-}
-"""Dict from a section of the scene to the command topics of each of its items."""
+POSE_COMMANDS = {"handles": TARGET, "obstacles": OBSTACLE_TARGET, "bodies": BODY_SET}
+"""Dict from a section of the scene to the topic that commands the pose of each of its items; bodies are teleported."""
+VELOCITY_COMMANDS = {"handles": VELOCITY, "obstacles": OBSTACLE_VELOCITY}
+"""Dict from a section of the scene to the topic that commands the velocity of each of its items."""
 
 
 def is_commanded(handle: Handle) -> bool:
-    """Return whether a handle or obstacle accepts commands."""
-    return not (handle.fixed or handle.carrier) and MOVED[handle.section].target is not None
+    """Return whether a handle or obstacle accepts targets and velocities."""
+    return not (handle.fixed or handle.carrier) and handle.section in VELOCITY_COMMANDS
 
 
-def target_key(handle: Handle) -> str:
-    """Return the name of the target topic of a handle or obstacle, relative to the node's name."""
-    return MOVED[handle.section].target.key(**{handle.noun: handle.name})
-
-
-def put_key(handle: Handle) -> str:
-    """Return the name of the topic that teleports a rigid body, relative to the node's name."""
-    return MOVED[handle.section].put.key(**{handle.noun: handle.name})
+def pose_key(handle: Handle) -> str:
+    """Return the topic, relative to the node's name, of a handle's or obstacle's target, or of a body's teleports."""
+    return POSE_COMMANDS[handle.section].key(**{handle.noun: handle.name})
 
 
 def step_topic(key: str) -> TopicSpec:

@@ -186,8 +186,8 @@ class UnmatchedTopics:
         self._sections = {handle.name: handle.section for handle in handles}
         self._patterns = [
             (section, *node.resolve_topic_name(re.sub("{.*}", "h", spec.name)).rsplit("h/", 1))
-            for section, moved in topics.MOVED.items()
-            for spec in moved.commands
+            for commands in (topics.POSE_COMMANDS, topics.VELOCITY_COMMANDS)
+            for section, spec in commands.items()
         ]
         self._told: set[str] = set()
 

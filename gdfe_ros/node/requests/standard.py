@@ -19,7 +19,7 @@ from trajectory_msgs.msg import JointTrajectoryPoint
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.node import interface
 from gdfe_ros.node.inputs import Code, Pursuit, Tolerances
-from gdfe_ros.node.interface import FOLLOW_TRAJECTORY
+from gdfe_ros.node.interface import FOLLOW_TRAJECTORY, ServiceSpec
 from gdfe_ros.node.messages import header
 from gdfe_ros.node.middleware.ros_types import (
     LARGEST,
@@ -102,7 +102,7 @@ class StandardServices:
             interface.STEP_SIMULATION: self._step,
         }
         node.offer(offered)
-        self._offer_action()
+        self._action = _serve(node, interface.SIMULATE_STEPS, self._accept, self._cancel)
 
     def stop_at_start(self) -> None:
         """Report the state stopped, instead of paused, as long as the simulation stays at time 0."""
@@ -187,20 +187,7 @@ class StandardServices:
             raise GdfeError(f"steps is {steps}; allowed: 1 or more")
         return session.take_steps(steps, told)
 
-    def _offer_action(self) -> None:
-        from rclpy.action import ActionServer, CancelResponse
-
-        kind, name = interface_class(interface.SIMULATE_STEPS.type), interface.SIMULATE_STEPS.name
-        self._action = ActionServer(
-            self._node,
-            kind,
-            name,
-            execute_callback=lambda goal: kind.Result(),
-            handle_accepted_callback=self._accept,
-            cancel_callback=lambda goal: self._cancel() or CancelResponse.ACCEPT,
-        )
-
-    def _cancel(self) -> None:
+    def _cancel(self, goal: Any) -> None:
         if self._node.session is not None:
             self._node.session.interrupt("simulate_steps was cancelled")
 
@@ -224,6 +211,48 @@ class StandardServices:
             finish(error)
 
 
+def _serve(node: SessionNode, spec: ServiceSpec, accept: Callable[[Any], None], cancel: Callable[[Any], None]) -> Any:
+    """Return the server of an action; goals that were too large to be read are rejected.
+
+    Args:
+        node: node of the action.
+        spec: description of the action.
+        accept: function that receives each accepted goal, and later ends it.
+        cancel: function that receives a goal that its client cancels.
+    """
+    from rclpy.action import ActionServer, CancelResponse, GoalResponse
+
+    class Server(ActionServer):
+        """A server that knows whether the last goal was too large."""
+
+        unread = 0
+
+        async def execute(self, taken_data: Any) -> None:
+            """Note whether a goal was too large, and respond to requests as rclpy does."""
+            self.unread = unread_size(taken_data["goal"][1]) if "goal" in taken_data else 0
+            await super().execute(taken_data)
+
+    def judge(goal: Any) -> GoalResponse:
+        if not server.unread:
+            return GoalResponse.ACCEPT
+        text = f"a goal of {spec.name} is refused: it has {server.unread} bytes; allowed: up to {LARGEST}"
+        node.get_logger().warning(text)
+        return GoalResponse.REJECT
+
+    kind = interface_class(spec.type)
+    server = Server(
+        node,
+        kind,
+        spec.name,
+        goal_callback=judge,
+        execute_callback=lambda goal: kind.Result(),
+        handle_accepted_callback=accept,
+        cancel_callback=lambda goal: cancel(goal) or CancelResponse.ACCEPT,
+    )
+    server._action_type = bound_action(kind, node.get_logger().warning)
+    return server
+
+
 def _end(goal: Any, *, succeeded: bool) -> None:
     """Set the state of a goal at its end: succeeded, cancelled or aborted."""
     end = goal.succeed if succeeded else goal.canceled if goal.is_cancel_requested else goal.abort
@@ -245,38 +274,9 @@ class TrajectoryAction:
         self._node = node
         if not is_installed(FOLLOW_TRAJECTORY.type):
             return
-        from rclpy.action import ActionServer, CancelResponse, GoalResponse
-
-        class Server(ActionServer):
-            """A server that rejects goals that were too large to be read."""
-
-            unread = 0
-
-            async def execute(self, taken_data: Any) -> None:
-                """Note whether a goal was too large, and respond to requests as rclpy does."""
-                self.unread = unread_size(taken_data["goal"][1]) if "goal" in taken_data else 0
-                await super().execute(taken_data)
-
         self._kind = interface_class(FOLLOW_TRAJECTORY.type)
         self._pursuits: dict[bytes, Pursuit] = {}
-        self._action = Server(
-            node,
-            self._kind,
-            FOLLOW_TRAJECTORY.name,
-            goal_callback=lambda goal: GoalResponse.REJECT if self._too_large() else GoalResponse.ACCEPT,
-            execute_callback=lambda goal: self._kind.Result(),
-            handle_accepted_callback=self._accept,
-            cancel_callback=lambda goal: self._cancel(goal) or CancelResponse.ACCEPT,
-        )
-        self._action._action_type = bound_action(self._kind, node.get_logger().warning)
-
-    def _too_large(self) -> bool:
-        """Return whether the received goal was too large to be read, and log a refusal if so."""
-        size = self._action.unread
-        if size:
-            text = f"a goal of {FOLLOW_TRAJECTORY.name} is refused: it has {size} bytes; allowed: up to {LARGEST}"
-            self._node.get_logger().warning(text)
-        return bool(size)
+        self._action = _serve(node, FOLLOW_TRAJECTORY, self._accept, self._cancel)
 
     def _accept(self, goal: Any) -> None:
         """Queue the order of a goal, or end the goal at once with the reason of the refusal."""

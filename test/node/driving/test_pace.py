@@ -3,13 +3,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import pytest
 
-from gdfe_ros.node.driving.pace import ExternalPace, FastPace, LockstepPace, Timing, WallPace
+from gdfe_ros.node.driving.pace import ExternalPace, FastPace, LockstepPace, WallPace
 
-TIMING = Timing(rate=10.0, dt=0.5, heartbeat=2.0, ticking=False)
+VALUES = {"rate": 10.0, "dt": 0.5, "heartbeat": 2.0, "publish_clock": False}
+EXTERNAL = {"dt": 0.01, "heartbeat": 0.0, "publish_clock": False}
 
 
 class _Clock:
@@ -28,7 +27,7 @@ def clock() -> _Clock:
 @pytest.fixture
 def pace(clock: _Clock) -> WallPace:
     """Give a pace at 10 Hz by the clock."""
-    return WallPace(lambda: TIMING, clock)
+    return WallPace(VALUES, clock)
 
 
 def test_the_wall_pace_keeps_to_its_grid(clock: _Clock, pace: WallPace) -> None:
@@ -79,12 +78,12 @@ def test_time_in_which_the_process_stood_still_is_skipped(clock: _Clock, pace: W
 
 def test_without_a_heartbeat_an_idle_pace_waits_for_an_event() -> None:
     """With heartbeat 0, idle wall and fast paces wait without limit; a ticking clock continues."""
-    silent = replace(TIMING, heartbeat=0.0)
+    silent = VALUES | {"heartbeat": 0.0}
     for kind in (WallPace, FastPace):
-        pace = kind(lambda: silent, _Clock())
+        pace = kind(silent, _Clock())
         pace.begin()
         assert pace.delay(pending=False, settled=True) is None
-    pace = FastPace(lambda: replace(silent, ticking=True), _Clock())
+    pace = FastPace(silent | {"publish_clock": True}, _Clock())
     assert pace.delay(pending=False, settled=True) == 0.0
 
 
@@ -112,7 +111,7 @@ def test_a_pause_is_not_an_overrun(clock: _Clock, pace: WallPace) -> None:
 
 def test_lockstep_steps_for_commands_only() -> None:
     """In lockstep a step starts only for a command, whether or not the last step converged."""
-    pace = LockstepPace(lambda: TIMING)
+    pace = LockstepPace(VALUES)
     assert pace.delay(pending=False, settled=False) is None
     assert pace.delay(pending=True, settled=True) == 0.0
     assert pace.begin() == 0.5
@@ -122,7 +121,7 @@ def test_lockstep_steps_for_commands_only() -> None:
 def test_a_clock_that_jumps_ahead_is_gone_on_from(ahead: float) -> None:
     """A jump of the clock far ahead is reported once and skipped; steps continue from there."""
     clock, told = [5 * 10**9], []
-    pace = ExternalPace(lambda: Timing(100.0, 0.01, 0.0, False), lambda: clock[0], told.append)
+    pace = ExternalPace(EXTERNAL, lambda: clock[0], told.append)
     assert pace.delay(pending=True, settled=False) is None
     clock[0] += 10**7
     assert pace.delay(pending=True, settled=False) == 0.0
@@ -145,7 +144,7 @@ def test_a_clock_that_jumps_ahead_is_gone_on_from(ahead: float) -> None:
 def test_a_clock_that_goes_on_is_caught_up_with() -> None:
     """After the clock advances by 5 s without a jump, all steps are due, and the time behind the clock is known."""
     clock, told = [5 * 10**9], []
-    pace = ExternalPace(lambda: Timing(100.0, 0.01, 0.0, False), lambda: clock[0], told.append)
+    pace = ExternalPace(EXTERNAL, lambda: clock[0], told.append)
     clock[0] += 5 * 10**9
     pace.record_jump(5 * 10**9)
     assert pace.behind == pytest.approx(5.0)
@@ -158,7 +157,7 @@ def test_a_clock_that_goes_on_is_caught_up_with() -> None:
 def test_a_clock_that_goes_back_is_told() -> None:
     """If the clock goes back, steps continue from there, with a message."""
     clock, told = [5 * 10**9], []
-    pace = ExternalPace(lambda: Timing(100.0, 0.01, 0.0, False), lambda: clock[0], told.append)
+    pace = ExternalPace(EXTERNAL, lambda: clock[0], told.append)
     clock[0] = 10**9
     assert pace.delay(pending=True, settled=False) is None
     assert told[0].startswith("the clock jumped back from 5 to 1 s")
