@@ -24,15 +24,6 @@ def test_bar_numbers_vertices_and_cells_as_documented() -> None:
         np.testing.assert_allclose(mesh.centroids[i + nx * (j + ny * k)], expected, atol=1e-15)
 
 
-def test_bar_is_sound_and_has_its_volume() -> None:
-    """A bar is sound and has the volume length x width x height."""
-    report = check_mesh(bar([0.5, 0.05, 0.02], [10, 2, 1]))
-    assert report.defects == []
-    assert report.volume == pytest.approx(0.5 * 0.05 * 0.02, rel=1e-14)
-    assert report.min_scaled_jacobian == pytest.approx(1.0)
-    assert report.max_aspect == pytest.approx(2.5)
-
-
 def test_grid_has_the_planes_asked_for() -> None:
     """A block with uneven planes has all planes, and every cell its volume."""
     x, y, z = [0.0, 0.1, 0.4], [-0.2, 0.3], [0.0, 0.01, 0.02, 0.1]

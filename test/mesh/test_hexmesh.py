@@ -10,18 +10,6 @@ from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh import HexMesh, bar
 
 
-def divergence_volume(mesh: HexMesh) -> float:
-    """Return the integral of x . n / 3 over the surface, each quad as two triangles (exact for flat quads)."""
-    a, b, c, d = (mesh.vertices[mesh.surface()[:, i]] for i in range(4))
-    return float(sum(np.einsum("ij,ij", p, np.cross(q, r)) for p, q, r in ((a, b, c), (a, c, d))) / 6)
-
-
-def test_surface_faces_outward() -> None:
-    """The volume of a bar from its surface by the divergence theorem is positive and exact."""
-    mesh = bar([0.5, 0.2, 0.1], [5, 3, 2])
-    assert divergence_volume(mesh) == pytest.approx(0.5 * 0.2 * 0.1, rel=1e-12)
-
-
 def test_surface_counts_boundary_quads_once() -> None:
     """An a x b x c grid has 2 (ab + bc + ca) boundary quads, each with a cell that contains it."""
     mesh = bar([1, 1, 1], [4, 3, 2])

@@ -84,19 +84,6 @@ def test_mirrored_loads_give_mirrored_shapes(hand: Path) -> None:
     np.testing.assert_allclose(skin[0], skin[1] * [1.0, -1.0, 1.0], atol=1e-12)
 
 
-def test_a_flange_of_two_parts_turns_as_one(hand: Path) -> None:
-    """A handle that holds both roots turns everything by 90 degrees about its centre in four steps, without strain."""
-    keys = [{"time": 0}, {"time": 1, "rotation_deg": [90, 0, 0]}]
-    turn = {"loads": {}, "program": {"duration": 1.0, "handles": {"flange": keys}}}
-    simulation = Simulation(load_scene(hand, overrides=turn))
-    result = list(simulation.play(steps=4))[-1]
-    assert result.converged
-    rest = simulation.scene.mesh.vertices
-    middle = rest[simulation.scene.handles[0].vertices].mean(axis=0)
-    wanted = middle + (rest - middle) @ np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]])
-    np.testing.assert_allclose(result.positions, wanted, atol=3e-4 * simulation.mesh.size)
-
-
 def test_a_bag_keeps_the_reflection(hand: Path) -> None:
     """A reflected mesh from the scene's own text, without files, is the same."""
     scene = load_scene(hand)

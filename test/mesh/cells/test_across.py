@@ -52,12 +52,6 @@ def test_a_ring_counts_its_cells_once(around: int) -> None:
     np.testing.assert_array_equal(across, np.tile([around, 1, 1], (around, 1)))
 
 
-def test_one_cell_is_one_across() -> None:
-    """A cell without neighbours across its faces counts as one."""
-    one = np.arange(8, dtype=np.int32)[None]
-    np.testing.assert_array_equal(cells_across(one, np.zeros(1, np.int32), np.ones(1, bool)), [[1, 1, 1]])
-
-
 def test_rows_with_a_bent_cell_are_not_counted() -> None:
     """With the first of 3 x 3 x 3 cells bent, its three rows have one cell across, and all other rows have three."""
     mesh, straight = bar([0.3, 0.3, 0.3], [3, 3, 3]), np.ones(27, bool)

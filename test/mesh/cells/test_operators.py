@@ -50,31 +50,14 @@ def test_averages_are_exact_on_distorted_elements(seed: int) -> None:
     np.testing.assert_allclose(found.gradient[0], gradient, atol=1e-13)
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_gradient_is_the_slope_of_the_volume(seed: int) -> None:
-    """V g_a is the derivative of the volume with respect to corner a (Flanagan and Belytschko)."""
-    corners, step = distorted(seed), 1e-5
-    found = operators(corners)
-    for corner in np.ndindex(8, 3):
-        move = np.zeros((8, 3))
-        move[corner] = step
-        slope = (operators(corners + move).volume[0] - operators(corners - move).volume[0]) / (2.0 * step)
-        assert found.volume[0] * found.gradient[0][corner] == pytest.approx(slope, abs=1e-9)
+BUMP = np.eye(8)[:, [6]] * [1.0, 0.0, 0.0]
 
 
 @pytest.mark.parametrize(
     ("corners", "parallel"),
-    [(CUBE, True), (SHEARED, True), (1e-3 * SHEARED + 1.0, True), (distorted(), False)],
-    ids=["cube", "sheared", "far-away", "distorted"],
+    [(CUBE, True), (SHEARED, True), (1e-3 * SHEARED + 1.0, True), (distorted(), False), (CUBE + 1e-6 * BUMP, False)],
+    ids=["cube", "sheared", "far-away", "distorted", "bumped"],
 )
 def test_parallelepipeds_are_recognised(corners: NDArray[np.float64], parallel: bool) -> None:
-    """Parallelepipeds, for which the sign patterns are exact, are recognised, other elements are not."""
+    """Parallelepipeds, for which the sign patterns are exact, are recognised; one with a bump of 1e-6 edges is not."""
     assert bool(operators(corners).parallel[0]) is parallel
-
-
-@pytest.mark.parametrize("bump", [1e-3, 1e-6])
-def test_a_small_bump_makes_a_general_element(bump: float) -> None:
-    """With one corner moved by a millionth of the edge, an element is no parallelepiped."""
-    corners = CUBE.copy()
-    corners[6, 0] += bump
-    assert not operators(corners).parallel[0]

@@ -228,12 +228,6 @@ def test_groups_without_names_are_told_where_gmsh_is_missing(monkeypatch: pytest
     ]
 
 
-def test_an_stl_with_a_wrong_count() -> None:
-    """An STL whose header states another count of triangles is told as such."""
-    (defect,) = inspect_file(CASES / "surfaces" / "bad_count.stl").defects
-    assert "its header states 0 triangles, but the file has the size of 12; remedy" in defect
-
-
 def _damaged() -> dict[str, tuple[bytes, str]]:
     """Return a dict from the name of a damaged file of a box's surface to its bytes and a part of the defect."""
     box = trimesh.creation.box([0.02] * 3)

@@ -61,14 +61,6 @@ def test_a_cavity_is_kept_whatever_its_orientation(flip: bool) -> None:
     assert mesh.n_cells * 0.002**3 == pytest.approx(BOX.volume - cavity.volume)
 
 
-def test_the_volume_of_a_torus_converges() -> None:
-    """As cubes shrink, the volume converges to that within the torus, as one sound piece."""
-    torus = trimesh.creation.torus(0.05, 0.02)
-    mesh = fill_surface(torus.vertices, torus.faces, cell=0.0025)
-    assert mesh.n_cells * 0.0025**3 == pytest.approx(torus.volume, rel=0.01)
-    assert check_mesh(mesh).parts == 1
-
-
 def test_points_on_edges_and_corners_are_counted_once() -> None:
     """If columns pass through the triangles' vertices, edges and diagonals, exactly the inner points are found."""
     box = trimesh.creation.box((4, 4, 4)).apply_translation((4, 4, 4)).subdivide().subdivide()

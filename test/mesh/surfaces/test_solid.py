@@ -11,7 +11,6 @@ import pytest
 import trimesh
 
 from gdfe_ros.errors import MeshError
-from gdfe_ros.mesh.files.stored_mesh import pack_surface, unpack_surface
 from gdfe_ros.mesh.meshing.voxels import read_surface
 from gdfe_ros.mesh.surfaces.solid import Solid, make_solid
 
@@ -52,13 +51,6 @@ def test_a_surface_is_read_in_its_unit_and_measured_once(tmp_path: Path) -> None
     solid = read_solid(tmp_path / "part.stl", scale=0.001)
     np.testing.assert_allclose(np.ptp(solid.vertices, axis=0), [0.1, 0.06, 0.04])
     assert read_solid(tmp_path / "part.stl", scale=0.001) is solid
-
-
-def test_a_surface_survives_as_text() -> None:
-    """A surface packed as text is unpacked with the same bits."""
-    vertices, triangles = unpack_surface(pack_surface(BOX.vertices, BOX.faces))
-    np.testing.assert_array_equal(vertices, BOX.vertices)
-    np.testing.assert_array_equal(triangles, BOX.faces)
 
 
 def opened() -> trimesh.Trimesh:
