@@ -14,7 +14,6 @@ from gdfe_ros.mesh.generators import finger
 from gdfe_ros.mesh.quality import cell_volumes
 from gdfe_ros.mesh.tetmesh import divide
 from gdfe_ros.scene import load_scene
-from gdfe_ros.scene.loader import scene_from_text
 
 HAND = """
 name: hand
@@ -82,12 +81,3 @@ def test_mirrored_loads_give_mirrored_shapes(hand: Path) -> None:
     assert np.abs(first - right.place().vertices).max() > 1e-3
     skin = right.mesh.skin.at(right.mesh.vertices), left.mesh.skin.at(left.mesh.vertices)
     np.testing.assert_allclose(skin[0], skin[1] * [1.0, -1.0, 1.0], atol=1e-12)
-
-
-def test_a_bag_keeps_the_reflection(hand: Path) -> None:
-    """A reflected mesh from the scene's own text, without files, is the same."""
-    scene = load_scene(hand)
-    (hand.parent / "part.stl").unlink()
-    again = scene_from_text(scene.source)
-    assert np.array_equal(scene.mesh.vertices, again.mesh.vertices)
-    assert np.array_equal(scene.mesh.skin.faces, again.mesh.skin.faces)

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gdfe_ros.mesh import HexMesh, bar
+from gdfe_ros.mesh import bar
 from gdfe_ros.mesh.files.importer import examine_mesh
 from gdfe_ros.mesh.quality import check_mesh
 from gdfe_ros.mesh.tetmesh import divide, elevate
@@ -54,16 +54,6 @@ def test_a_folded_tetrahedron_is_found(seed: int) -> None:
     wrong = [text for text in check_mesh(elevate(points, corners)).defects if SAME in text]
     assert len(wrong) == 1
     assert str(cell) in wrong[0]
-
-
-def test_a_hexahedron_with_another_order_of_a_face_is_found() -> None:
-    """Two hexahedra whose common face has its corners in another order do not fit each other."""
-    cells = BAR.cells.copy()
-    points = np.vstack([BAR.vertices, BAR.vertices[cells[0]]])
-    cells[0] = np.arange(len(BAR.vertices), len(points))
-    cells[0, [1, 2, 5, 6]] = BAR.cells[0, [2, 6, 1, 5]]
-    defects = check_mesh(HexMesh(points, cells)).defects
-    assert defects
 
 
 def test_the_volume_of_the_cells_is_that_of_their_boundary(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -24,7 +24,6 @@ from gdfe_ros.mesh.cells.tetrahedra import (
     simplex_rule,
 )
 from gdfe_ros.mesh.files.importer import read_mesh
-from gdfe_ros.mesh.files.stored_mesh import pack_mesh, unpack_mesh
 from gdfe_ros.mesh.generators import sphere
 from gdfe_ros.mesh.tetmesh import divide
 
@@ -132,14 +131,6 @@ def test_two_kinds_of_cells_in_a_file_are_refused(tmp_path: Path) -> None:
     meshio.Mesh(block.vertices, cells).write(tmp_path / "mixed.vtu")
     with pytest.raises(MeshError, match="several kinds: 1 hexahedron, 1 tetra"):
         read_mesh(tmp_path / "mixed.vtu")
-
-
-def test_a_mesh_survives_as_text() -> None:
-    """The arrays are the same after packing in a scene's text."""
-    again = unpack_mesh(pack_mesh(BAR))
-    assert isinstance(again, TetMesh)
-    assert np.array_equal(again.vertices, BAR.vertices)
-    assert np.array_equal(again.cells, BAR.cells)
 
 
 def test_the_volume_of_a_ball_has_an_error_of_straight_edges() -> None:

@@ -9,13 +9,10 @@ import trimesh
 
 from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh import HexMesh
-from gdfe_ros.mesh.assembly import assemble
 from gdfe_ros.mesh.contact_skin import touch_by_skin
 from gdfe_ros.mesh.generators import bar
-from gdfe_ros.mesh.mesh import MeshPart
 from gdfe_ros.mesh.meshing.voxels import CutCubes, fill_surface
 from gdfe_ros.mesh.outside import carry_skin
-from gdfe_ros.mesh.touching import outline
 
 RNG = np.random.default_rng(5)
 RADIUS = 0.05
@@ -104,20 +101,6 @@ def test_a_fine_part_of_a_graded_mesh_has_points_at_its_cells() -> None:
     graded = HexMesh(mesh.vertices - np.outer(0.04 * share * (1.0 - share), [1.0, 0.0, 0.0]), mesh.cells)
     box = trimesh.creation.box((0.10, 0.02, 0.02)).apply_translation([0.05, 0.0, 0.0])
     assert len(lined(box, 0.0, mesh=graded).touching.corners) == len(np.unique(graded.surface()))
-
-
-def test_several_meshes_keep_their_points() -> None:
-    """In a scene of a ball with a skin and a bare bar, the contact points move with the rotated ball."""
-    ball = lined(trimesh.creation.icosphere(4, RADIUS), RADIUS / 4.0)
-    block, turn = bar([0.05, 0.05, 0.05], [3, 3, 3]), np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-    at = np.array([0.3, 0.0, 0.0])
-    both = assemble({"bar": MeshPart(block, np.zeros(3), np.eye(3)), "ball": MeshPart(ball, at, turn)})
-    wanted = ball.touching.at(ball.vertices) @ turn.T + at
-    np.testing.assert_allclose(both.touching.at(both.vertices), wanted, atol=1e-12)
-    points, quads = outline(both.surface(), both.touching, both.vertices)
-    bare = len(block.surface())
-    assert quads[:bare].max() < block.n_vertices
-    np.testing.assert_allclose(np.linalg.norm(points[quads[bare:]] - at, axis=2), RADIUS, rtol=2e-3)
 
 
 def test_open_skins_and_skins_of_a_part_are_refused() -> None:
