@@ -10,10 +10,9 @@ import numpy as np
 import pytest
 
 from gdfe_ros import Command, Pose, Simulation, load_scene
-from gdfe_ros.cli import main
 from gdfe_ros.errors import SceneError
 from gdfe_ros.fitting.laws.tensile import fit_tensile
-from gdfe_ros.materials import ArrudaBoyce, Gent, Law, Material, MooneyRivlin, Ogden, StableNeoHookean, Yeoh
+from gdfe_ros.materials import ArrudaBoyce, Gent, Law, MooneyRivlin, StableNeoHookean, Yeoh
 from gdfe_ros.scene import scene_from_text
 from test.written import advance
 
@@ -33,55 +32,13 @@ handles: {{low: {{where: {{face: x-}}, fixed: true}}, high: {{where: {{face: x+}
 """
 
 
-def slope(material: Material, invariant: float) -> float:
-    """Return dW/dI1 [Pa] by the formulas of the papers."""
-    x = invariant - 3.0
-    match material:
-        case Yeoh():
-            return material.c10 + 2.0 * material.c20 * x + 3.0 * material.c30 * x**2
-        case Gent():
-            return 0.5 * material.mu * material.jm / (material.jm - x)
-        case ArrudaBoyce():
-            c = (1 / 2, 1 / 20, 11 / 1050, 19 / 7000, 519 / 673750)
-            parts = (f * (i + 1) * invariant**i / material.lambda_m ** (2 * i) for i, f in enumerate(c))
-            return material.mu * sum(parts)
-    raise AssertionError(material)
-
-
-@pytest.mark.parametrize("name", ["yeoh", "arruda_boyce", "gent"])
-@pytest.mark.parametrize("stretch", [0.6, 1.0, 1.25, 2.0, 3.0])
-def test_the_uniaxial_curve_is_that_of_the_formula(name: str, stretch: float) -> None:
-    """The nominal stress is 2 dW/dI1 (l - l^-2), and its slope the derivative of this."""
-    material = LAWS[name][0]
-    expected = 2.0 * slope(material, stretch**2 + 2.0 / stretch) * (stretch - stretch**-2.0)
-    assert float(material.stress_at(np.array(stretch - 1.0))) == pytest.approx(expected, rel=1e-12, abs=1e-9)
-    near = material.stress_at(np.array([stretch - 1.0 - 1e-6, stretch - 1.0 + 1e-6]))
-    assert float(material.tangent_at(np.array(stretch - 1.0))) == pytest.approx(np.diff(near)[0] / 2e-6, rel=1e-6)
-
-
-def test_mooney_and_rivlin_is_ogden_with_exponents_two() -> None:
-    """C10 and C01 are half of the moduli of Ogden's terms with the exponents 2 and -2."""
-    named = LAWS["mooney_rivlin"][0]
-    ogden = Ogden(mu=(2.8e5, 1.2e5), alpha=(2.0, -2.0), poisson=0.499)
-    strain = np.linspace(-0.5, 3.0, 30)
-    np.testing.assert_array_equal(named.stress_at(strain), ogden.stress_at(strain))
-    assert named.shear0 == 4e5
-
-
 def test_the_case_of_yeoh() -> None:
     """C1 0.11, C2 0.02 MPa: equibiaxial 242 356 Pa at stretch 1.25 and 1 230 469 at 2; uniaxial 665 000 at 2."""
     law = "law: yeoh, c10: 0.11e6, c20: 0.02e6"
-    assert float(Yeoh(c10=0.11e6, c20=0.02e6, poisson=0.4999).stress_at(np.array(1.0))) == pytest.approx(
-        665e3, rel=1e-12
-    )
+    stress = Yeoh(c10=0.11e6, c20=0.02e6, poisson=0.4999).stress_at(np.array(1.0))
+    assert float(stress) == pytest.approx(665e3, rel=1e-12)
     for stretch, expected in ((1.25, 242_356.0), (2.0, 1_230_469.0)):
         assert biaxial(law, stretch) == pytest.approx(expected, rel=3e-4)
-    # The curve through the uniaxial data is too soft there, as its caveat says.
-    strain = np.linspace(0.05, 2.0, 40)
-    stress = Yeoh(c10=0.11e6, c20=0.02e6, poisson=0.4999).stress_at(strain)
-    points = f"law: curve, strain: {strain.tolist()}, stress: {stress.tolist()}"
-    assert biaxial(points, 1.25) == pytest.approx(0.80 * 242_356.0, rel=0.01)
-    assert biaxial(points, 2.0) == pytest.approx(0.50 * 1_230_469.0, rel=0.01)
 
 
 def biaxial(law: str, stretch: float) -> float:
@@ -144,22 +101,6 @@ def test_fits_give_the_constants_back(name: str, noise: float) -> None:
     if noise == 0.0:
         for key in type(material).parameters():
             assert getattr(fit.material, key) == pytest.approx(getattr(material, key), rel=1e-4)
-
-
-def test_the_command_fits_yeoh(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """`--law yeoh` writes an entry that a scene accepts."""
-    import yaml
-
-    strain = np.linspace(0.05, 2.0, 40)
-    rows = "\n".join(f"{e},{s}" for e, s in zip(strain, LAWS["yeoh"][0].stress_at(strain), strict=True))
-    (tmp_path / "test.csv").write_text(f"strain,stress\n{rows}\n")
-    assert main(["fit", "--tensile", str(tmp_path / "test.csv"), "--law", "yeoh", "--out", str(tmp_path / "out")]) == 0
-    assert "stable in uniaxial, equibiaxial and planar" in " ".join(capsys.readouterr().out.split())
-    entry = yaml.safe_load((tmp_path / "out" / "material.yaml").read_text())["test"]
-    assert entry["c10"] == pytest.approx(1.1e5, rel=1e-6)
-    text = SCENE.format(law="law: linear, young: 1e5", poisson=0.4)
-    scene = scene_from_text(text, overrides={"materials.rubber": entry})
-    assert isinstance(scene.materials["rubber"], Yeoh)
 
 
 @pytest.mark.parametrize("name", LAWS)

@@ -11,12 +11,12 @@ import pytest
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
-from gdfe_ros.materials import Linear, Material, NeoHookean, StableNeoHookean
+from gdfe_ros.materials import Curve, Linear, Material, NeoHookean, StableNeoHookean
 from gdfe_ros.solver.elements.barrier import THRESHOLD, WEIGHT
 from test.materials.formulas import energy_density
 
 MakeCube = Callable[[Material], Any]
-STRETCHES = [1.0 + 1e-6, 1.01, 1.1, 1.5, 2.0, 3.0, 5.0]
+STRETCHES = [0.6, 1.0 + 1e-6, 1.01, 1.1, 1.5, 2.0, 3.0, 5.0]
 
 
 def deviatoric_tension(material: Material, stretch: ArrayLike) -> NDArray[np.float64]:
@@ -40,6 +40,8 @@ def uniaxial(stretch: float) -> NDArray[np.float64]:
 @pytest.mark.parametrize("stretch", STRETCHES)
 def test_uniaxial_tension_follows_the_curve(law: Material, cube: MakeCube, stretch: float) -> None:
     """At constant volume, the stress minus lateral traction is the law's uniaxial curve."""
+    if stretch < 1.0 and isinstance(law, Curve):
+        pytest.skip("a curve is exact in tension only")
     stress = cube(law).stress(uniaxial(stretch))
     nominal = stress[0, 0] - stress[1, 1] * stretch**-1.5
     assert nominal == pytest.approx(float(deviatoric_tension(law, stretch)), rel=2e-6, abs=1e-7 * law.shear0)

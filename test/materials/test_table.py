@@ -10,17 +10,9 @@ import numpy as np
 import pytest
 
 from gdfe_ros.materials import Curve, CurveData, Linear, Material, Ogden
-from gdfe_ros.materials.table import carries_pressure, pack
+from gdfe_ros.materials.table import carries_pressure
 
 MakeCube = Callable[[Material], Any]
-
-
-def test_rows_keep_the_order_of_the_scene() -> None:
-    """Row k of the table is material k of the scene."""
-    materials = [Linear(young=1e5, poisson=0.3), Ogden(mu=(1e5,), alpha=(2.0,), poisson=0.3)]
-    assert pack(materials).law.tolist() == [material.law for material in materials]
-    assert pack(materials[::-1]).law.tolist() == [material.law for material in materials[::-1]]
-    assert {len(column) for column in pack(materials)} == {2}
 
 
 @pytest.mark.parametrize(("poisson", "carried"), [(-0.5, False), (0.3, False), (0.45, False), (0.46, True)])
