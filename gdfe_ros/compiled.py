@@ -10,7 +10,9 @@ from __future__ import annotations
 from typing import Any
 
 import numba
-from numba import njit
+import numpy as np
+from numba import config, njit
+from numpy.typing import NDArray
 
 from gdfe_ros.compiling.linked import compile_linked
 
@@ -51,6 +53,16 @@ vector_inlined = compile_linked(cache=False, **{**_VECTOR, **_PART})
 
 parallel_kernel = compile_linked(cache=True, **_EXACT, parallel=True)
 """Decorator of a loop whose iterations run in several threads."""
+
+
+def allocate_record(kind: np.dtype) -> NDArray[np.void]:
+    """Return an array (1,) of zeros with the fields of ``kind``, for kernels that read them as attributes.
+
+    Where kernels are not compiled (NUMBA_DISABLE_JIT), Python reads them, and needs a record array. numba would take
+    much longer to recognise such an array in each call.
+    """
+    found = np.zeros(1, dtype=kind)
+    return found.view(np.recarray) if config.DISABLE_JIT else found
 
 
 def start_threads() -> None:

@@ -126,7 +126,7 @@ def test_the_extra_ros_alone_gives_a_running_node(
     programs = tmp_path / "venv" / "bin"
     pip = sys.executable, "-m", "pip", "--python", programs / "python"
     run(*pip, "install", "--quiet", "--no-compile", f"{wheel}[ros]")
-    command = [programs / "sim_node", "--ros-args", "-p", f"scene:={small}"]
+    command = [programs / "sim_node", "--ros-args", "-p", f"scene:={small}", "-p", "required:=true"]
     given = {"env": {**os.environ, **QUICK}, "cwd": "/", "stderr": subprocess.PIPE, "text": True}
     with subprocess.Popen(command, **given) as node:
         try:

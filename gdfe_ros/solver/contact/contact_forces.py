@@ -8,6 +8,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from gdfe_ros.compiled import allocate_record
 from gdfe_ros.solver.contact.answer import (
     ANSWER,
     BEGIN,
@@ -57,7 +58,7 @@ class ContactForces:
         for p in range(len(unknowns.slides)):
             handle_of[unknowns.members[unknowns.member_start[p] : unknowns.member_start[p + 1]]] = p
         self._rows, self._numbered = (np.full(count, -1, dtype=np.int64), handle_of), None
-        self._record = np.zeros(1, dtype=TALLY)
+        self._record = allocate_record(TALLY)
         self._tally = self._record[0]
         self._tally["swings"] = any(contact.valid < np.inf for contact in self.contacts)
         self.begin()

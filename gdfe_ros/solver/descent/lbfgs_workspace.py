@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.compiled import vector_internal, vector_kernel
+from gdfe_ros.compiled import allocate_record, vector_internal, vector_kernel
 from gdfe_ros.solver.vectors import Array
 
 MEMORY = 8
@@ -133,7 +133,7 @@ def allocate(rows: int, x: Array, cells: tuple[int, int], memory: int = MEMORY) 
         np.zeros(1),
         *(np.zeros((memory, 3 * rows)) for _ in range(2)),
         *(np.zeros(memory) for _ in range(2)),
-        np.zeros(1, dtype=STATUS),
+        allocate_record(STATUS),
     )
 
 
