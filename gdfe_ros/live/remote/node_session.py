@@ -18,7 +18,7 @@ from gdfe_ros.constraints import Pose
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.live.interface import Ability, ShownRun, View
 from gdfe_ros.live.remote.commander import Commander, Player
-from gdfe_ros.live.remote.steps import INTERVAL, NodeReport, Steps, Waiting, absence, full_name, view_of
+from gdfe_ros.live.remote.steps import NodeReport, Steps, Waiting, absence, full_name, view_of
 from gdfe_ros.node.driving.orders import Order, require_order
 from gdfe_ros.node.driving.remodelling import moduli_of, source_with
 from gdfe_ros.node.interface import topics
@@ -125,13 +125,13 @@ class NodeSession(ShownRun):
         """Begin to receive steps.
 
         Args:
-            told: function that is called with the view of each shown step, in a separate thread; it must be fast.
+            told: function that is called with the view of each shown step, in a separate thread.
             warn: function that receives texts for the user.
         """
         self._told, self._warn, self._heard = told, warn, time.monotonic()
         node, name = self._node, self.name
         subscribe(node, topics.DIAGNOSTICS, self._hear_report)
-        self._steps = Steps(node, name, self._scene, consumed=self._keep, told=self._take)
+        self._steps = Steps(node, name, self._scene, consumed=self._keep, told=self._take, failed=self._fail)
         self._thread = threading.Thread(target=self._spin, name="gdfe-ros", daemon=True)
         self._thread.start()
 
@@ -140,6 +140,8 @@ class NodeSession(ShownRun):
         self._ending.set()
         if self._thread is not None:
             self._thread.join()
+        if self._steps is not None:
+            self._steps.close()
         self._ros.close()
 
     def __enter__(self) -> NodeSession:
@@ -256,12 +258,9 @@ class NodeSession(ShownRun):
                 self._note_silence()
                 if not self.paused:
                     self._player.remind()
-                self._executor.spin_once(timeout_sec=INTERVAL)
-                self._steps.show()
+                self._executor.spin_once(timeout_sec=0.1)
         except Exception as error:
-            if not self._ending.is_set():
-                self.failure = error
-                self._warn(f"the reception from {self.name} ended: {error!r}")
+            self._fail(error)
 
     def _note_silence(self) -> None:
         """Warn once if the node has become silent, and once when it is heard again."""
@@ -272,3 +271,8 @@ class NodeSession(ShownRun):
         elif self._silent and not silent:
             self._warn(f"{self.name} is heard again")
         self._silent = silent
+
+    def _fail(self, error: Exception) -> None:
+        if not self._ending.is_set():
+            self.failure = error
+            self._warn(f"the reception from {self.name} ended: {error!r}")

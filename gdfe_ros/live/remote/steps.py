@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import os
+import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -152,7 +153,7 @@ def _values(status: DiagnosticStatus) -> dict[str, str]:
 _QOS = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _MOST = 16
 """Largest number of incomplete steps that are stored."""
-INTERVAL = 1.0 / 60.0
+_INTERVAL = 1.0 / 60.0
 """Shortest time between two steps that are decoded [s]; steps in between are not shown."""
 
 
@@ -167,7 +168,8 @@ class Steps:
         name: full name of the simulation's node.
         scene: scene of the simulation.
         consumed: function that is called with the record of each step, shown or not.
-        told: function that is called with each shown step; it must be fast.
+        told: function that is called with each shown step, in a separate thread.
+        failed: function that is called in the separate thread with the exception that ended it.
     """
 
     def __init__(
@@ -178,14 +180,17 @@ class Steps:
         *,
         consumed: Callable[[StepRecord], None],
         told: Callable[[PublishedState], None],
+        failed: Callable[[Exception], None],
     ) -> None:
-        self._scene, self._consumed, self._told = scene, consumed, told
+        self._scene, self._consumed, self._told, self._failed = scene, consumed, told, failed
         self._specs, self._node, self._name = state_topics(scene), node, name
         self._subscriptions: list[Subscription] = []
         self._parts = StepMessages(self._specs, most=_MOST)
         self._newest: dict[str, Any] | None = None
-        self._due = 0.0
+        self._come, self._ending = threading.Event(), threading.Event()
         self._subscribe(topics.STEP_RECORD.key())
+        self._thread = threading.Thread(target=self._work, name="gdfe-listener", daemon=True)
+        self._thread.start()
 
     def listen(self, wanted: bool) -> None:
         """Begin or end the subscriptions for drawing; called in the thread that spins the node."""
@@ -197,12 +202,11 @@ class Steps:
                 self._node.destroy_subscription(subscription)
             self._subscriptions = []
 
-    def show(self) -> None:
-        """Pass on the newest complete step, if it is due; called in the thread that spins the node."""
-        if self._newest is not None and time.monotonic() >= self._due:
-            newest, self._newest = self._newest, None
-            self._told(unpack(self._scene, newest))
-            self._due = time.monotonic() + INTERVAL
+    def close(self) -> None:
+        """End the thread."""
+        self._ending.set()
+        self._come.set()
+        self._thread.join()
 
     def _subscribe(self, key: str) -> Subscription:
         kind = interface_class(self._specs[key].type)
@@ -214,6 +218,19 @@ class Steps:
             self._consumed(StepRecord.from_json(message.data))
         if (parts := self._parts.add(key, message)) is not None:
             self._newest = parts
+            self._come.set()
+
+    def _work(self) -> None:
+        try:
+            while not self._ending.is_set():
+                self._come.wait()
+                self._come.clear()
+                newest, self._newest = self._newest, None
+                if newest is not None:
+                    self._told(unpack(self._scene, newest))
+                self._ending.wait(_INTERVAL)
+        except Exception as error:
+            self._failed(error)
 
 
 def view_of(state: PublishedState, scene: Scene) -> View:
