@@ -233,7 +233,7 @@ class Solve:
         flaw, message = self._actuation.flaw(positions), self._explain(outcome, estimate)
         converged = outcome is Outcome.NEAR and not flaw and bool(least.min() > 0.0)
         message = join(flaw, message, "" if converged else tell_flat(least))
-        terms = self._actuation.finish(start.terms, positions, moving=self._moving)  # then contacts have reactions
+        terms = self._actuation.finish(start.terms, positions, moving=self._moving)  # before contacts give reactions
         outside = work.outside if self._actuation.terms else None
         others = self._actuation.contacts, self._actuation.grips
         summary = Summary(

@@ -200,17 +200,18 @@ def write_rigid(positions, rigid, masses, place, between):
     ``masses`` (b,) [kg] are the masses of one vertex of each body.
     """
     unit, four = np.zeros((1, 4, 3)), np.empty((1, 4, 3))
-    for k in range(len(rigid) if len(between) else 0):
+    for k in range(len(rigid)):
         for a in range(4):
             four[0, a] = positions[rigid[k, a]]
         for row in range(12 if place[rigid[k, 0]] >= 0 else 0):
-            unit[0, row // 3, row % 3] = 1.0
+            a, i = row // 3, row % 3
+            unit[0, a, i] = 1.0
             moved = rigid_part(four, unit)[0]
-            unit[0, row // 3, row % 3] = 0.0
+            unit[0, a, i] = 0.0
+            entries = between[3 * place[rigid[k, a]] + i]
             for b in range(4):
                 for j in range(3):
-                    own = between[3 * place[rigid[k, row // 3]] + row % 3]
-                    own[3 * place[rigid[k, b]] + j] = moved[b, j] / masses[k]
+                    entries[3 * place[rigid[k, b]] + j] = moved[b, j] / masses[k]
 
 
 NAME = "(inertia)"

@@ -86,7 +86,7 @@ class MotionStepper:
     ) -> None:
         self.body, self.settings, self._dynamics, self.mass = body, settings, dynamics, mass
         self.free_mass = FreeMass(body, mass)
-        self._euler, self._acting, self._impulses = BackwardEuler.of(dynamics), acting, ContactImpulses(self.free_mass)
+        self._euler, self._acting = BackwardEuler.of(dynamics), acting
         self._made: dict[tuple[bool, float], EquilibriumSolver] = {}
         self.equilibrium = self.equilibrium_of(dynamics, dynamics.step)
         self.actuation = self.equilibrium.actuation
@@ -252,7 +252,7 @@ class MotionStepper:
 
         ``free_mass`` replaces the body's own, in the derivatives by densities.
         """
-        impulses = self._impulses if free_mass is None else ContactImpulses(free_mass)
+        impulses = ContactImpulses(self.free_mass if free_mass is None else free_mass)
         return impulses.add(dynamics, before, now, h, self.equilibrium_of(dynamics, h).actuation.held)
 
     def place(self, state: State, positions: Array) -> State:
