@@ -101,14 +101,17 @@ def case_counts() -> Counter[str]:
     """Return the number of cases of each test of `ROWS`, by its id.
 
     Raises:
-        RuntimeError: pytest cannot collect the tests.
+        RuntimeError: pytest cannot collect the tests, or a test does not exist.
     """
     files = sorted({row.test.partition("::")[0] for row in ROWS})
     command = [sys.executable, "-m", "pytest", "--collect-only", "-q", "-p", "no:cacheprovider", *files]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     if done.returncode != 0:
         raise RuntimeError(f"pytest cannot collect the tests: {done.stdout[-1000:]}{done.stderr[-1000:]}")
-    return Counter(line.partition("[")[0] for line in done.stdout.splitlines() if "::" in line)
+    counts = Counter(line.partition("[")[0] for line in done.stdout.splitlines() if "::" in line)
+    if missing := [row.test for row in ROWS if row.test not in counts]:
+        raise RuntimeError(f"there are no such tests: {', '.join(missing)}")
+    return counts
 
 
 def compatibility_table() -> str:

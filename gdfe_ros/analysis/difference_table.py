@@ -55,7 +55,9 @@ def difference_table(differences: Differences, *, factor: float) -> Table:
 
 
 def unit_of(field: str) -> str:
-    """Return the SI unit of a published field; empty if it has none."""
+    """Return the SI unit of a published field; empty if it has none, or not the same for all entries."""
+    if field == "position":  # of joint states: angles, lengths, pressures
+        return ""
     # For wrench.force.z the word before the component determines the unit; z alone would be a length.
     return UNITS.get(field.split(".")[-2] if "." in field else field, "")
 

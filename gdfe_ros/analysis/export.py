@@ -42,7 +42,7 @@ class Columns:
         self._efforts = {name: mode.effort_unit for name, mode in modes.items()}
         for joint in (joint for arm in scene.arms for joint in arm.joints):
             self._commands[joint.name] = self._positions[joint.name] = joint.unit
-            self._efforts[joint.name] = "N m" if joint.unit == "rad" else "N"
+            self._efforts[joint.name] = joint.effort_unit
         self.joints = list(self._positions)
         self._frames: dict[str, str] = {}
 

@@ -115,6 +115,11 @@ class Joint:
         """Unit of the joint's position: m or rad."""
         return "m" if self.motion is JointKind.PRISMATIC else "rad"
 
+    @property
+    def effort_unit(self) -> str:
+        """Unit of the joint's torque or force."""
+        return "N m" if self.unit == "rad" else "N"
+
     def require(self, value: object) -> float:
         """Check a commanded position [rad] or [m] of a joint with limits, and return it as a float.
 

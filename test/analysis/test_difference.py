@@ -77,6 +77,7 @@ def test_whether_a_step_converges_is_judged_only_where_it_did() -> None:
         ("vy", "m/s"),
         ("wrench.force.z", "N"),
         ("pose.position.x", "m"),
+        ("position", ""),
         ("pose.orientation.x", ""),
         ("orientation.x", ""),
         ("angular_velocity.x", "rad/s"),

@@ -186,6 +186,18 @@ def test_every_axis_has_its_quantity_and_unit(make_bag: Callable[..., Path], tmp
         assert chart not in lines or chart["data"][0]["name"] in f"{chart['title']} {label}"
 
 
+def test_joints_have_charts_with_their_units(maker: Any, tmp_path: Path) -> None:
+    """A report of a run with an arm has charts of its joints' torques and angles, beside those of the actuators."""
+    scene = load_scene("arm_grasp")
+    bag = maker(tmp_path / "bag", scene)
+    bag.step()
+    write_report(bag.close(), tmp_path / "report.html")
+    charts = {each["title"]: each for each in _data(tmp_path / "report.html", "chart-data")}
+    for title, unit in (("Joints: effort", "N m"), ("Joints: position", "rad")):
+        assert {"shoulder_lift", "elbow"} <= {line["name"] for line in charts[title]["data"]}
+        assert charts[title]["layout"]["yaxis"]["title"]["text"].endswith(f"[{unit}]")
+
+
 def test_a_legend_of_two_rows_is_above_the_curves(browser: Any, make_bag: Callable[..., Path], tmp_path: Path) -> None:
     """In a chart with names too long for one row, no part of the legend is below the upper edge of the plot."""
     write_report(make_bag(), tmp_path / "report.html")

@@ -130,3 +130,12 @@ def test_shipped_scenes_touch_with_cells_that_are_fine_enough(name: str) -> None
     """No shipped scene has a remark on cells that are too coarse, or on a scheme that slides."""
     texts = Simulation(load_scene(name)).remarks()
     assert not [text for text in texts if "cells" in text or "friction of" in text]
+
+
+@pytest.mark.parametrize(("height", "told"), [(-0.005, True), (-0.01, False)])
+def test_a_motion_that_begins_inside_of_an_obstacle_is_told(height: float, *, told: bool) -> None:
+    """A block that begins inside of the floor leaves it at a high velocity; one that begins on the floor rests."""
+    floor = BLOCK.replace("at: [0, 0, -0.01]", f"at: [0, 0, {height}]")
+    simulation = Simulation(scene_of(f"{floor}dynamics: {{step: 0.005}}\n"))
+    assert any("inside of floor" in text for text in simulation.remarks()) is told
+    assert bool((simulation.step(dt=0.005).velocities[:, 2] > 0.5).any()) is told

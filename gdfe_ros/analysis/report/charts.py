@@ -106,16 +106,20 @@ def _vector_chart(history: RunHistory, title: str, label: str, stem: str, *, sen
 
 
 def _actuators(history: RunHistory, scene: Scene) -> list[Chart]:
-    """Return a chart for each quantity that actuators report, e.g. one of tensions and one of lengths."""
-    groups: dict[tuple[str, str], dict[str, Sequence[float]]] = {}
-    for place, actuator in enumerate(scene.actuators):
-        mode = actuator.mode
-        for field, quantity in (("effort", (mode.effort, mode.effort_unit)), ("position", mode.position)):
+    """Return a chart for each quantity that actuators and joints report, e.g. one of tensions and one of lengths."""
+    reported = [
+        (each.name, "Actuators", (each.mode.effort, each.mode.effort_unit), each.mode.position)
+        for each in scene.actuators
+    ]
+    joints = [joint for arm in scene.arms for joint in arm.joints]
+    reported += [(each.name, "Joints", ("effort", each.effort_unit), ("position", each.unit)) for each in joints]
+    groups: dict[tuple[str, str, str], dict[str, Sequence[float]]] = {}
+    for place, (name, of, *quantities) in enumerate(reported):
+        for field, quantity in zip(("effort", "position"), quantities, strict=True):
             if quantity[0] and (JOINTS, f"{field}.{place}") in history.responses:
-                groups.setdefault(quantity, {})[actuator.name] = history.responses[JOINTS, f"{field}.{place}"]
+                groups.setdefault((of, *quantity), {})[name] = history.responses[JOINTS, f"{field}.{place}"]
     return [
-        _lines(history, f"Actuators: {name}", f"{name} [{unit or 1}]", series)
-        for (name, unit), series in groups.items()
+        _lines(history, f"{of}: {name}", f"{name} [{unit or 1}]", series) for (of, name, unit), series in groups.items()
     ]
 
 

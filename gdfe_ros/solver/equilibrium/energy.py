@@ -144,13 +144,17 @@ class EquilibriumSolver:
 
     @property
     def remarks(self) -> list[str]:
-        """Remarks on the accuracy of solves: a message if the tangent is too expensive to be used at first."""
-        level = self.minimiser.level
+        """Remarks on solves: on a motion that begins inside of something, and on tangents that are too expensive."""
+        level, found = self.minimiser.level, []
+        if self.model.moving and (entered := self.at_rest().summary.message):
+            text = "in the first step, contact pushes it out, perhaps at a high velocity"
+            found.append(f"{entered}; {text}; remedy: begin where the body is free")
         if level.affordable:
-            return []
+            return found
         text = f"the factor of the body's tangent would take {level.memory / 1e9:.2g} GB"
         fits = "it is made only where a solve needs it" if level.fits else "which are not free"
-        return [f"{text}, {fits}; error estimates rest on the constant matrix and are rough; remedy: coarser cells"]
+        rough = "error estimates rest on the constant matrix and are rough"
+        return [*found, f"{text}, {fits}; {rough}; remedy: coarser cells"]
 
     def observe(self, observer: Observer | None) -> None:
         """Set the observer, which is called with the energy of every iteration; None for none."""

@@ -149,8 +149,8 @@ class Solve:
         )
         active.place(self._from.positions, self._from.base, self._from.slides, self._from.turns)
         self._watch.room[...] = -1.0
-        gives_up = self._runs_away if self.problem.divisible else None
-        return Task(active, problem, self.problem.deadline, gives_up)
+        runs_away = self._runs_away if self.problem.divisible else None
+        return Task(active, problem, self.problem.deadline, runs_away)
 
     def _runs_away(self, positions: Array) -> bool:
         """Return whether an actuator is beyond its limit point since the last equilibrium."""

@@ -39,14 +39,14 @@ class Task:
         active: the unknowns, the elements and the workspace.
         problem: the constant data.
         deadline: once it has passed, the minimisation ends; None for no deadline.
-        gives_up: function that is called with positions (n, 3) [m] at which the tangent is indefinite, and returns
+        runs_away: function that is called with positions (n, 3) [m] at which the tangent is indefinite, and returns
             whether to end the minimisation; None to continue in any case.
     """
 
     active: ActiveSet
     problem: Problem
     deadline: Deadline | None = None
-    gives_up: Callable[[Array], bool] | None = None
+    runs_away: Callable[[Array], bool] | None = None
 
     @property
     def turn(self) -> AbstractContextManager[object]:
@@ -270,7 +270,7 @@ class Minimiser:
             return False
         work = task.active.workspace
         self._adopt(task, self.level.take(task.problem, work.u, work.x))
-        if self.tangent.shift > 0.0 and task.gives_up is not None and task.gives_up(work.x):
+        if self.tangent.shift > 0.0 and task.runs_away is not None and task.runs_away(work.x):
             task.active.status["ended"] = Outcome.GIVEN_UP
             return False
         return True
