@@ -16,11 +16,11 @@ import numpy as np
 from gdfe_ros.compiled import internal, kernel
 from gdfe_ros.mesh.triples import corner, dot
 from gdfe_ros.solver.contact.complementarity import HALF, row_product, solve_laws
-from gdfe_ros.solver.contact.compliance import differentiate, find_compliance, project
+from gdfe_ros.solver.contact.compliance import differentiate, find_compliance, project, turn_direction
 from gdfe_ros.solver.contact.contact_term import MARGIN
 from gdfe_ros.solver.contact.stencil import add_load, find_stencils, turn_shear
 from gdfe_ros.solver.descent.lbfgs_workspace import inner
-from gdfe_ros.solver.descent.loop import ENDLESS, MOST_FLAT, choose, move
+from gdfe_ros.solver.descent.loop import ENDLESS, MOST_FLAT, WILD, choose, move
 from gdfe_ros.solver.matrix.unknowns import add_rows, gather_rigid_rows
 from gdfe_ros.solver.outcome import Outcome
 
@@ -60,6 +60,7 @@ TALLY = np.dtype(
         ("found", np.int64),  # result of `choose` for the present step
         ("count", np.int64),  # number of points that take part in it
         ("rounds", np.int64),  # number of times that its forces were found
+        ("exact", np.int64),  # whether the newest pair of L-BFGS contains the whole change of the gradient
         ("changed", np.int64),  # whether points that press touch other faces than in the last step
         ("changes", np.int64),  # number of iterations in which they do
         ("in_vain", np.int64),  # number of iterations in which the laws are violated
@@ -120,12 +121,14 @@ def curve(work, field):
     """Correct the newest pair of L-BFGS for the contact forces that turned in the last step.
 
     A force turns where its point moves along a curved surface. The pairs thus contain the curvature of the surfaces.
+
+    Return whether there is such a pair, and it was corrected.
     """
     status, before = work.status[0], field.before
     newest, fresh = (status.head - 1) % len(work.curvature), status.head != field.head[0]
     field.head[0] = status.head
     if status.count == 0 or not fresh:
-        return
+        return False
     curvature, s, y = work.curvature[newest], work.steps[newest], work.changes[newest]
     for n in range(len(before)):
         curvature += s[n] * (work.gradient[n] - before[n])
@@ -133,6 +136,7 @@ def curve(work, field):
         work.curvature[newest] = curvature
         for n in range(len(before)):
             y[n] += work.gradient[n] - before[n]
+    return curvature > 0.0
 
 
 @internal
@@ -142,8 +146,8 @@ def begin_step(problem, work, metric, field, rows, tally, size, most):
         field.before[n] = work.gradient[n]
     find_stencils(work.x, field.surfaces, field.faces, field.owner, field.stencils)
     exchange_loads(problem, work, field)
-    curve(work, field)
     t = tally[0]
+    t.exact = curve(work, field)
     t.found = choose(problem, work, metric, size, most)
     t.count, t.left, t.rounds = find_joins(problem, work, field, rows, size), 0.0, 0
     may_meet = t.found != 0 and not t.gone + 2.0 * work.status[0].step < t.spare
@@ -227,14 +231,27 @@ def settle(problem, work, metric, field, known, count, size, target, allowed, fa
         left = solve_laws(known.w, known.q, field.friction[chosen], known.forces, allowed, faint)
     changed = hold(field, chosen, known.forces)
     if changed:
-        exchange_loads(problem, work, field)
-        found = choose(problem, work, metric, size, ENDLESS)
+        found = follow_forces(problem, work, metric, field, known, count, size)
         project(work.direction, field.rows, field.blocks, field.used, field.ahead)
         for i in range(len(field.owner)):
             if field.usable[i] and not field.joins[i] and gap_ahead(field, i) < -target:
                 field.joins[i] = True
                 entered += 1
     return left, found, changed, entered
+
+
+@internal
+def follow_forces(problem, work, metric, field, known, count, size):
+    """Exchange the dead loads, and write the step with the new ones; return the result of `choose`."""
+    status, change = work.status[0], field.before
+    for n in range(len(change)):
+        change[n] = work.gradient[n]
+    exchange_loads(problem, work, field)
+    for n in range(len(change)):
+        change[n] = work.gradient[n] - change[n]
+    if count and status.wild == 0 and turn_direction(work, metric, known, change) and status.step <= WILD * size:
+        return 2
+    return choose(problem, work, metric, size, ENDLESS)
 
 
 @internal
@@ -254,7 +271,7 @@ def find_forces(problem, work, metric, field, known, tally, size, target):
     t.allowed = allow(target, min(status.before, status.step))
     while t.rounds < ROUNDS:
         if t.count and ready != t.count + (len(field.owner) + 1) * status.wild:
-            if not find_compliance(work, metric, field, known, t.count):
+            if not find_compliance(work, metric, field, known, t.count, t.exact and t.rounds == 0):
                 return False
             ready = t.count + (len(field.owner) + 1) * status.wild
             for c in range(t.count if t.inertia > 0.0 else 0):
@@ -350,6 +367,8 @@ def descend_touching(problem, work, metric, field, known, tally, rows, size, tar
             touching = t.found != 0 and len(field.owner) > 0
             if touching and not find_forces(problem, work, metric, field, known, tally, size, target):
                 return made
+            known.aim[:] = work.direction
+            known.pairs[1], known.pairs[2] = work.status[0].head, work.status[0].count if t.count else -1
             if touching and t.swings:
                 shorten(work, field, tally)
             t.stage = MOVE

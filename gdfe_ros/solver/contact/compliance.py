@@ -3,7 +3,8 @@
 
 J is the derivative of gaps and slips with respect to the unknowns. H is the inverse M^-1 of the initial matrix, updated
 by the pairs (s, y) of L-BFGS. With rho = 1 / s . y, each pair turns the operator H into H - rho (s z^T + z s^T) + rho
-(1 + rho y . z) s s^T, where z = H y.
+(1 + rho y . z) s s^T, where z = H y. As the directions are -H g, two successive ones contain z, and with the z of all
+pairs, a change of forces turns the direction at the cost of little more than half of a solution.
 
 M turns with the rotations R of the vertices: M^-1 = R C R^T. C is constant as long as M is kept (see `kept_columns`).
 """
@@ -23,6 +24,10 @@ from gdfe_ros.solver.descent.lbfgs_workspace import MEMORY, Problem, Workspace, 
 from gdfe_ros.solver.descent.loop import Metric, apply_initial
 from gdfe_ros.solver.matrix.rotation import left_jacobian_transposed
 from gdfe_ros.solver.matrix.unknowns import rigid_part
+from gdfe_ros.solver.vectors import largest
+
+LEAST_REST = 1e-2
+"""`find_newest` fails if a difference, divided by its terms, is below this."""
 
 
 @kernel
@@ -198,8 +203,11 @@ class PointCompliance(NamedTuple):
     Attributes:
         place, between: see `KeptColumns`.
         frames: (f, 9) the rotations of the vertices for which `joined` holds; none for the constant matrix.
-        images, curvature: products M^-1 y (memory, 3 r) and s . y (memory,) of the pairs (s, y) of L-BFGS; s . y is NaN
-            if the product is not known.
+        products, curvature: for each pair (s, y) of L-BFGS, z = H y (memory, 3 r) with the H of all older pairs, and
+            s . y (memory,), which is NaN if z is not known.
+        pairs: (3,) row of the oldest pair to which the products belong, and the row of the next pair and the number of
+            pairs at the last step; the number is -1 if M has changed since that step.
+        aim: (3 r,) direction of the last step.
         wild: (1,) whether the constant matrix replaces the tangent for this minimisation only.
         scale: (1,) factor of the inverse of the constant matrix while it replaces the tangent, otherwise 1.
         valid: (1,) whether `joined` is J M^-1 J^T of points with the derivatives `rows`, `blocks` and `used`.
@@ -211,8 +219,10 @@ class PointCompliance(NamedTuple):
     place: NDArray[np.int64]
     between: NDArray[np.float64]
     frames: NDArray[np.float64]
-    images: NDArray[np.float64]
+    products: NDArray[np.float64]
     curvature: NDArray[np.float64]
+    pairs: NDArray[np.int64]
+    aim: NDArray[np.float64]
     wild: NDArray[np.int64]
     scale: NDArray[np.float64]
     valid: NDArray[np.bool_]
@@ -235,7 +245,14 @@ def follow_frames(frames, known):
             known.frames[n, k] = frames[n, k]
     if not same:
         known.valid[0] = False
-        known.curvature[:] = np.nan
+        forget_pairs(known)
+
+
+@internal
+def forget_pairs(known):
+    """Mark all products with the pairs as unknown, because M has changed."""
+    known.curvature[:] = np.nan
+    known.pairs[2] = -1
 
 
 @internal
@@ -258,8 +275,10 @@ def is_joined(field, chosen, known):
 
 
 @internal
-def find_compliance(work, metric, field, known, count):
+def find_compliance(work, metric, field, known, count, turned):
     """Write W [m/N] of the first ``count`` chosen points to ``known.w``.
+
+    ``turned`` tells whether the direction and the newest pair of L-BFGS belong to the present gradient.
 
     Return False if `Compliance.prepare` must be called first.
     """
@@ -272,62 +291,116 @@ def find_compliance(work, metric, field, known, count):
     scale = status.scale if status.wild == 1 else 1.0
     follow_frames(metric.kept.frames, known)
     if known.scale[0] != scale:
-        known.curvature[:] = np.nan
+        forget_pairs(known)
         known.scale[0] = scale
     if not is_joined(field, chosen, known):
         join(*given, known.place, known.between, known.frames, known.joined)
     known.w[:] = scale * known.joined
-    add_history(work, metric, known, *given, field.stencils.soft)
+    find_products(work, metric, known, turned)
+    add_pairs(work, known.products, *given, known.w)
+    for c in range(count):
+        known.w[3 * c, 3 * c] += field.stencils.soft[chosen[c]]
     return True
 
 
 @internal
-def add_history(work, metric, known, chosen, rows, blocks, counts, soft):
-    """Add the updates by the pairs of L-BFGS and the compliances of the points' springs to W."""
-    status, memory = work.status[0], len(known.curvature)
-    pairs = (status.head - 1 - np.arange(status.count)) % memory
-    new = pairs[known.curvature[pairs] != work.curvature[pairs]]
-    if len(new) > 0:
-        images = np.empty((len(new), len(work.u)))
-        apply_initial(status, metric, work.changes[new], images)
-        known.images[new], known.curvature[new] = images, work.curvature[new]
-    if status.count > 0:
-        add_pairs(work, known.images, chosen, rows, blocks, counts, known.w)
-    for c in range(len(chosen)):
-        known.w[3 * c, 3 * c] += soft[chosen[c]]
+def find_products(work, metric, known, turned):
+    """Find the products z = H y of all pairs of L-BFGS that are not known yet; ``turned``: see `find_compliance`."""
+    status, memory, first = work.status[0], len(known.curvature), 0
+    oldest = (status.head - status.count) % memory
+    while known.pairs[0] == oldest and first < status.count:
+        at = (oldest + first) % memory
+        if known.curvature[at] != work.curvature[at]:
+            break
+        first += 1
+    newest = (status.head - 1) % memory
+    follows = known.pairs[1] == newest and known.pairs[2] == status.count - 1
+    if turned and follows and first == status.count - 1 and find_newest(work, known, newest):
+        first += 1
+    if first < status.count:
+        rows = (oldest + np.arange(first, status.count)) % memory
+        images = np.empty((len(rows), len(work.u)))
+        apply_initial(status, metric, work.changes[rows], images)
+        for k in range(first, status.count):
+            at, z = (oldest + k) % memory, images[k - first]
+            for i in range(k):
+                add_pair(work, known.products, (oldest + i) % memory, work.changes[at], z)
+            known.products[at] = z
+    known.pairs[0] = oldest
+    for k in range(status.count):
+        at = (oldest + k) % memory
+        known.curvature[at] = work.curvature[at]
 
 
 @internal
-def add_pairs(work, images, chosen, rows, blocks, counts, out):
-    """Add the updates by the pairs of L-BFGS to W; ``images`` (memory, 3 r) are the products M^-1 y.
+def find_newest(work, known, at):
+    """Find the product z = H y of the newest pair, in row ``at``, from the last two directions, without a solution.
+
+    The directions are d = -H g, and d' = -H' g' with H' = H + the pair's update. From y = g' - g follows, with
+    a = s . g' / s . y,
+
+        z = (d - d' - c s) / (1 - a),   c = a + (a (d - d') . y - (d - d') . g') / (s . y - s . g').
+
+    Return False if too many digits would cancel.
+    """
+    s, y, z, gradient = work.steps[at], work.changes[at], known.products[at], work.gradient
+    along = inner(s, gradient) / work.curvature[at]
+    for n in range(len(z)):
+        z[n] = known.aim[n] - work.direction[n]
+    if not 1.0 - along > LEAST_REST or not largest(z) > LEAST_REST * largest(known.aim):
+        return False
+    c = along + (along * inner(z, y) - inner(z, gradient)) / (work.curvature[at] * (1.0 - along))
+    for n in range(len(z)):
+        z[n] = (z[n] - c * s[n]) / (1.0 - along)
+    return True
+
+
+@internal
+def add_pair(work, products, at, vector, out):
+    """Add the update by the pair in row ``at`` to ``out``, the product of H and a ``vector``."""
+    s, z, rho = work.steps[at], products[at], 1.0 / work.curvature[at]
+    first, second = rho * inner(s, vector), rho * inner(z, vector)
+    first, second = (1.0 + rho * inner(work.changes[at], z)) * first - second, first
+    for n in range(len(out)):
+        out[n] += first * s[n] - second * z[n]
+
+
+@internal
+def turn_direction(work, metric, known, change):
+    """Update the direction for a ``change`` v (3 r,) of the gradient [N]: add -H v. Return whether it descends.
+
+    If v is zero in most rows, this costs little more than half of a solution.
+    """
+    status, moved, d = work.status[0], work.step, work.direction
+    apply_initial(status, metric, change.reshape((1, -1)), moved.reshape((1, -1)))
+    for k in range(status.count):
+        add_pair(work, known.products, (status.head - status.count + k) % len(known.curvature), change, moved)
+    for n in range(len(d)):
+        d[n] -= moved[n]
+    status.slope, status.step = inner(work.gradient, d), largest(d)
+    return status.slope < 0.0
+
+
+@internal
+def add_pairs(work, products, chosen, rows, blocks, counts, out):
+    """Add the updates by the pairs of L-BFGS to W.
 
     For each pair, W changes by js u^T + jz v^T, with js = J s, jz = J z, u = rho (1 + rho y . z) js - rho jz and
     v = -rho js.
     """
     status, size = work.status[0], 3 * len(chosen)
-    z, left = np.empty((status.count, len(work.u))), np.empty((2 * status.count, size))
-    right = np.empty_like(left)
+    js, jz = np.empty((2, size))
     for k in range(status.count):
         at = (status.head - status.count + k) % len(work.curvature)
-        s, y, rho = work.steps[at], work.changes[at], 1.0 / work.curvature[at]
-        z[k] = images[at]
-        for i in range(k):
-            older = (status.head - status.count + i) % len(work.curvature)
-            first, rate = work.steps[older], 1.0 / work.curvature[older]
-            sy, zy = inner(first, y), inner(z[i], y)
-            own = rate * (1.0 + rate * inner(work.changes[older], z[i]))
-            for n in range(len(y)):
-                z[k, n] += own * sy * first[n] - rate * (zy * first[n] + sy * z[i, n])
-        own, js, jz = rho * (1.0 + rho * inner(y, z[k])), left[2 * k], left[2 * k + 1]
+        s, z, rho = work.steps[at], products[at], 1.0 / work.curvature[at]
+        own = rho * (1.0 + rho * inner(work.changes[at], z))
         for a in range(size):
             js[a] = project_one(s, chosen[a // 3], rows, blocks, counts, a % 3)
-            jz[a] = project_one(z[k], chosen[a // 3], rows, blocks, counts, a % 3)
-            right[2 * k, a], right[2 * k + 1, a] = own * js[a] - rho * jz[a], -rho * js[a]
-    for a in range(size):
-        for k in range(2 * status.count):
-            share = left[k, a]
+            jz[a] = project_one(z, chosen[a // 3], rows, blocks, counts, a % 3)
+        for a in range(size):
+            first, second = own * js[a] - rho * jz[a], -rho * js[a]
             for b in range(size):
-                out[a, b] += share * right[k, b]
+                out[a, b] += first * js[b] + second * jz[b]
 
 
 class Compliance:
@@ -340,7 +413,7 @@ class Compliance:
 
     def __init__(self, vertices: NDArray[np.int32], count: int) -> None:
         self._vertices = vertices
-        self._images, self._curvature = np.zeros((MEMORY, count)), np.full(MEMORY, np.nan)
+        self._pairs = np.zeros((MEMORY, count)), np.full(MEMORY, np.nan), np.zeros(3, np.int64), np.zeros(count)
         self._columns: dict[bool, tuple[tuple[object, ...], KeptColumns]] = {}
         self.known: PointCompliance | None = None
 
@@ -370,8 +443,8 @@ class Compliance:
         if known is None or known.wild[0] != wild or len(known.w) != 3 * count or known.rows.shape[1] != width:
             numbers_of = np.array([wild]), np.full(1, np.nan), np.zeros(1, np.bool_)
             seen = np.zeros((count, width), np.int64), np.zeros((count, width, 3, 3)), np.zeros(count, np.int64)
-            self._curvature[...] = np.nan
-            given = frames.copy(), self._images, self._curvature, *numbers_of, *np.empty((2, 3 * count, 3 * count))
+            self._pairs[1][...], self._pairs[2][2] = np.nan, -1
+            given = frames.copy(), *self._pairs, *numbers_of, *np.empty((2, 3 * count, 3 * count))
             known = PointCompliance(columns.place, columns.between, *given, *seen, *np.zeros((2, 3 * count)))
         self.known = known._replace(place=columns.place, between=columns.between)
         return self.known

@@ -199,18 +199,31 @@ def solve_ordered(values, plan, axes, x, local):
     """Replace each row of ``x`` (k, s f), a right-hand side in the order of elimination, by its solution.
 
     The factor has s rows for each vertex, as many as ``axes`` has numbers. 3 / s rows of ``x`` are solved together. All
-    rows of ``x`` are processed with one supernode before the next supernode is read. ``local`` (3 / s, w) is scratch
-    for the rows of any supernode.
+    rows of ``x`` are processed with one supernode before the next supernode is read. In the forward substitution,
+    supernodes whose own rows of ``x`` are zero are skipped. ``local`` (3 / s, w) is scratch for the rows of any
+    supernode.
     """
-    width = len(local)
+    width, size = len(local), len(axes)
     for node in range(len(plan.first) - 1):
         at, rows = plan.value_start[node], plan.rows[plan.row_start[node] : plan.row_start[node + 1]]
         for k in range(0, len(x), width):
+            if is_zero(x[k : k + width], size * plan.first[node], size * plan.first[node + 1]):
+                continue
             reduce_node(values, at, rows, axes, plan.first[node], plan.first[node + 1], x[k : k + width], local)
     for node in range(len(plan.first) - 2, -1, -1):
         at, rows = plan.value_start[node], plan.rows[plan.row_start[node] : plan.row_start[node + 1]]
         for k in range(0, len(x), width):
             expand_node(values, at, rows, axes, plan.first[node], plan.first[node + 1], x[k : k + width], local)
+
+
+@inlined
+def is_zero(x, first, last):
+    """Return whether ``x`` is zero in the columns from ``first`` up to ``last``."""
+    for k in range(len(x)):
+        for n in range(first, last):
+            if x[k, n] != 0.0:
+                return False
+    return True
 
 
 @inlined

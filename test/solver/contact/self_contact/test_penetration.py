@@ -103,7 +103,7 @@ def test_a_step_that_ends_inside_says_who_where_and_how_deep() -> None:
     """Where blocks would penetrate each other, the message names both, the depth, the position and a remedy."""
     far = {"meshes.low.at": [50, 0, 0], "meshes.high.at": [50, 0, 0.051], "solver.max_iterations": 2000}
     simulation = Simulation(scene_of(BLOCKS, overrides=far))
-    result = simulation.step(Command(handles={"high": Pose((0.005, 0.0, -0.06))}))
+    result = simulation.step(Command(handles={"high": Pose((0.006, 0.0, -0.06))}))
     assert not result.converged
     assert "m inside of mesh" in result.message
     assert "deepest at [50" in result.message or "deepest at [49.9" in result.message
