@@ -20,13 +20,13 @@ from gdfe_ros.solver.contact.compliance import differentiate, find_compliance, p
 from gdfe_ros.solver.contact.contact_term import MARGIN
 from gdfe_ros.solver.contact.stencil import add_load, find_stencils, turn_shear
 from gdfe_ros.solver.descent.lbfgs_workspace import inner
-from gdfe_ros.solver.descent.loop import ENDLESS, MOST_FLAT, WILD, choose, move
+from gdfe_ros.solver.descent.loop import ENDLESS, MOST_FLAT, WILD, choose, move, start
 from gdfe_ros.solver.matrix.unknowns import add_rows, gather_rigid_rows
 from gdfe_ros.solver.outcome import Outcome
 
-BEGIN, SEARCH, ANSWER, MOVE = range(4)
-"""Stages of an iteration: find the step at constant contact forces; let the caller search for parts of the body that
-may meet in this step; find the new forces; make the step.
+START, BEGIN, SEARCH, ANSWER, MOVE = range(5)
+"""Stages: evaluate all terms, once in a minimisation. In each iteration: find the step at constant contact forces; let
+the caller search for parts of the body that may meet in this step; find the new forces; make the step.
 """
 ROUNDS = 8
 """Largest number of attempts at the forces of a step. Another attempt follows if points entered, which then join, or if
@@ -356,6 +356,9 @@ def descend_touching(problem, work, metric, field, known, tally, rows, size, tar
     ``known``, the progress ``tally`` (1,) with the fields of `TALLY`, and the ``rows`` of `find_joins`.
     """
     t, made = tally[0], 0
+    if t.stage == START:
+        start(problem, work)
+        t.stage = BEGIN
     while made < limit:
         if t.stage == BEGIN:
             if t.gone > 0.0 and not t.gone < t.room:

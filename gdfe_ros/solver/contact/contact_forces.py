@@ -14,6 +14,7 @@ from gdfe_ros.solver.contact.answer import (
     BEGIN,
     MOVE,
     SEARCH,
+    START,
     TALLY,
     descend_touching,
     is_settling,
@@ -111,19 +112,22 @@ class ContactForces:
         minimum: tuple[float, float, bool, int],
         limit: int,
         show: Callable[[], None] | None,
+        *,
+        begins: bool,
     ) -> int:
-        """Do `loop.descend` with contact, after all terms have been evaluated; return the number of iterations.
+        """Do `loop.descend` with contact; return the number of iterations.
 
-        ``problem``, ``work``, ``metric`` and ``limit`` are arguments of `loop.descend`. ``minimum`` has four more of
-        them: size, target, proven and most. ``key`` identifies the initial matrix. ``show``, unless None, is called in
-        each step, after its forces have been found.
+        ``problem``, ``work``, ``metric``, ``limit`` and ``begins`` are arguments of `loop.descend`. ``minimum`` has
+        four more of them: size, target, proven and most. ``key`` identifies the initial matrix. ``show``, unless None,
+        is called in each step, after its forces have been found.
         """
         tally, made, (size, target, _, _) = self._tally, 0, minimum
-        tally["stage"], tally["over"], tally["shows"], tally["room"] = BEGIN, 0, show is not None, -np.inf
+        tally["stage"] = START if begins else BEGIN
+        tally["over"], tally["shows"], tally["room"] = 0, show is not None, -np.inf
         tally["faint"] = max((FAINT if tally["swings"] else SLIGHT) * size, NEARLY * target)
         self._number_rows(problem)
         field = known = None
-        while made < limit and not tally["over"]:
+        while (made < limit or tally["stage"] == START) and not tally["over"]:
             field = self._attend(problem, work, field, size, show)
             if known is None or tally["stage"] == ANSWER:
                 count = int(tally["count"]) if tally["stage"] == ANSWER else -1
@@ -137,7 +141,7 @@ class ContactForces:
     ) -> PointField:
         """Choose or search points, or show the step, as the next stage requires; return the near points."""
         tally = self._tally
-        if tally["stage"] == BEGIN:
+        if tally["stage"] in (START, BEGIN):
             self._choose_points(work)
             field = self._held.gather()
         elif tally["stage"] == SEARCH:

@@ -177,10 +177,8 @@ class Minimiser:
         """Do `descend` with contact: each step includes contact forces that satisfy the laws of contact."""
         problem, work = task.problem, task.active.workspace
         key = (None,) if self.tangent is None else (self.tangent.blocks, self.tangent.springs)
-        if begins:
-            descend(problem, work, metric, *minimum, 0, begins)  # only evaluates all terms
         show = partial(self._show, work, begins=True) if self.observer else None  # other forces have another energy
-        return self.contact_forces.descend(problem, work, metric, key, minimum, limit, show)
+        return self.contact_forces.descend(problem, work, metric, key, minimum, limit, show, begins=begins)
 
     def precondition(self, task: Task, gradient: Array, step: Array) -> None:
         """Write the product of M^-1 and ``gradient`` (3 r,) [N] to ``step`` (3 r,) [m]."""

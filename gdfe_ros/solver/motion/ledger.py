@@ -6,6 +6,7 @@ from __future__ import annotations
 import numpy as np
 from scipy import sparse
 
+from gdfe_ros.compiled import kernel
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.handle_motions import HandleMotions
 from gdfe_ros.solver.motion import inertia, viscosity
@@ -119,8 +120,19 @@ class Accounts:
     def _kinetic(self, velocity: Array) -> float:
         """Return the kinetic energy [J]; the last result is cached, because the arrays of states are never modified."""
         if velocity is not self._known[0]:
-            self._known = velocity, 0.5 * float(np.vdot(velocity, self._mass @ velocity))
+            self._known = velocity, 0.5 * square(velocity, self._mass.indptr, self._mass.indices, self._mass.data)
         return self._known[1]
+
+
+@kernel
+def square(v, starts, columns, entries):
+    """Return v . M v for ``v`` (n, 3) and a sparse matrix M (n, n): row starts, columns and entries."""
+    total = 0.0
+    for i in range(len(v)):
+        for j in range(starts[i], starts[i + 1]):
+            w = columns[j]
+            total += entries[j] * (v[i, 0] * v[w, 0] + v[i, 1] * v[w, 1] + v[i, 2] * v[w, 2])
+    return total
 
 
 def tell_excess(state: State, excess: float, h: float, scheme: Scheme) -> State:

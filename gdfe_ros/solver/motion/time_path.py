@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gdfe_ros.compiled import kernel
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.elements.measures import least_volume_ratio
 from gdfe_ros.solver.equilibrium.predictor import Prediction, Predictor
@@ -147,15 +148,25 @@ class MotionPredictor(Predictor):
         if last is not None:
             slides, turns = slides + last.slides, turns + last.turns
         flight = h * now.velocity + 0.5 * h * h * now.trend
-        drift, flight = self._shares @ flight, flight[self._free]
-        led = state.positions.copy()
+        drift, led = self._shares @ flight, state.positions.copy()
         led[held] += base[held] - state.base[held]
         for share in (*self.SHARES, 1.0):  # handles may fold elements whatever the other vertices do
             start = led.copy()
-            start[self._free] += share * flight + (1.0 - share) * drift
+            fly(start, flight, drift, share, self._free)
             if least_volume_ratio(start, self._shape) > 0.0:
                 break
         return Prediction(state.with_(positions=start, base=base, slides=slides, turns=turns), 1.0)
+
+
+@kernel
+def fly(x, flight, drift, share, free):
+    """Move the ``free`` vertices (f,) of ``x`` (n, 3) [m] by ``share`` of their ``flight`` (n, 3), else by ``drift``.
+
+    All vertices have the same ``drift`` (3,).
+    """
+    for v in free:
+        for i in range(3):
+            x[v, i] += share * flight[v, i] + (1.0 - share) * drift[i]
 
 
 ACCURACY, FINEST = 3.0, 1e-4

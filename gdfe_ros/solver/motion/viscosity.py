@@ -131,6 +131,17 @@ def all_strains(x, reals, integers, out):
 
 
 @kernel
+def square(strains, volume, bend):
+    """Return |E|^2 V + b sum_k |w_k|^2 (p,) of ``strains`` (p, 6 + 3 modes); V is ``volume``, b is ``bend`` (p,)."""
+    found = np.zeros(len(strains))
+    for p in range(len(strains)):
+        for i in range(strains.shape[1]):
+            weight = bend[p] if i >= GREEN else volume[p] if i < 3 else 2.0 * volume[p]
+            found[p] += weight * strains[p, i] * strains[p, i]
+    return found
+
+
+@kernel
 def viscous_tangents(x, reals, integers, out):
     """Write the tangents (m, 3 c, 3 c) [N/m] of elements at positions ``x`` (n, 3) [m], summed over their places."""
     count, modes = integers[0], integers[1]
@@ -288,6 +299,4 @@ class Viscosity(Term):
 
     def _square(self, strain: Array) -> Array:
         """Return |E|^2 V + b sum_k |w_k|^2 (p,) [m^3] for the strains (p, 6 + 3 modes) of all places."""
-        stretch = np.einsum("ei,ei->e", strain[:, :3], strain[:, :3])
-        stretch += 2.0 * np.einsum("ei,ei->e", strain[:, 3:6], strain[:, 3:6])
-        return self._volume * stretch + self._bend * np.einsum("ei,ei->e", strain[:, 6:], strain[:, 6:])
+        return square(strain, self._volume, self._bend)
