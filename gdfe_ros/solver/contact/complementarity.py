@@ -43,6 +43,8 @@ FINER = 1e-3
 """With at most `MANY` unknown forces, a further Newton iteration costs little. Newton's method then aims at this
 fraction of the tolerance.
 """
+IMMOVABLE = 1e-13
+"""A point cannot move along an axis if its compliance, divided by the largest of all, is at most this."""
 LARGEST = 900
 """Largest number of unknown forces for which Newton's linear systems are solved."""
 RIDGE, FIRM = 1e-9, 5e-3
@@ -270,9 +272,27 @@ def bound_forces(w, q, mu, f, p, least, tolerance):
     return left
 
 
+@internal
+def hold_immovable(w, q, f):
+    """Give each row of ``w`` without compliance one with which its force in ``f`` stays, whatever the other forces are.
+
+    A handle may hold a point in some directions only. Forces in these directions move nothing.
+    """
+    largest = 0.0
+    for n in range(len(q)):
+        largest = max(largest, w[n, n])
+    largest = largest if largest > 0.0 else 1.0
+    for n in range(len(q)):
+        if w[n, n] <= IMMOVABLE * largest:
+            w[n, :], w[:, n] = 0.0, 0.0
+            w[n, n], q[n] = largest, -largest * f[n]
+
+
 @kernel
 def solve_laws(w, q, mu, f, tolerance, faint):
     """Write the forces that satisfy the laws to ``f``, and return the largest violation [m] that remains.
+
+    Forces along axes in which a point cannot move stay as they are; their rows of ``w`` and ``q`` are replaced.
 
     Args:
         w: (3 c, 3 c) [m/N] compliance W, symmetric; each point has its normal and two tangents.
@@ -283,6 +303,7 @@ def solve_laws(w, q, mu, f, tolerance, faint):
         faint: negligible violation [m], accepted if the tolerance cannot be reached.
     """
     p, best, trial = np.empty(len(q)), f.copy(), f.copy()
+    hold_immovable(w, q, f)
     displace(w, q, f, p)
     last, brisk = residual(w, mu, f, p), len(q) > MANY
     if last <= (tolerance if brisk else FINER * tolerance):

@@ -27,7 +27,7 @@ from gdfe_ros.solver.contact.field import HeldLoads, PointField
 from gdfe_ros.solver.contact.stencil import PLANES
 from gdfe_ros.solver.descent.lbfgs_workspace import Problem, Workspace
 from gdfe_ros.solver.descent.loop import Metric
-from gdfe_ros.solver.matrix.unknowns import Unknowns
+from gdfe_ros.solver.matrix.unknowns import Unknowns, place
 
 Product = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 
@@ -126,6 +126,8 @@ class ContactForces:
         tally["over"], tally["shows"], tally["room"] = 0, show is not None, -np.inf
         tally["faint"] = max((FAINT if tally["swings"] else SLIGHT) * size, NEARLY * target)
         self._number_rows(problem)
+        if begins and len(problem.unknowns.slides):  # handles that are free have moved
+            place(work.u, problem.frame, problem.unknowns, work.x)
         field = known = None
         while (made < limit or tally["stage"] == START) and not tally["over"]:
             field = self._attend(problem, work, field, size, show)
