@@ -36,6 +36,8 @@ class Handle:
             moment about them is zero.
         slide: (k, 3) bool, the axes along which each vertex slides by itself, as on rollers; None: the vertices move
             together.
+        bears: for rollers that share vertices with others: vertices (b,), and the axes (b, 3) bool along which this
+            handle takes their forces; None: all forces on ``vertices``.
         carrier: name of the arm that moves the handle; empty if the handle accepts commands.
         noun: name of this kind of item in messages.
         section: section of this kind of item in scene files and topic names.
@@ -49,6 +51,7 @@ class Handle:
     free: tuple[Axis, ...] = ()
     turning: tuple[Axis, ...] = ()
     slide: NDArray[np.bool_] | None = None
+    bears: tuple[NDArray[np.int32], NDArray[np.bool_]] | None = None
     carrier: str = ""
 
     def __post_init__(self) -> None:

@@ -48,6 +48,25 @@ def test_a_block_between_symmetry_planes_is_stretched_evenly() -> None:
     np.testing.assert_allclose([result.reactions[name][:3] for name in ("my", "mz")], 0.0, atol=1e-4)
 
 
+@pytest.mark.parametrize("order", [("l", "r", "sy", "sz"), ("l", "sy", "sz", "r"), ("sy", "sz", "l", "r")])
+def test_reactions_of_rollers_do_not_depend_on_their_order(order: tuple[str, ...]) -> None:
+    """A block that grows between two rollers presses both with E A (1.1 - 1 / 1.1) / 2; planes beside it bear nothing.
+
+    A shared vertex gave all its forces to the first roller, also along axes on which this roller slides.
+    """
+    planes = {"l": "x- y z", "r": "x+ y z", "sy": "y- x z", "sz": "z- x y"}
+    handles = {
+        name: {"where": {"face": face}, "slide": axes} for name in order for face, *axes in [planes[name].split()]
+    }
+    text = MATERIAL + "mesh: {bar: {size: [0.02, 0.02, 0.02], cells: [2, 2, 2]}}\nhandles: {}\n"
+    growth = {"g": {"growth": {"stretch": [1.1, 1.0, 1.0]}}}
+    scene = scene_of(text, materials__m__poisson=0.0, handles=handles, actuators=growth)
+    reactions = Simulation(scene).step(Command(actuators={"g": 1.0})).reactions
+    force = 0.5e5 * 4e-4 * (1.1 - 1.0 / 1.1)
+    for name, expected in {"l": force, "r": -force, "sy": 0.0, "sz": 0.0}.items():
+        np.testing.assert_allclose(reactions[name][:3], [expected, 0.0, 0.0], atol=1e-6 * force)
+
+
 def test_thousands_of_vertices_on_rollers_add_no_rigid_parts() -> None:
     """A plane of symmetry with 2209 vertices, held by rollers alone, is stretched as the closed form says."""
     text = EIGHTH.replace("cells: [4, 2, 2]", "cells: [2, 46, 46]")

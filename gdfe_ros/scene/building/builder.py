@@ -118,21 +118,26 @@ def _apart(handles: Sequence[Handle]) -> Iterator[Handle]:
     """Yield the handles after rollers (handles with `slide`) have given up vertices that they share.
 
     A roller leaves a shared vertex to a rigid handle that does not slide or turn. Several rollers leave a shared vertex
-    to the first of them. The vertex then slides only along the axes that all of these rollers leave free.
+    to the first of them. The vertex then slides only along the axes that all of these rollers leave free. A force along
+    another axis is a reaction of the first roller that holds this axis.
     """
     for number, handle in enumerate(handles):
         if handle.slide is None:
             yield handle
             continue
-        slide = handle.slide.copy()
+        slide, holds = handle.slide.copy(), ~handle.slide
         rigid = [each.vertices for each in handles if each.slide is None and not each.loose]
         taken = np.isin(handle.vertices, np.concatenate([np.zeros(0, np.int32), *rigid]))
+        holds[taken] = False
         for place, other in enumerate(handles):
             if other.slide is not None and place != number:
                 both = np.isin(handle.vertices, other.vertices)
                 slide[both] &= other.slide[0]
-                taken |= both & (place < number)
-        yield replace(handle, vertices=handle.vertices[~taken], slide=slide[~taken])
+                if place < number:
+                    holds[both] &= other.slide[0]
+                    taken |= both
+        own = handle.vertices[~taken]
+        yield replace(handle, vertices=own, slide=slide[~taken], bears=(handle.vertices, holds))
 
 
 def require_held(mesh: HexMesh, handles: Iterable[Handle], report: Defects) -> None:

@@ -25,6 +25,10 @@ from gdfe_ros.mesh.triples import corner, cross, dot, minus, unit
 from gdfe_ros.solver.contact.gap import nearness
 from gdfe_ros.solver.terms.term import as_arrays, term_kernel
 
+BESIDE = 0.1
+"""A plane ends where the surface does: a point outside of the surface is beside it if its place on the plane is outside,
+too, at a distance that, divided by its distance from the plane, exceeds this.
+"""
 LOADS = 6
 """Count of each vertex' numbers in the loads: the gradient [N] of the energy of its dead load, and the position [m]
 where this energy is 0. The position is renewed before each step, so that energies stay as small as steps.
@@ -257,7 +261,12 @@ def measure_gap(stencils, surfaces, t, i, p):
     if nx * ex + ny * ey + nz * ez > 0.0 and not stencils.fixed[i]:
         return g, nx, ny, nz
     u = in_frame(frame, p[0] - frame[ORIGIN], p[1] - frame[ORIGIN + 1], p[2] - frame[ORIGIN + 2])
-    return a * u[0] + b * u[1] + c * u[2] - d, ex, ey, ez
+    h = a * u[0] + b * u[1] + c * u[2] - d
+    if g > 0.0 and not stencils.fixed[i]:
+        beside = distance_at(surfaces.kind[t], frame, form, p[0] - h * ex, p[1] - h * ey, p[2] - h * ez)[0]
+        if beside > BESIDE * abs(h):
+            return g, nx, ny, nz
+    return h, ex, ey, ez
 
 
 @internal

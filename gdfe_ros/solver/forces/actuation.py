@@ -291,11 +291,14 @@ def handle_reactions(
     for handle in body.handles:
         if handle.name in reactions:
             continue
-        forces = vertex_forces(body, handle.vertices, force)
+        vertices, axes = handle.bears or (handle.vertices, None)
+        forces = vertex_forces(body, vertices, force)
         if outside is not None:
-            forces += outside[handle.vertices]
+            forces += outside[vertices]
+        if axes is not None:
+            forces *= axes
         reactions[handle.name] = np.empty(6)
-        _sum_wrench(positions, handle.vertices, forces, reactions[handle.name])
+        _sum_wrench(positions, handle.vertices, vertices, forces, reactions[handle.name])
     for grip in (each for each in grips if each.presses):
         reactions[grip.actuator.holder] = reactions[grip.actuator.holder] + grip.wrench(positions)
     return reactions
@@ -315,11 +318,14 @@ def _gather_forces(force, unknowns, vertices, total):
 
 
 @kernel
-def _sum_wrench(x, vertices, forces, wrench):
-    """Write the sum of ``forces`` (k, 3) [N] and their moment [N m] about the vertices' mean position to ``wrench``."""
+def _sum_wrench(x, group, vertices, forces, wrench):
+    """Write the sum of ``forces`` (k, 3) [N] on ``vertices`` (k,), and their moment [N m], to ``wrench``.
+
+    The moment is about the mean position of the vertices in ``group``.
+    """
     centre, force, moment = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
-    for v in vertices:
-        centre = plus(centre, scale_vector(corner(x, v), 1.0 / len(vertices)))
+    for v in group:
+        centre = plus(centre, scale_vector(corner(x, v), 1.0 / len(group)))
     for i in range(len(vertices)):
         f = corner(forces, i)
         force, moment = plus(force, f), plus(moment, cross(minus(corner(x, vertices[i]), centre), f))

@@ -107,6 +107,7 @@ class GripTerm(UpdatedTerm):
         self._hold, self._command, self._penalty = Hold.OFF, 0.0, 0.0
         self._poses, self._last = {grip.holder: Pose()}, None
         self._kept, self._updated, self.errors = self.neutral(), None, []
+        self._fading: Array | None = None
 
     @property
     def _carried(self) -> bool:
@@ -172,14 +173,15 @@ class GripTerm(UpdatedTerm):
     def begin(self, commands: Mapping[str, float], saved: Saved, positions: Array, ratio: float) -> None:
         """Close, keep or open the grip, according to the change of the command since the state ``saved``."""
         before, self._command = float(saved["command"][0]), commands[self.name]
-        self._hold, kept = Hold(int(saved["hold"][0])), dict(saved)
+        self._hold, kept, self._fading = Hold(int(saved["hold"][0])), dict(saved), None
         if self._command > before and self._hold is not Hold.HOLDS:
             self._hold = Hold.HOLDS
             kept.update(self.neutral(), **self._take_points(self._last))
         elif self._command < before and self._hold is not Hold.OFF:
             self._hold = Hold.FADES if self._command > 0.0 else Hold.OFF
-            kept["pull"] = saved["pull"] * (self._command / before)
-        pull = kept["pull"]
+            self._fading = saved["pull"] / before
+            kept["pull"] = self._fading * self._command
+        pull, seen = kept["pull"], kept
         if self._hold is Hold.HOLDS:
             pull = pull + ratio * (pull - kept["before"])
         elif self._hold is Hold.OFF:
@@ -188,8 +190,8 @@ class GripTerm(UpdatedTerm):
         self._kept, self._updated, self.errors, rows = kept, None, [], self._rows
         self.reals[ACTS] = self._hold is not Hold.OFF
         self.reals[STIFFNESS] = self._penalty if self._hold is Hold.HOLDS else 0.0
-        rows[:, WEIGHTS:PLACE], rows[:, PULL:] = kept["weights"], pull
-        rows[:, PLACE:PULL] = self._places(kept["places"])
+        rows[:, WEIGHTS:PLACE], rows[:, PULL:] = seen["weights"], pull
+        rows[:, PLACE:PULL] = self._places(seen["places"])
 
     def vary(self, commands: Mapping[str, float], saved: Saved, positions: Array) -> None:
         """Set other poses or another stored state after `resume`; the command stays, because 0 and 1 cannot vary."""
@@ -207,7 +209,7 @@ class GripTerm(UpdatedTerm):
 
     def _places(self, places: Array) -> Array:
         """Return the places c (k, 3) [m] at the holder's present pose, from ``places`` (k, 3) [m] at its rest pose."""
-        if self._carried or self._hold is Hold.OFF:
+        if self._carried:
             return np.zeros_like(places)
         return self._poses[self._holder.name].apply(places, self._holder.centre(self._body.rest))
 
@@ -247,10 +249,10 @@ class GripTerm(UpdatedTerm):
 
     def potential(self, positions: Array, command: float) -> tuple[float, float]:
         """Return the potential [J] of an opening grip's forces, and its derivative by the command; else zeros."""
-        if self._hold is not Hold.FADES:
+        if self._fading is None:
             return 0.0, 0.0
-        found = float(np.vdot(self.own_multipliers, self._gaps(positions)))
-        return found, found / command if command else 0.0
+        slope = float(np.vdot(self._fading, self._gaps(positions)))
+        return slope * command, slope
 
     def state(self, positions: Array) -> ActuatorState:
         """Return the command, the extent (1 if the grip holds, else 0), and the magnitude [N] of the total force."""

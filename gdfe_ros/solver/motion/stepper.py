@@ -28,7 +28,7 @@ from gdfe_ros.solver.motion.time_path import (
     is_unfolded,
     reduction,
 )
-from gdfe_ros.solver.motion.viscosity import Viscosity
+from gdfe_ros.solver.motion.viscosity import Viscosity, unrelaxed
 from gdfe_ros.solver.outcome import Deadline, past
 from gdfe_ros.solver.settings import BackwardEuler, Dynamics, Scheme, Skip, SolverSettings
 from gdfe_ros.solver.solution import Increment, March, Solution
@@ -69,6 +69,8 @@ class MotionStepper:
     because only the accuracy of the solve conserves their momentum. Without numerical damping (`newmark`) the factor is
     1.
     """
+    UNRELAXED = 0.01
+    """Largest strain in a branch of the Prony series of a body at rest, divided by the tolerance."""
     KEPT = 8
     """Largest number of pairs of a scheme and a step length whose factors are kept."""
     SHORTEST = 1e-2
@@ -130,6 +132,8 @@ class MotionStepper:
         if not (same and Skip.SOLVE in self.settings.skip and self.body.handles and self._began(state)):
             return False
         now, near = self._accounts.kinematics(state), self.settings.tolerance * self.body.size
+        if self._dynamics.prony and unrelaxed(state) > self.UNRELAXED * self.settings.tolerance:
+            return False
         slow = self._calm * largest(now.velocity.ravel()) <= near
         return slow and self._calm**2 * largest(now.acceleration.ravel()) <= near
 

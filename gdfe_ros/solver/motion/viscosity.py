@@ -31,7 +31,7 @@ from gdfe_ros.mesh.cells.tet_operators import TetOperators, gradients
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.matrix.constant_matrix import assemble
 from gdfe_ros.solver.settings import Dynamics
-from gdfe_ros.solver.state import Saved
+from gdfe_ros.solver.state import Saved, State
 from gdfe_ros.solver.terms.term import Term, as_arrays, term_kernel
 from gdfe_ros.solver.vectors import Array
 
@@ -300,3 +300,9 @@ class Viscosity(Term):
     def _square(self, strain: Array) -> Array:
         """Return |E|^2 V + b sum_k |w_k|^2 (p,) [m^3] for the strains (p, 6 + 3 modes) of all places."""
         return square(strain, self._volume, self._bend)
+
+
+def unrelaxed(state: State) -> float:
+    """Return the largest elastic strain of any branch in ``state``; it relaxes although the body may not move."""
+    saved = state.terms[NAME]
+    return float(np.abs(saved["strain"] - saved["branches"]).max(initial=0.0))

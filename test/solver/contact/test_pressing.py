@@ -9,11 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from scipy.spatial.transform import Rotation
 
 from gdfe_ros import Command, Pose, Simulation
 from gdfe_ros.mesh.files.stored_mesh import pack_surface
 from test.solver.contact.balls import ball_between_plates, hertz, tatara
-from test.written import advance, scene_of
+from test.written import advance, scene_of, simulate
 
 REFERENCE = Path(__file__).parents[2] / "data" / "reference" / "contact_block_on_ball.npz"
 QUADRATIC = {0.012: 84.8, 0.016: 128.9, 0.02: 178.8}
@@ -108,3 +109,32 @@ def test_a_needle_that_presses_into_a_bar_takes_few_iterations(friction: float) 
     for move in np.linspace(0.002, 0.024, 12):
         result = advance(simulation, Command(handles={"base": Pose((0.0, 0.0, -float(move)))}))
         assert result.iterations <= 30
+
+
+BESIDE_A_BOX = """
+mesh: {grid: {x: [0, 0.0229, 0.055, 0.1], y: [-0.01, -0.0017, 0.01], z: [-0.01, -0.0054, 0.001, 0.01]}}
+materials: {a: {law: linear, young: 1.0e5, poisson: 0.45, density: 1000}}
+handles: {base: {where: {face: x-}}}
+obstacles: {box: {box: {size: [0.03, 0.05, 0.02]}, at: [0.08978607, 0, -0.0205], rotation_deg: [0, 0, 20]}}
+actuators: {cable: {cable: {points: [[0, 0, 0.005], [0.05, 0.002, 0.005], [0.095, 0, 0.004]], command: shortening}}}
+loads: {weight: {gravity: [3.12424, 7.04253, -3.79770]}}
+self_contact: {friction: 0.3}
+solver: {tolerance: 1.0e-6}
+"""
+
+
+def test_a_box_ends_at_its_edges() -> None:
+    """Only vertices on a box bear forces, and their sum is the reaction: none is carried beside the box.
+
+    The plane through which a vertex had entered carried vertices 0.7 and 1.8 mm beside the box.
+    """
+    base = Pose((-0.0013498, 0.00073546, 2.2758e-05), (0.131935, 0.180173, -0.134706))
+    poses, commands = {"base": base, "box": Pose((-0.00012857, 0.0, 0.00722184))}, {"cable": 0.00133737}
+    simulation = simulate(BESIDE_A_BOX)
+    result = advance(simulation, Command(handles=poses, actuators=commands, loads={"weight": 1.935148}))
+    touch = result.contacts["box"]
+    local = Rotation.from_euler("z", -20, degrees=True).apply(touch.places - [0.08965750, 0, -0.01327816])
+    beyond = np.abs(local) - [0.015, 0.025, 0.01]
+    assert touch.presses.sum() > 0.1
+    assert np.abs(beyond.max(axis=1)).max() < 1e-6
+    np.testing.assert_allclose(touch.forces.sum(axis=0), result.reactions["box"][:3], atol=1e-9)

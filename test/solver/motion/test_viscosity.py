@@ -17,6 +17,7 @@ from gdfe_ros.solver.motion.viscosity import Viscosity
 from gdfe_ros.solver.settings import Branch, Damping, Dynamics
 from gdfe_ros.solver.terms.term import TermTable
 from test.differences import assert_derivative, assert_tangent, force_of
+from test.written import advance, simulate
 
 DYNAMICS = Dynamics(damping=Damping(viscosity=300.0), prony=(Branch(0.2, 0.05), Branch(0.1, 0.5)))
 H = 0.01
@@ -91,3 +92,26 @@ def test_stress_relaxes_as_the_series_says(moving: Callable) -> None:
         expected = slow * (1.0 + (0.3 * np.exp(-since / 0.1) + 0.2 * np.exp(-since)) / 0.5)
         if result.time > 0.02:
             assert result.reactions["tip"][0] == pytest.approx(expected, rel=0.01)
+
+
+def test_a_body_does_not_sleep_while_its_stress_relaxes() -> None:
+    """The force on a bar that is stretched once and held falls to that of the relaxed material, though nothing moves.
+
+    A body whose vertices were at rest made no more steps, and kept 73 % too much force.
+    """
+    text = """
+mesh: {bar: {size: [0.04, 0.01, 0.01], cells: [4, 1, 1]}}
+materials: {m: {law: linear, young: 1.0e5, poisson: 0, density: 1000}}
+handles: {left: {where: {face: x-}}, right: {where: {face: x+}}}
+dynamics: {scheme: bdf2, step: 0.01, prony: [{share: 0.5, time: 0.3}]}
+"""
+    simulation = simulate(text)
+    result = advance(simulation, Command(handles={"right": Pose((4e-4, 0.0, 0.0))}))
+    force, times = 1e5 * 1e-4 * 1e-2, []
+    while not simulation.settled:
+        result = advance(simulation)
+        times.append(result.time)
+        expected = force * (1.0 + np.exp(-result.time / 0.3))
+        assert result.time < 0.1 or result.reactions["right"][0] == pytest.approx(expected, rel=0.02)
+    assert times[-1] > 1.5
+    assert result.reactions["right"][0] == pytest.approx(force, rel=1e-3)
