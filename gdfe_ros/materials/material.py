@@ -296,6 +296,10 @@ class MooneyRivlin(PrincipalLaw):
         return (2.0 * self.c10, 2.0), (2.0 * self.c01, -2.0)
 
 
+RIBBON = 4.0 ** (2.0 / 3.0) - 1.0
+"""Strain in incompressible tension beyond which the equivalent strain falls if the cross section becomes flat."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Curve(Material):
     """Law from a measured uniaxial curve, extended to three dimensions by Eq. 5: W = Phi(eps_eq) + K/2 (J - 1)^2.
@@ -324,8 +328,12 @@ class Curve(Material):
         return self.data.tangent_at(strain)
 
     def remarks(self) -> list[str]:
-        """Return remarks on strains at which the curve's tangent is negative or its stress not positive."""
-        return self.data.remarks()
+        """Return remarks on strains at which the curve or its law is unstable, or its stress not positive."""
+        found = self.data.remarks()
+        if self.data.strain_max > RIBBON:
+            text = f"beyond a strain of {RIBBON:.3g}, a bar in tension becomes a flat ribbon, which has less energy"
+            found.append(f"{text}; remedy: the law `ogden`, or one from `gdfe fit`, for such strains")
+        return found
 
 
 def require_within(name: str, value: float, low: float, high: float, remedy: str) -> None:

@@ -4,11 +4,12 @@
 from __future__ import annotations
 
 import math
+from itertools import combinations
 
 import numpy as np
 import pytest
 
-from gdfe_ros.materials import CurveData
+from gdfe_ros.materials import Curve, CurveData
 
 STRAIN = np.array([0.0, 0.1, 0.3, 0.6, 1.0, 2.0])
 STRESS = np.array([0.0, 2e5, 4e5, 5e5, 7e5, 15e5])
@@ -113,3 +114,13 @@ def test_tables_are_checked(strain: list[float], stress: list[float], message: s
     """Columns that are no uniaxial test are refused with the reason."""
     with pytest.raises(ValueError, match=message):
         CurveData.table(strain, stress)
+
+
+@pytest.mark.parametrize(("strain", "told"), [(1.5, False), (1.6, True)])
+def test_a_curve_beyond_the_strain_at_which_bars_become_ribbons_is_told(strain: float, *, told: bool) -> None:
+    """Beyond a strain of 1.52, the equivalent strain of a bar in tension falls if its cross section becomes flat."""
+    curve = Curve(data=CurveData.table([0.0, strain], [0.0, 1e5]), poisson=0.49)
+    assert any("ribbon" in text for text in curve.remarks()) is told
+    along, across = 1.0 + strain, np.array([1.0, 1.01, 1.0 / 1.01]) / np.sqrt(1.0 + strain)
+    squares = [sum((a - b) ** 2 for a, b in combinations((along, *sides), 2)) for sides in (across[[0, 0]], across[1:])]
+    assert bool(squares[1] < squares[0]) is told

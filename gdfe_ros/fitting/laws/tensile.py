@@ -125,7 +125,8 @@ def fit_tensile(
         fit = _invariant(e, s, weights, law, common)
     else:
         fit = _assess(e, s, weights, _linear_in_parameters(e, s, weights, law, degree, common))
-    fit = replace(fit, notes=data.remarks)
+    limits = [text for text in fit.material.remarks() if text not in fit.remarks]
+    fit = replace(fit, notes=(*data.remarks, *limits))
     if fit.remarks:
         other = "--terms 1" if law is Law.OGDEN else "a smaller --degree, or --law ogden"
         raise GdfeError(f"{_refusal(fit)}; remedy: {other}")
@@ -255,7 +256,7 @@ def _assess(e: Vector, s: Vector, weights: Vector, found: Found) -> TensileFit:
     entry = {"law": material.law.name.lower(), **parameters, "poisson": material.poisson}
     entry |= {"density": material.density} if material.density is not None else {}
     misfit = (material.stress_at(e) - s) * weights
-    remarks = material.remarks()
+    remarks = material.data.remarks() if isinstance(material, Curve) else material.remarks()
     if isinstance(material, Ogden) and sum(map(abs, material.mu)) > CANCELLED * sum(material.mu):
         remarks = ["its terms cancel each other, because the data determine fewer of them", *remarks]
     return TensileFit(material=material, entry=entry, strain=e, stress=s, misfit=misfit, remarks=tuple(remarks))

@@ -63,7 +63,8 @@ class HandleModel(Entry):
     slide: tuple[Literal["x", "y", "z"], ...] = Field(
         (),
         description="world axes along which each vertex slides by itself, as on rollers; [y, z] is a plane of symmetry "
-        "perpendicular to x. Such a handle takes no commands. It may share vertices with others: there, both hold",
+        "perpendicular to x. Such a handle takes no commands. It may share vertices with other rollers, and with "
+        "handles without free axes: there, both hold",
     )
 
     @model_validator(mode="after")

@@ -26,8 +26,8 @@ from gdfe_ros.solver.contact.gap import nearness
 from gdfe_ros.solver.terms.term import as_arrays, term_kernel
 
 BESIDE = 0.1
-"""A plane ends where the surface does: a point outside of the surface is beside it if its place on the plane is outside,
-too, at a distance that, divided by its distance from the plane, exceeds this.
+"""A plane ends where its surface does. A point outside of the surface is beside it if its place on the plane is also
+outside: at a distance that, divided by the point's distance from the plane, exceeds this.
 """
 LOADS = 6
 """Count of each vertex' numbers in the loads: the gradient [N] of the energy of its dead load, and the position [m]
