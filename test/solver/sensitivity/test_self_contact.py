@@ -180,3 +180,30 @@ def test_of_edges_that_cross(friction: float) -> None:
         assert simulation.step(lid(x + step, z)).converged
         slopes.append((seen(simulation) - began) / step)
     agree(exact, 2.0 * slopes[0] - slopes[1], near, arm=0.05)
+
+
+SLOT = """
+name: slot
+mesh: {bar: {size: [0.06, 0.02, 0.03], cells: [12, 2, 6], cut: [{box: {x: [0.02, 0.06], z: [-0.005, 0.005]}}]}}
+materials: {soft: {law: neo_hookean, young: 1.0e5, poisson: 0.4, density: 1000}}
+regions: [{material: soft}]
+handles: {base: {where: {face: x-}}}
+actuators: {pull: {cable: {points: [[0.055, 0, 0.01], [0.055, 0, -0.01]], command: shortening}}}
+self_contact: {friction: 1.0}
+loads: {weight: {gravity: [0, 1.0, -9.81]}}
+probes: {tip: [0.06, 0.01, 0.015]}
+solver: {tolerance: 1.0e-9}
+"""
+
+
+def test_of_a_body_that_only_contact_makes_stable() -> None:
+    """Lips that a cable pulls together would buckle; where they stick to each other, derivatives equal differences."""
+    simulation = Simulation(scene_from_text(SLOT))
+    assert simulation.step(Command(actuators={"pull": 0.0115})).converged
+    exact = simulation.sensitivities(["probes.tip"], ["actuators.pull"]).matrix[:, 0]
+    here, places = simulation.snapshot(), []
+    for change in (1e-5, -1e-5):
+        simulation.restore(here)
+        assert simulation.step(Command(actuators={"pull": 0.0115 + change})).converged
+        places.append(simulation.probe_positions()["tip"])
+    np.testing.assert_allclose(exact, (places[0] - places[1]) / 2e-5, rtol=5e-3)
