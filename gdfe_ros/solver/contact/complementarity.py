@@ -43,15 +43,14 @@ FINER = 1e-3
 """With at most `MANY` unknown forces, a further Newton iteration costs little. Newton's method then aims at this
 fraction of the tolerance.
 """
-IMMOVABLE = 1e-13
-"""A point cannot move along an axis if its compliance, divided by the largest of all, is at most this."""
 LARGEST = 900
 """Largest number of unknown forces for which Newton's linear systems are solved."""
-RIDGE, FIRM = 1e-9, 5e-3
+RIDGE, FIRM, IMMOVABLE = 1e-9, 5e-3, 1e-13
 """Two compliances, divided by the compliance of each force, that are added to Newton's matrix, because forces of
 redundant points, such as the four corners of a rigid box, are not unique. If Newton's method fails with the first
 compliance, every other round uses the second. Without it, the forces of a stack would jump far in directions that are
-not unique, and points would alternate between states.
+not unique, and points would alternate between states. A point cannot move along an axis if its compliance, divided by
+the largest of all, is at most the third number.
 """
 
 

@@ -24,10 +24,7 @@ from gdfe_ros.solver.descent.lbfgs_workspace import MEMORY, Problem, Workspace, 
 from gdfe_ros.solver.descent.loop import Metric, apply_initial
 from gdfe_ros.solver.matrix.rotation import left_jacobian_transposed
 from gdfe_ros.solver.matrix.unknowns import rigid_part
-from gdfe_ros.solver.vectors import largest
-
-LEAST_REST = 1e-2
-"""`find_newest` fails if a difference, divided by its terms, is below this."""
+from gdfe_ros.solver.vectors import NEGLIGIBLE, largest
 
 
 @kernel
@@ -347,7 +344,7 @@ def find_newest(work, known, at):
     along = inner(s, gradient) / work.curvature[at]
     for n in range(len(z)):
         z[n] = known.aim[n] - work.direction[n]
-    if not 1.0 - along > LEAST_REST or not largest(z) > LEAST_REST * largest(known.aim):
+    if not 1.0 - along > NEGLIGIBLE or not largest(z) > NEGLIGIBLE * largest(known.aim):
         return False
     c = along + (along * inner(z, y) - inner(z, gradient)) / (work.curvature[at] * (1.0 - along))
     for n in range(len(z)):
