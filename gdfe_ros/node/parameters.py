@@ -81,6 +81,9 @@ class NodeParameters(Mapping[str, Any]):
     def _check(self, changes: Iterable[Parameter]) -> SetParametersResult:
         state = self._node.lifecycle_state
         for change in changes:
+            if change.name == "use_sim_time" and not change.value and (state, self["clock"]) == ("active", "external"):
+                reason = "use_sim_time is needed by clock external and can be switched off while not active; "
+                return SetParametersResult(successful=False, reason=f"{reason}the node is active")
             spec = self._specs.get(change.name)
             if spec is None:
                 continue
