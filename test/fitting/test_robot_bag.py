@@ -133,6 +133,31 @@ def test_a_robot_is_fitted(entry: str, robot_bag: Path, write_scene: Callable, t
     assert found == pytest.approx(2e5, rel=0.01)
 
 
+@pytest.mark.parametrize("epoch", [0, START])
+def test_a_bag_is_read_up_to_a_restart(epoch: int, tmp_path: Path) -> None:
+    """A bag is read up to a reset of the simulator's clock, with a remark; a message 50 ms late is sorted in.
+
+    The first stamp, 0, is a time also if the recorder's clock is another one.
+    """
+    kinds = {name: TOPICS[name] for name in ("/cmd", "/pose")}
+    infos = [TopicInfo(name=n, type=k, definition=STORE.generate_msgdef(k, ros_version=2)[0]) for n, k in kinds.items()]
+    writer = BagWriter(tmp_path / "bag", infos)
+    stamps = [0.0, 0.3, 0.25, 0.5, 0.0, 0.3, 0.6, 0.9]
+    for number, stamp in enumerate(stamps):
+        for topic, message in _messages(stamp - START, 0.02, np.full(3, float(number)), np.zeros((1, 3))).items():
+            if topic in kinds:
+                writer.write(topic, STORE.serialize_cdr(message, kinds[topic]), epoch * 10**9 + number * 10**8)
+    writer.close({})
+    match = tmp_path / "match.yaml"
+    match.write_text("compare: {seen: {probe: tip, topic: /pose}}\ncommands: {pull: {topic: /cmd, joint: motor}}\n")
+    (recording,) = read_recordings([tmp_path / "bag"], match, scene_from_text(PULLED))
+    np.testing.assert_allclose(recording.series[0].times, [0.0, 0.25, 0.3, 0.5], atol=1e-6)
+    np.testing.assert_allclose(recording.series[0].values[:, 0], [0.0, 2.0, 1.0, 3.0])
+    np.testing.assert_allclose(recording.schedule.times, recording.series[0].times)
+    (remark,) = recording.remarks
+    assert remark.startswith("read only up to t = 0.5 s, where the stamps of topic /pose go back by 0.5 s")
+
+
 @pytest.mark.parametrize(
     ("compare", "command", "message"),
     [
