@@ -3,11 +3,15 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from gdfe_ros.analysis.bag_run import BagRun, BagStep, BagSteps
 from gdfe_ros.analysis.replay import command_of
+from gdfe_ros.constraints import Pose, nearest_turn
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.fitting.bag_topics import TopicValues
 from gdfe_ros.fitting.match import CommandModel, CompareModel, Source, along_of, match_observable, scale_of
@@ -118,6 +122,8 @@ def _track(source: Source, values: TopicValues, name: str, model: float | Comman
     if not model.topic:
         raise GdfeError(f"{where}: no topic is named; topics: {', '.join(values.names)}")
     times, found = values.of(model, where, pose=True)
+    for before, row in pairwise(found[:, 3:]) if found.shape[1] == 6 else ():  # rotation vectors go on beyond pi
+        row[:] = nearest_turn(Rotation.from_rotvec(row).as_quat(), Pose(rotation=before))
     factor = np.ones(found.shape[1])
     factor[:3] = scale_of(model.unit)
     return Track(name, times - start, found * factor, held=True)
