@@ -3,11 +3,15 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from gdfe_ros.analysis.bag_run import BagRun, BagStep, BagSteps
 from gdfe_ros.analysis.replay import command_of
+from gdfe_ros.constraints import Pose, nearest_turn
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.fitting.bag_topics import TopicValues
 from gdfe_ros.fitting.match import CommandModel, CompareModel, Source, along_of, match_observable, scale_of
@@ -29,7 +33,7 @@ def read_bag(source: Source, scene: Scene) -> Bag:
     In a bag of the node, the step records contain the commands. If the match file compares nothing, the probes are
     compared, or the mesh if there are no probes. For any other bag, the match file names the topics. Times are the
     stamps of the headers, or the recording times of messages without a header. Time 0 is the first message that is
-    used.
+    used. If the stamps of a topic go back, as after a restart, the bag is read up to there, with a remark.
 
     Returns:
         Series; tracks of commands; schedule of the steps for a bag of the node, else None; remarks.
@@ -43,8 +47,9 @@ def read_bag(source: Source, scene: Scene) -> Bag:
     if reader.run is not None and not match.commands:
         series, schedule, remarks = _own(source, scene)
         if match.compare:
+            values.start([*match.compare.values()])  # to leave out what follows a restart
             series = tuple(_series(source, scene, values, name, model, 0.0) for name, model in match.compare.items())
-        return series, (), schedule, remarks
+        return series, (), schedule, remarks or values.remarks
     if not match.compare:
         topics = ", ".join(sorted(reader.topics))
         raise GdfeError(f"bag {source.path}: nothing is compared; remedy: `compare` in a match file; topics: {topics}")
@@ -52,7 +57,7 @@ def read_bag(source: Source, scene: Scene) -> Bag:
     start = values.start([each for each in models if isinstance(each, CompareModel | CommandModel)])
     tracks = tuple(_track(source, values, name, model, start) for name, model in match.commands.items())
     series = tuple(_series(source, scene, values, name, model, start) for name, model in match.compare.items())
-    return series, tracks, None, ()
+    return series, tracks, None, values.remarks
 
 
 def _series(source: Source, scene: Scene, values: TopicValues, name: str, model: CompareModel, start: float) -> Series:
@@ -63,7 +68,7 @@ def _series(source: Source, scene: Scene, values: TopicValues, name: str, model:
     labels, along = along_of(model, observable, where)
     factor, every = scale_of(model.unit), source.match.every
     if observable.kind in CLOUDS:
-        times, clouds = values.clouds(model.topic, where)
+        times, clouds = values.clouds(model, where)
         found = _cloud_values(observable, clouds[::every], scene, where)
     else:
         times, found = values.of(model, where)
@@ -117,6 +122,8 @@ def _track(source: Source, values: TopicValues, name: str, model: float | Comman
     if not model.topic:
         raise GdfeError(f"{where}: no topic is named; topics: {', '.join(values.names)}")
     times, found = values.of(model, where, pose=True)
+    for before, row in pairwise(found[:, 3:]) if found.shape[1] == 6 else ():  # rotation vectors go on beyond pi
+        row[:] = nearest_turn(Rotation.from_rotvec(row).as_quat(), Pose(rotation=before))
     factor = np.ones(found.shape[1])
     factor[:3] = scale_of(model.unit)
     return Track(name, times - start, found * factor, held=True)

@@ -3,8 +3,9 @@
 
 from __future__ import annotations
 
+import math
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -106,6 +107,14 @@ KNOWN = (
 """Types of messages from which quantities or commands can be read without a `path`."""
 
 
+_LATE = 0.1
+"""Largest time [s] by which the stamps of a topic may go back, as for delayed messages; at most half of the time until
+then. Stamps that go back farther belong to another run, or to a clock that was set back.
+"""
+_CALENDAR = 1e8
+"""Stamps from this one on [s], of 1973, are those of a calendar's clock; earlier ones are those of a simulator."""
+
+
 class TopicValues:
     """Reader of the times and values of a bag's topics.
 
@@ -114,18 +123,42 @@ class TopicValues:
 
     Attributes:
         names: names of the topics that have messages.
+        remarks: text about the messages that are left out because stamps go back; empty if there are none.
     """
+
+    remarks: tuple[str, ...] = ()
+    _end = math.inf
 
     def __init__(self, reader: BagReader | ForeignBag) -> None:
         self._reader, self._decode = reader, reader.decoder()
         self.names = sorted(name for name, count in reader.counts.items() if count)
+        self._simulated: dict[str, bool] = {}
 
     def start(self, models: Sequence[CompareModel | CommandModel]) -> float:
-        """Return the time [s] of the earliest message on the topics that the ``models`` name; 0 without topics."""
+        """Return the time [s] of the earliest message on the topics that the ``models`` name; 0 without topics.
+
+        If the stamps of one of these topics go back, messages recorded later are not read from now on.
+        """
         named = [model for model in models if model.topic]
         for model in named:
             self._require(model.topic, f"bag {self._reader.path}", path=model.path)
-        return min((_stamp(*next(self._messages(model.topic))) for model in named), default=0.0)
+        start = min((self._time(model.topic, *next(self._messages(model.topic))) for model in named), default=0.0)
+        for model in named:
+            self._end_at_restart(model, start)
+        return start
+
+    def _end_at_restart(self, model: CompareModel | CommandModel, start: float) -> None:
+        """End the reading where the stamps of a topic go back by more than `_LATE`; ``start`` [s] is time 0."""
+        first = last = None
+        for log, stamp, _ in self._samples(model):
+            if first is None:
+                first = last = stamp
+            if last - stamp > min(_LATE, 0.5 * (last - first)):
+                self._end, back = log, f"where the stamps of topic {model.topic} go back by {last - stamp:g} s"
+                text = f"read only up to t = {last - start:g} s, {back}"
+                self.remarks = (f"{text}: the run was restarted, or a clock was set back",)
+                return
+            last = max(last, stamp)
 
     def of(
         self, model: CompareModel | CommandModel, where: str, *, pose: bool = False
@@ -142,11 +175,11 @@ class TopicValues:
         """
         self._require(model.topic, where, path=model.path)
         times, rows = [], []
-        for log, message in self._messages(model.topic):
-            for part in _parts(message, model):
-                numbers = _numbers(part, model, where, pose=pose)
-                times.append(_stamp(log, part if hasattr(part, "header") and not model.path else message))
-                rows.append(numbers)
+        for _, stamp, part in self._samples(model):
+            rows.append(_numbers(part, model, where, pose=pose))
+            times.append(stamp)
+        if not rows and self.remarks:
+            raise GdfeError(f"{where}: topic {model.topic} has nothing before its end; the bag is {self.remarks[0]}")
         if not rows:
             what = model.path or model.frame_id or model.marker or model.joint
             raise GdfeError(f"{where}: topic {model.topic} never has {what!r}; it has {', '.join(self._list(model))}")
@@ -154,16 +187,17 @@ class TopicValues:
         found, first = np.unique(np.array(times)[order], return_index=True)
         return found, np.array(rows, dtype=np.float64)[order][first]
 
-    def clouds(self, topic: str, where: str) -> tuple[NDArray[np.float64], list[NDArray[np.float64]]]:
+    def clouds(self, model: CompareModel, where: str) -> tuple[NDArray[np.float64], list[NDArray[np.float64]]]:
         """Return times (m,) [s] and points (p, 3) [m] of each PointCloud2; points that are not finite are left out."""
-        self._require(topic, where)
+        self._require(model.topic, where)
         times, clouds = [], []
-        for log, message in self._messages(topic):
+        for _, stamp, message in self._samples(model):
             if not hasattr(message, "point_step"):
-                raise GdfeError(f"{where}: topic {topic} is {self._reader.topics[topic].type}; a PointCloud2 is needed")
+                kind = self._reader.topics[model.topic].type
+                raise GdfeError(f"{where}: topic {model.topic} is {kind}; a PointCloud2 is needed")
             columns = cloud_values(message)
             points = np.stack([columns[axis] for axis in "xyz"], axis=1).astype(np.float64)
-            times.append(_stamp(log, message))
+            times.append(stamp)
             clouds.append(points[np.isfinite(points).all(axis=1)])
         return np.array(times), clouds
 
@@ -176,7 +210,27 @@ class TopicValues:
             remedy = "remedy: `path`, e.g. `path: rigid_bodies[0].pose.position`"
             raise GdfeError(f"{where}: topic {topic} has the type {kind}; known: {', '.join(KNOWN)}; {remedy}")
 
-    def _messages(self, topic: str) -> Any:
+    def _samples(self, model: CompareModel | CommandModel) -> Iterator[tuple[float, float, Any]]:
+        """Yield recording time [s], stamp [s] and part for each part of a message that ``model`` selects."""
+        for log, message in self._messages(model.topic):
+            if log >= self._end:
+                return
+            for part in _parts(message, model):
+                timed = part if hasattr(part, "header") and not model.path else message
+                yield log, self._time(model.topic, log, timed), part
+
+    def _time(self, topic: str, log: float, message: Any) -> float:
+        """Return the stamp [s] of a message of a topic; if it has none, its recording time ``log`` [s].
+
+        The stamp 0 is a time if other stamps of the topic are those of a simulator; otherwise it was not set.
+        """
+        stamp = _stamp(message)
+        if stamp == 0.0 and topic not in self._simulated:
+            stamps = (_stamp(each) for _, each in self._messages(topic))
+            self._simulated[topic] = next((each for each in stamps if each), _CALENDAR) < _CALENDAR
+        return log if stamp is None or (stamp == 0.0 and not self._simulated[topic]) else stamp
+
+    def _messages(self, topic: str) -> Iterator[tuple[float, Any]]:
         for message in self._reader.messages([topic]):
             yield 1e-9 * message.log_time, self._decode(message.type, message.data)
 
@@ -242,10 +296,9 @@ def _joint(part: Any, model: CompareModel | CommandModel, where: str) -> float:
     return float(values[names.index(model.joint)])
 
 
-def _stamp(log: float, message: Any) -> float:
-    """Return the stamp of a message's header [s]; for a message without a header, its recording time [s]."""
+def _stamp(message: Any) -> float | None:
+    """Return the stamp of a message's header [s]; None for a message without a header."""
     header = getattr(message, "header", None)
     if header is None and _every(message) != [message]:
         header = getattr(_every(message)[0], "header", None)
-    stamp = 0.0 if header is None else header.stamp.sec + 1e-9 * header.stamp.nanosec
-    return stamp or log
+    return None if header is None else header.stamp.sec + 1e-9 * header.stamp.nanosec

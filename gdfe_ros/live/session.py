@@ -10,11 +10,9 @@ from pathlib import Path
 from time import monotonic
 from typing import TYPE_CHECKING, Any
 
-from scipy.spatial.transform import Rotation
-
 from gdfe_ros.checkpoint import save_state
 from gdfe_ros.constraints import Pose
-from gdfe_ros.errors import GdfeError
+from gdfe_ros.errors import CommandError, GdfeError
 from gdfe_ros.live.interface import Ability, ShownRun, View
 from gdfe_ros.node.driving.orders import ActuatorOrder, Inbox, Order, PoseOrder, require_order
 from gdfe_ros.node.driving.pace import ClockMode, FastPace, WallPace
@@ -28,12 +26,6 @@ from gdfe_ros.scene.scene import Scene
 from gdfe_ros.simulation import Simulation
 
 
-def pose_order(handle: str, pose: Pose) -> PoseOrder:
-    """Return the order that moves a handle to a pose relative to its rest pose."""
-    quaternion = tuple(Rotation.from_rotvec(pose.rotation).as_quat().tolist())
-    return PoseOrder(handle, pose.translation, quaternion)
-
-
 class Programme:
     """Plays a program from a given simulation time on, except for items that another source commands.
 
@@ -43,14 +35,16 @@ class Programme:
     Args:
         program: program of the scene.
         start: simulation time at which the program begins [s].
+        targets: present targets of the handles; None: those at the beginning of the program.
 
     Attributes:
         start: simulation time at which the program begins [s].
     """
 
-    def __init__(self, program: Program, start: float) -> None:
+    def __init__(self, program: Program, start: float, targets: Mapping[str, Pose] | None = None) -> None:
         self._program, self.start = program, start
         self._left: set[str] = set()
+        self._last = dict(program.handle_poses(0.0) if targets is None else targets)
         self._giving = threading.Lock()
 
     def progress(self, time: float) -> str:
@@ -67,7 +61,11 @@ class Programme:
         return time - self.start >= self._program.duration
 
     def give(self, time: float, send: Callable[[str, Order], None]) -> None:
-        """Send the orders for a step that ends at a simulation time [s]; ``send`` receives the name and the order."""
+        """Send the orders for a step that ends at a simulation time [s]; ``send`` receives the name and the order.
+
+        Raises:
+            CommandError: a handle would turn by more than pi since the last call.
+        """
         with self._giving:
             for name, order in self._orders(time):
                 send(name, order)
@@ -76,8 +74,11 @@ class Programme:
         moment = time - self.start
         poses = self._program.handle_poses(moment)
         orders: list[tuple[str, Order]] = [
-            (name, pose_order(name, pose)) for name, pose in poses.items() if name not in self._left
+            (name, PoseOrder.toward(name, pose, self._last[name]))
+            for name, pose in poses.items()
+            if name not in self._left
         ]
+        self._last |= poses
         values = self._program.actuator_values(moment) | self._program.load_factors(moment)
         values |= self._program.joint_positions(moment)
         values = {name: value for name, value in values.items() if name not in self._left}
@@ -252,7 +253,7 @@ class LiveSession(ShownRun):
             raise GdfeError(f"scene {self.scene.name!r} has no program to play; add the key 'program'")
 
         def begin() -> None:
-            self.playing = Programme(program, self.simulation.time)
+            self.playing = Programme(program, self.simulation.time, self.simulation.targets)
             self._feed(self.simulation.time)
             self.stepper.pause(False)
 
@@ -321,7 +322,11 @@ class LiveSession(ShownRun):
         if self.playing.over(time):
             self.playing = None
             return
-        self.playing.give(time + self.parameters["dt"], self._inbox.put)
+        try:
+            self.playing.give(time + self.parameters["dt"], self._inbox.put)
+        except CommandError as error:
+            self.playing = None
+            self._warn(f"the program ends here: {error}")
 
     def report(self, text: str) -> None:
         """Report a failed step."""

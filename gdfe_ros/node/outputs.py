@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import json
+import math
 import time
 from collections.abc import Callable, Iterator
 from functools import cached_property, partial
@@ -41,20 +42,20 @@ class Output:
     def __init__(
         self, channel: Channel, pack: Callable[[Step], Any], *, period: Callable[[], float] | None = None
     ) -> None:
-        self.channel, self._pack, self._period, self._next = channel, pack, period, 0.0
+        self.channel, self._pack, self._period = channel, pack, period or (lambda: 0.0)
+        self._seldom, self._sent = period is not None, -math.inf
 
     @property
     def wanted(self) -> bool:
         """Whether a subscriber or a bag needs the next step's message, and the period since the last one is over."""
-        return time.monotonic() >= self._next and self.channel.wanted
+        return time.monotonic() >= self._sent + self._period() and self.channel.wanted
 
     def publish(self, step: Step) -> None:
         """Publish and record the message of a step, if it is due."""
-        seldom = self._period is not None and not step.again
+        seldom = self._seldom and not step.again
         if not (self.wanted if seldom else self.channel.due(step)):
             return
-        if self._period is not None:
-            self._next = time.monotonic() + self._period()
+        self._sent = time.monotonic()
         self.channel.send_step(step, self._pack(step))
 
 

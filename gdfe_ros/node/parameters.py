@@ -33,10 +33,11 @@ class NodeParameters(Mapping[str, Any]):
 
     Args:
         node: node of the parameters; values from the command line and from files apply.
+        changed: function that is called after each change.
     """
 
-    def __init__(self, node: ManagedNode) -> None:
-        self._node = node
+    def __init__(self, node: ManagedNode, changed: Callable[[], None]) -> None:
+        self._node, self._changed = node, changed
         self._specs = {spec.name: spec for spec in PARAMETERS}
         self._values: dict[str, Any] = {}
         for spec in PARAMETERS:
@@ -71,6 +72,7 @@ class NodeParameters(Mapping[str, Any]):
 
     def _keep(self, changes: Iterable[Parameter]) -> None:
         self._values |= {each.name: self._cast(each.name, each.value) for each in changes if each.name in self._specs}
+        self._changed()
 
     def _cast(self, name: str, value: Any) -> Any:
         """Return a value in the type of its declaration; a double may be given as an integer (rate:=100)."""
@@ -79,6 +81,9 @@ class NodeParameters(Mapping[str, Any]):
     def _check(self, changes: Iterable[Parameter]) -> SetParametersResult:
         state = self._node.lifecycle_state
         for change in changes:
+            if change.name == "use_sim_time" and not change.value and (state, self["clock"]) == ("active", "external"):
+                reason = "use_sim_time is needed by clock external and can be switched off while not active; "
+                return SetParametersResult(successful=False, reason=f"{reason}the node is active")
             spec = self._specs.get(change.name)
             if spec is None:
                 continue

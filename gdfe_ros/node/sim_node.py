@@ -61,7 +61,7 @@ class SimNode(SessionNode):
         super().__init__(NODE_NAME, **options)
         self.status = 0
         self._problem = ""
-        self._settings = NodeParameters(self)
+        self._settings = NodeParameters(self, changed=self._wake)
         logger = self.get_logger()
         self._refused = Channel(self, topics.REFUSED)
         self.refusals = RefusalLog(logger.warning, self._tell_refusal)
@@ -274,6 +274,11 @@ class SimNode(SessionNode):
         """Publish a refusal for clients that wait for the step of the refused command."""
         if self._refused.wanted:
             self._refused.send(pack_refusal(source, refusal), 0)
+
+    def _wake(self) -> None:
+        """Apply changed parameters to the wait for the next step."""
+        if self.session is not None:
+            self.session.stepper.wake()
 
     def _greet(self) -> None:
         session = self.session  # another thread may call `close`

@@ -17,7 +17,9 @@ from std_msgs.msg import Header
 
 from gdfe_ros.analysis.bag_run import BagRun, BagSteps
 from gdfe_ros.analysis.replay import Replay, ReplayReport, compare_steps
-from gdfe_ros.errors import GdfeError, RecordingError
+from gdfe_ros.constraints import Pose
+from gdfe_ros.errors import CommandError, GdfeError, RecordingError
+from gdfe_ros.node.driving.orders import PoseOrder
 from gdfe_ros.node.interface import NODE_NAME
 from gdfe_ros.node.interface.topics import pose_key
 from gdfe_ros.node.messages import actuation, pose_stamped
@@ -54,10 +56,16 @@ def play_program(
         tell: function that is called after each step with the step's time in the program [s].
 
     Raises:
+        CommandError: a handle turns by more than pi in one step.
         GdfeError: the node ended, did not respond, ended with an error, or another node has its name; the message
             contains the node's log if it has one.
     """
-    topics, duration = {key: type(each) for key, each in _messages(scene, 0.0).items()}, scene.program.duration
+    duration = scene.program.duration
+    moments = np.linspace(0.0, duration, (steps or round(duration / dt)) + 1)[1:]
+    targets: dict[str, Pose] = {}
+    for moment in moments:  # before the node is started
+        targets = _turn(scene.program.handle_poses(moment), targets, f"the program with steps of {dt:g} s")
+    topics = {key: type(each) for key, each in _messages(scene, 0.0).items()}
     settings = {
         "scene": source,
         "clock": "lockstep",
@@ -75,7 +83,7 @@ def play_program(
         link.require_alone()
         first = time.perf_counter() - started
         tell(0.0)
-        for moment in np.linspace(0.0, duration, (steps or round(duration / dt)) + 1)[1:]:
+        for moment in moments:
             last = link.step
             link.publish(_messages(scene, moment))
             link.wait_for_step(last + 1)
@@ -115,6 +123,7 @@ class NodeReplay:
             solve is ended early.
 
     Raises:
+        CommandError: a handle turns by more than pi in one step.
         RecordingError: the bag lacks data that a replay needs.
         SceneError: the overrides do not fit the scene.
     """
@@ -128,8 +137,11 @@ class NodeReplay:
         self._consumed = Consumed(run)
         self._name = f"/gdfe_replay_{os.getpid()}/{NODE_NAME}"
         self._patience = PATIENCE + _SLOWER * max(record.wall_time for record in run.records)
+        targets = dict(replay.simulation.targets)
         for record in run.records:
             _require_a_node(run, record)
+            text = f"step {record.step} of bag {run.reader.path} can only be replayed without --ros"
+            targets = _turn(record.handles, {} if record.begin is Begin.REST else targets, text) | record.handles
             if len(record.bodies) > 1 and not self._consumed.inputs:
                 text = f"step {record.step} of bag {run.reader.path} puts several bodies in a run without other inputs"
                 raise RecordingError(f"{text}; replay it without --ros")
@@ -211,6 +223,22 @@ class NodeReplay:
         repeated = ((first, second.samples, second.record.converged) for first, second in pairs)
         told = {"started": started, "inexact": self._consumed.inexact}
         return compare_steps(steps, repeated, changed=bool(self._overrides), **told)
+
+
+def _turn(poses: Mapping[str, Pose], last: Mapping[str, Pose], what: str) -> dict[str, Pose]:
+    """Return the targets of a node after messages with ``poses``; its ``last`` targets are by default at rest.
+
+    Raises:
+        CommandError: a handle would turn by more than pi; the text begins with ``what``.
+    """
+    targets = dict(last)
+    try:
+        for name, pose in poses.items():
+            before = last.get(name, Pose())
+            targets[name] = PoseOrder.toward(name, pose, before).after(before)
+    except CommandError as error:
+        raise CommandError(f"{what}: {error}") from error
+    return targets
 
 
 def _require_a_node(run: BagRun, record: StepRecord) -> None:

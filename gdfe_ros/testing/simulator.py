@@ -5,8 +5,10 @@ from __future__ import annotations
 
 import itertools
 import json
+import math
 import os
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -16,13 +18,15 @@ import rclpy
 from geometry_msgs.msg import PoseStamped
 from numpy.typing import NDArray
 from rclpy.node import Node
+from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, Header, String
 
 from gdfe_ros.actuators.load import LOAD_FACTOR
 from gdfe_ros.command import Orders
-from gdfe_ros.constraints import Pose
+from gdfe_ros.constraints import Pose, nearest_turn
 from gdfe_ros.errors import CommandError, GdfeError, OverlapError
+from gdfe_ros.node.driving.orders import PoseOrder
 from gdfe_ros.node.interface import COMPUTE_JACOBIAN, NODE_NAME, RESET_COMMANDS, STEP
 from gdfe_ros.node.interface.topics import JACOBIAN, REFUSED, is_commanded, pose_key, state_topics
 from gdfe_ros.node.messages import actuation, pose_stamped
@@ -107,7 +111,8 @@ class Simulator:
         If the node refuses a command, the step is not made, and the command has no effect on later steps.
 
         Raises:
-            CommandError: the command is not allowed (then no message is sent), or the node refuses it.
+            CommandError: the command is not allowed, or a handle would turn by more than pi (then no message is sent),
+                or the node refuses it.
             OverlapError: a rigid body would overlap something at the pose to which it is teleported; the step was made
                 without the teleport.
             GdfeError: ``inputs`` were given, the node takes no commands for an item, several bodies are teleported in a
@@ -126,8 +131,14 @@ class Simulator:
             raise GdfeError(f"cannot step: the node takes no commands for {', '.join(unknown)}")
         if len(command.bodies) > 1 and not self._inputs():
             raise GdfeError("cannot step: a scene without handles, actuators and loads takes one body in a step")
+        messages = {self._puts[name]: pose_stamped(Header(), pose) for name, pose in command.bodies.items()}
+        for name, key in self._movable.items():
+            order = PoseOrder.toward(name, poses[name], self._targets[name])
+            messages[key] = pose_stamped(Header(), poses[name], order.quaternion)
+        if ACTUATION in self._inputs():
+            messages[ACTUATION] = actuation(self._actuators, values)
         try:
-            state = self._order(command, poses, values)
+            state = self._order(messages)
         except CommandError:
             self._client.trigger(RESET_COMMANDS.key)  # accepted commands would wait for the next step
             raise
@@ -137,16 +148,14 @@ class Simulator:
             raise OverlapError(self._overlaps[-1])
         return state
 
-    def _order(self, command: Command, poses: Mapping[str, Pose], values: Mapping[str, float]) -> PublishedState:
-        """Send the commands of one step, wait for the step and return its state; raise a refusal as CommandError."""
+    def _order(self, messages: Mapping[str, Any]) -> PublishedState:
+        """Send the messages of one step, wait for the step and return its state; raise a refusal as CommandError.
+
+        The message that completes the command set starts the step; those of teleports are before it.
+        """
         count = self.state.record.step + 1
         self._refusals.clear()
         self._overlaps.clear()
-        # Before all others: the message that completes the command set starts the step.
-        messages = {self._puts[name]: pose_stamped(Header(), pose) for name, pose in command.bodies.items()}
-        messages |= {key: pose_stamped(Header(), poses[name]) for name, key in self._movable.items()}
-        if ACTUATION in self._inputs():
-            messages[ACTUATION] = actuation(self._actuators, values)
         self._client.publish(messages)
         if not messages:
             self._client.trigger(STEP.key)
@@ -234,6 +243,7 @@ class Simulator:
         self._node, self._wait = self._client.node, self._client.wait
         self.state: PublishedState | None = None
         self._made: PublishedState | None = None
+        self._targets = dict.fromkeys(self._movable, Pose())
         self._listeners: list[Callable[[PublishedState], Any]] = []
         topics = state_topics(self.scene)
         self._arrived = StepMessages(topics, most=1000)
@@ -279,11 +289,24 @@ class Simulator:
         driven = self.scene.actuators or self.scene.loads or self.scene.arms
         return [*self._movable.values()] + ([ACTUATION] if driven else [])
 
+    def _count_turns(self, poses: Mapping[str, Pose]) -> dict[str, Pose]:
+        """Return the poses that differ from their targets by whole turns, with rotation vectors near the targets."""
+        found = {}
+        for name, target in self._targets.items():
+            turn = nearest_turn(Rotation.from_rotvec(poses[name].rotation).as_quat(), target)
+            if math.dist(turn, poses[name].rotation) > math.pi:
+                found[name] = Pose(poses[name].translation, turn)
+        return found
+
     def _receive(self, topic: str, message: Any) -> None:
         """Store a message; when the messages of a step are complete, update the state and inform the listeners."""
         if (messages := self._arrived.add(topic, message)) is None:
             return
-        self.state = unpack(self.scene, messages)
+        state = unpack(self.scene, messages)
+        if state.record.begin is Begin.REST:
+            self._targets = dict.fromkeys(self._movable, Pose())
+        self._targets |= state.record.handles
+        self.state = replace(state, poses=dict(state.poses) | self._count_turns(state.poses))
         # A step that does not start from the last state follows a reset or a loaded state, not a command.
         if self._made is None or self.state.record.begin is Begin.LAST:
             self._made = self.state

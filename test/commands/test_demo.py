@@ -15,7 +15,7 @@ from gdfe_ros import Simulation, load_scene
 from gdfe_ros.analysis.bag_run import BagRun
 from gdfe_ros.analysis.replay import Replay
 from gdfe_ros.commands import demo
-from gdfe_ros.errors import GdfeError
+from gdfe_ros.errors import CommandError, GdfeError
 from gdfe_ros.testing import NodeProcess
 from test.analysis.conftest import last_positions
 
@@ -55,6 +55,17 @@ def test_a_program_of_loads_alone_is_played(tmp_path: Path, capsys: pytest.Captu
     assert simulation.handle_pose("base").rotation[1] > 0.04
     verdict = Replay(bag).run().differences.verdict()
     assert verdict.name == "IDENTICAL"
+
+
+def test_a_program_that_turns_too_far_in_a_step_is_refused(tmp_path: Path) -> None:
+    """A program that turns a handle by 4 rad in one step is refused with the remedy, before a node is started."""
+    path = tmp_path / "bridge.yaml"
+    program = "program: {duration: 1.0, handles: {tip: [{time: 0}, {time: 1, rotation_deg: [0, 0, 230]}]}}"
+    path.write_text(SCENE.partition("program:")[0] + program)
+    told = "with steps of 1 s: handle 'tip' is commanded to turn by 4.014 rad .*less than pi.* several smaller steps"
+    with pytest.raises(CommandError, match=told):
+        demo.run(argparse.Namespace(scene=str(path), out=tmp_path / "run", dt=1.0))
+    assert not (tmp_path / "run").exists()
 
 
 def test_a_demo_beside_a_simulation_says_at_once_who_is_there(tmp_path: Path) -> None:

@@ -133,6 +133,54 @@ def test_a_robot_is_fitted(entry: str, robot_bag: Path, write_scene: Callable, t
     assert found == pytest.approx(2e5, rel=0.01)
 
 
+def _write(path: Path, messages: list[dict[str, Any]], epoch: int) -> None:
+    """Write a bag of commands and poses, one of each in 0.1 s of the recorder's clock, from ``epoch`` [s] on."""
+    kinds = {name: TOPICS[name] for name in ("/cmd", "/pose")}
+    infos = [TopicInfo(name=n, type=k, definition=STORE.generate_msgdef(k, ros_version=2)[0]) for n, k in kinds.items()]
+    writer = BagWriter(path, infos)
+    for number, each in enumerate(messages):
+        for topic, kind in kinds.items():
+            writer.write(topic, STORE.serialize_cdr(each[topic], kind), epoch * 10**9 + number * 10**8)
+    writer.close({})
+
+
+def test_a_commanded_handle_turns_on_and_on(tmp_path: Path) -> None:
+    """A handle that is commanded by quaternions through two turns, in steps of 0.5 rad, does not turn back at pi."""
+    angles, messages = np.arange(0.0, 12.6, 0.5), []
+    for number, angle in enumerate(angles):
+        messages.append(_messages(float(number), 0.0, np.zeros(3), np.zeros((1, 3))))
+        quaternion = messages[-1]["/pose"].pose.orientation
+        quaternion.y, quaternion.w = np.sin(0.5 * angle), np.cos(0.5 * angle)
+    _write(tmp_path / "bag", messages, START)
+    match = tmp_path / "match.yaml"
+    match.write_text("compare: {seen: {probe: tip, topic: /pose}}\ncommands: {base: {topic: /pose}}\n")
+    scene = scene_from_text(PULLED.replace("fixed: true", "fixed: false"))
+    (recording,) = read_recordings([tmp_path / "bag"], match, scene)
+    found = [command.handles["base"].rotation for command in recording.schedule.commands]
+    np.testing.assert_allclose(found, angles[:, None] * [0.0, 1.0, 0.0], atol=1e-12)
+
+
+@pytest.mark.parametrize("epoch", [0, START])
+def test_a_bag_is_read_up_to_a_restart(epoch: int, tmp_path: Path) -> None:
+    """A bag is read up to a reset of the simulator's clock, with a remark; a message 50 ms late is sorted in.
+
+    The first stamp, 0, is a time also if the recorder's clock is another one.
+    """
+    messages = [
+        _messages(stamp - START, 0.02, np.full(3, float(number)), np.zeros((1, 3)))
+        for number, stamp in enumerate([0.0, 0.3, 0.25, 0.5, 0.0, 0.3, 0.6, 0.9])
+    ]
+    _write(tmp_path / "bag", messages, epoch)
+    match = tmp_path / "match.yaml"
+    match.write_text("compare: {seen: {probe: tip, topic: /pose}}\ncommands: {pull: {topic: /cmd, joint: motor}}\n")
+    (recording,) = read_recordings([tmp_path / "bag"], match, scene_from_text(PULLED))
+    np.testing.assert_allclose(recording.series[0].times, [0.0, 0.25, 0.3, 0.5], atol=1e-6)
+    np.testing.assert_allclose(recording.series[0].values[:, 0], [0.0, 2.0, 1.0, 3.0])
+    np.testing.assert_allclose(recording.schedule.times, recording.series[0].times)
+    (remark,) = recording.remarks
+    assert remark.startswith("read only up to t = 0.5 s, where the stamps of topic /pose go back by 0.5 s")
+
+
 @pytest.mark.parametrize(
     ("compare", "command", "message"),
     [

@@ -45,6 +45,19 @@ def test_a_rate_limit_holds_after_a_rest(bar: str) -> None:
     assert dict((name, value) for name, value, _ in steps[1].actuators["left"])["tension"] == pytest.approx(0.01)
 
 
+def test_a_program_that_turns_too_far_in_a_step_ends_with_a_warning() -> None:
+    """A program that turns a handle by 4 rad in one step ends there, instead of turning it back."""
+    turn = {"program.handles": {"tip": [{"time": 0.0}, {"time": 1.0, "rotation_deg": [230.0, 0.0, 0.0]}]}}
+    simulation, told = Simulation(load_scene("bend5", overrides={"mesh.bar.cells": [10, 1, 1], **turn})), []
+    session = LiveSession(simulation, dt=simulation.scene.program.duration, warn=told.append)
+    session.start()
+    session.play()
+    session.stepper.post(lambda: None).result()
+    session.stop()
+    assert told[0].startswith("the program ends here: handle 'tip' is commanded to turn by 4.014 rad in one step")
+    assert simulation.targets["tip"].rotation == (0.0, 0.0, 0.0)
+
+
 def test_the_surface_is_a_sound_gltf() -> None:
     """A packed bent body is read by trimesh: vertices in the picture's units, colours and triangles."""
     mesh = load_scene("bend5", overrides={"mesh.bar.cells": [10, 2, 2]}).mesh

@@ -169,6 +169,19 @@ def test_clients_with_use_sim_time_follow_the_clock(client: Any, start: Callable
         client.wait(follows)
 
 
+def test_a_changed_rate_and_a_changed_heartbeat_act_at_once(client: Any, start: Callable, coarse: dict) -> None:
+    """While a node waits for half an hour, or for 100 s, a new heartbeat, or a new rate, makes it step at once."""
+    start(**coarse, rate=0.01, dt=0.02, heartbeat=1800.0, velocity_timeout=1000.0)
+    client.wait(lambda: client.received["mesh"])
+    assert client.set(heartbeat=0.1)[0].successful
+    client.wait(lambda: len(client.records()) > 3, seconds=60.0)
+    assert client.set(heartbeat=0.0)[0].successful
+    _twist(client, z=0.001)
+    client.wait_taken(1)
+    assert client.set(rate=50.0)[0].successful
+    client.wait(lambda: len([record for record in client.records() if record.handles]) > 20, seconds=60.0)
+
+
 def test_a_ticking_wall_clock_goes_on_without_commands(client: Any, start: Callable, coarse: dict) -> None:
     """With the wall clock and /clock published, steps of dt continue without commands."""
     start(**coarse, publish_clock=True, heartbeat=0.0)

@@ -89,6 +89,19 @@ def test_markers_are_throttled(client: Any, start: Callable, coarse: dict) -> No
     assert client.set(marker_field="strength")[0].reason.startswith("parameter marker_field is 'strength'; allowed")
 
 
+def test_a_changed_marker_rate_acts_at_once(client: Any, start: Callable, coarse: dict) -> None:
+    """After a marker at 0.01 Hz, the steps at 100 Hz have one each."""
+    start(**coarse, clock="lockstep", marker_rate=0.01)
+    markers = client.listen("markers", Marker)
+    client.wait(lambda: markers)
+    client.target(0.001)
+    client.wait_steps(2)
+    count = len(markers)
+    assert client.set(marker_rate=100.0)[0].successful
+    client.target(0.002)
+    client.wait(lambda: len(markers) > count, seconds=60.0)
+
+
 def test_obstacles_and_forces_are_shown(client: Any, start: Callable, tmp_path: Path) -> None:
     """With a capsule pressed into a cube beside a wall, markers are at the obstacles, and arrows show the force."""
     path, arrays = tmp_path / "cube.yaml", []

@@ -136,6 +136,22 @@ def _is_at(client: Any, milliseconds: int) -> bool:
     return client.record().stamp == milliseconds * 10**6
 
 
+def test_the_clock_that_is_followed_cannot_be_switched_off(client: Any, start: Callable, coarse: dict) -> None:
+    """With clock external, use_sim_time is refused to be switched off while active; afterwards activate fails."""
+    process = start(**coarse, clock="external", use_sim_time=True)
+    client.wait(lambda: "active, clock external" in process.log)
+    (refused,) = client.set(use_sim_time=False)
+    assert not refused.successful
+    assert refused.reason.startswith(
+        "use_sim_time is needed by clock external and can be switched off while not active"
+    )
+    assert client.set(use_sim_time=True)[0].successful
+    assert client.transition("deactivate")
+    assert client.set(use_sim_time=False)[0].successful
+    assert not client.transition("activate")
+    assert "set use_sim_time true and publish_clock false" in process.log
+
+
 def test_another_clock_must_be_there_to_be_followed(client: Any, start: Callable, coarse: dict) -> None:
     """With clock external and without use_sim_time, activate fails and names what is missing."""
     process = start(**coarse, clock="external")

@@ -18,12 +18,13 @@ from gdfe_ros.analysis.bag_run import BagRun
 from gdfe_ros.analysis.replay import Replay
 from gdfe_ros.cli import main
 from gdfe_ros.constraints import Pose
-from gdfe_ros.errors import RecordingError
+from gdfe_ros.errors import CommandError, RecordingError
 from gdfe_ros.node.messages import pose_stamped
 from gdfe_ros.recording.step import Begin
 from gdfe_ros.simulation import Command
 from gdfe_ros.testing import NodeProcess, Simulator
 from gdfe_ros.testing.client import PATIENCE, NodeConnection
+from gdfe_ros.testing.node_replay import NodeReplay
 
 COARSE = {"mesh.bar.cells": "[20, 2, 2]", "solver.tolerance": "1e-8"}
 
@@ -78,6 +79,19 @@ def test_a_bag_begun_in_the_middle_replays(tmp_path: Path, replays: Callable) ->
     assert any(not record.handles for record in records[1:7])
     with pytest.raises(RecordingError, match="begins in the middle"):
         Replay(BagRun(tmp_path / "bag"), overrides={"solver.tolerance": 1e-6})
+
+
+def test_a_turn_beyond_pi_is_not_replayed_by_messages(tmp_path: Path) -> None:
+    """A step in which a velocity turned a handle by 4 rad is refused, because a quaternion would turn it back."""
+    overrides, velocity = [f"{key}={value}" for key, value in COARSE.items()], TwistStamped()
+    velocity.twist.angular.x = 400.0
+    parameters = {"scene": "bend5", "scene_overrides": overrides, "clock": "lockstep", "record": True}
+    topics = {"handles/tip/velocity": TwistStamped}
+    with _linked("/turned", topics, **parameters, bag_path=str(tmp_path / "bag")) as (process, link):
+        _command(link, "handles/tip/velocity", velocity)
+        assert process.stop() == 0
+    with pytest.raises(CommandError, match=r"can only be replayed without --ros: handle 'tip' .* turn by 4 rad"):
+        NodeReplay(BagRun(tmp_path / "bag"))
 
 
 def test_actuators_commanded_one_at_a_time_replay(tmp_path: Path, replays: Callable) -> None:

@@ -101,6 +101,29 @@ def test_a_reset_by_somebody_else_is_not_taken_for_a_step() -> None:
     assert state.time == pytest.approx(state.record.dt)
 
 
+TWIST = {"mesh.bar.cells": [16, 1, 1], "solver.tolerance": 1e-8}
+
+
+def test_a_handle_turns_on_and_on_as_in_a_direct_call() -> None:
+    """Turns in steps below pi reach 4 rad as in a direct call, also after a refusal; larger steps are refused."""
+    direct = Simulation(load_scene("bend5", overrides=TWIST))
+    with Simulator("bend5", overrides=TWIST) as simulator:
+        for angle, far in ((2.0, -2.0), (4.0, 0.0), (4.0, 7.5)):
+            command = Command(handles={"tip": Pose(rotation=(angle, 0.0, 0.0))})
+            state, expected = simulator.step(command), direct.step(command, dt=0.01)
+            assert state.record.handles["tip"].rotation == pytest.approx((angle, 0.0, 0.0))
+            assert state.poses["tip"].rotation == pytest.approx((angle, 0.0, 0.0))
+            np.testing.assert_allclose(state.wrenches["tip"][3], expected.reactions["tip"][3], rtol=1e-3)
+            told = (
+                rf"handle 'tip' is commanded to turn by {abs(angle - far):g} rad in one step; allowed .* smaller steps"
+            )
+            with pytest.raises(CommandError, match=told):
+                simulator.step(Command(handles={"tip": Pose(rotation=(far, 0.0, 0.0))}))
+        with pytest.raises(CommandError, match="m from rest; allowed"):
+            simulator.step(Command(handles={"tip": Pose(translation=(0.0, 100.0, 0.0), rotation=(4.0, 0.0, 0.0))}))
+        assert simulator.step().poses["tip"].rotation == pytest.approx((4.0, 0.0, 0.0))
+
+
 def test_a_wrong_name_leaves_the_commands_alone() -> None:
     """An unknown name and a fixed handle raise the error of a direct call, and the next step is made."""
     direct = Simulation(load_scene("bend5", overrides=COARSE))

@@ -262,7 +262,7 @@ class CommandAssembler:
             match order:
                 case PoseOrder():
                     self._twists.pop(order.name, None)
-                    poses[order.name] = order.after(self._target(order.name, poses))
+                    poses[order.name] = order.after(self._run.simulation.targets[order.name])
                 case TwistOrder():
                     self._twists[order.name] = (order, self._run.parameters["velocity_timeout"])
                 case TeleportOrder():

@@ -20,6 +20,7 @@ from scipy.spatial.transform import Rotation
 
 from gdfe_ros.arms.spline import spline
 from gdfe_ros.constraints import Pose, nearest_turn
+from gdfe_ros.errors import CommandError
 from gdfe_ros.node.refusals import Reason, Refusal, require_finite
 
 FARTHEST = 10.0
@@ -66,6 +67,23 @@ class PoseOrder(PlaceOrder):
     def after(self, last: Pose) -> Pose:
         """Return the target pose; its rotation vector is the equivalent one closest to that of the last target."""
         return Pose(self.translation, nearest_turn(self.quaternion, last))
+
+    @classmethod
+    def toward(cls, name: str, pose: Pose, last: Pose) -> PoseOrder:
+        """Return the order that moves a handle from its ``last`` target to ``pose``, both relative to its rest pose.
+
+        Raises:
+            CommandError: the handle turns by more than pi, so that the quaternion would turn it in the opposite sense.
+        """
+        order = cls(name, pose.translation, tuple(Rotation.from_rotvec(pose.rotation).as_quat().tolist()))
+        if math.dist(order.after(last).rotation, pose.rotation) > math.pi:  # they differ by whole turns
+            axis = np.array(pose.rotation if any(pose.rotation) else last.rotation)
+            angle = abs(axis @ np.subtract(pose.rotation, last.rotation)) / np.linalg.norm(axis)
+            raise CommandError(
+                f"handle {name!r} is commanded to turn by {angle:.4g} rad in one step; allowed in a message with a "
+                f"quaternion: less than pi, {math.pi:.4g} rad, from the last target; remedy: several smaller steps"
+            )
+        return order
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Mapping
 from enum import Enum
@@ -35,8 +36,9 @@ class _OwnPace:
 
     Each pace has three methods. `delay` returns the wall time to wait before the next step [s]: 0 to step now, None to
     wait for an event. It depends on whether orders are ``pending``, and on whether the state is ``settled``, i.e. stays
-    constant without new orders. `begin` records that a step begins now, and returns the simulation time that the step
-    covers [s]. `restart` ignores the wall time that has passed, e.g. in a pause.
+    constant without new orders. A wait in progress lasts at most one more period after ``rate``, or one more interval
+    after ``heartbeat``, has changed. `begin` records that a step begins now, and returns the simulation time that the
+    step covers [s]. `restart` ignores the wall time that has passed, e.g. in a pause.
 
     Args:
         values: present values of the node's parameters ``rate`` [Hz], ``dt`` [s], ``heartbeat`` [s] and
@@ -59,17 +61,22 @@ class _OwnPace:
 
     def restart(self) -> None:
         """Forget the wall time that has passed."""
-        self._last = self._now()
+        self._mark(self._now())
 
     def begin(self) -> float:
         """Begin a step and return its simulation time, one dt [s]."""
-        self._last = self._now()
+        self._mark(self._now())
         return self._values["dt"]
+
+    def _mark(self, now: float) -> None:
+        """Count the time to the next heartbeat from ``now`` on."""
+        self._last, self._interval = now, self._values["heartbeat"] or math.inf
 
     def _until_heartbeat(self) -> float | None:
         """Return the wall time to the next heartbeat [s]; None: there are no heartbeats."""
-        heartbeat = self._values["heartbeat"]
-        return max(0.0, self._last + heartbeat - self._now()) if heartbeat else None
+        heartbeat, idle = self._values["heartbeat"], self._now() - self._last
+        self._interval = min(self._interval, idle + heartbeat) if heartbeat else math.inf
+        return max(0.0, self._interval - idle) if heartbeat else None
 
 
 class WallPace(_OwnPace):
@@ -86,6 +93,7 @@ class WallPace(_OwnPace):
         now = self._now()
         if self._running:
             self._end(now, 1.0 / self._values["rate"])
+        self._due = min(self._due, now + 1.0 / self._values["rate"])
         if pending or not settled or self._values["publish_clock"]:
             return max(0.0, self._due - now)
         self._idle = True
@@ -101,18 +109,18 @@ class WallPace(_OwnPace):
         else:
             self._end(now, period)
         self._due += period
-        self._last, self._idle, self._running = now, False, True
+        self._mark(now)
+        self._idle, self._running = False, True
         return periods * self._values["dt"]
 
     def _count_idle(self, now: float, period: float) -> float:
         """Return the idle time that a step covers [s]; time of a stopped process is left out and counts as overruns."""
-        heartbeat = self._values["heartbeat"]
-        missed = now - self._last - heartbeat
-        if not heartbeat or missed <= _STILL:
+        missed = now - self._last - self._interval
+        if missed <= _STILL:
             return now - self._last
         self.overruns += int(missed / period)
         self.late += missed
-        return heartbeat
+        return self._interval
 
     def _end(self, now: float, period: float) -> None:
         """Record the end of a step.
@@ -127,7 +135,8 @@ class WallPace(_OwnPace):
 
     def restart(self) -> None:
         """Restart the periods now."""
-        self._last = self._due = self._now()
+        self._due = self._now()
+        self._mark(self._due)
         self._idle = self._running = False
 
 

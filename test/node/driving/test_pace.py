@@ -76,6 +76,40 @@ def test_time_in_which_the_process_stood_still_is_skipped(clock: _Clock, pace: W
     assert pace.begin() == 0.5
 
 
+@pytest.mark.parametrize("before", [30.0, 0.0])
+@pytest.mark.parametrize("kind", [WallPace, FastPace])
+def test_a_changed_heartbeat_counts_from_its_change_on(clock: _Clock, kind: type, before: float) -> None:
+    """After 10 idle seconds, the next step is one new heartbeat away, covers the whole time, and is no overrun."""
+    values = VALUES | {"heartbeat": before}
+    pace = kind(values, clock)
+    pace.begin()
+    pace.delay(pending=False, settled=True)
+    clock.now += 10.0
+    values["heartbeat"] = 0.2
+    assert pace.delay(pending=False, settled=True) == pytest.approx(0.2)
+    clock.now += 0.2
+    assert pace.delay(pending=False, settled=True) == pytest.approx(0.0, abs=1e-9)
+    assert pace.begin() == (pytest.approx(102 * 0.5) if kind is WallPace else 0.5)
+    assert pace.overruns == 0
+    values["heartbeat"] = 0.0
+    assert pace.delay(pending=False, settled=True) is None
+
+
+def test_a_changed_rate_ends_the_period_that_has_begun(clock: _Clock) -> None:
+    """At 0.05 Hz the next step is 20 s away; 5 s later, at 50 Hz, 0.02 s, and without an overrun."""
+    values = VALUES | {"rate": 0.05}
+    pace = WallPace(values, clock)
+    pace.begin()
+    assert pace.delay(pending=True, settled=False) == pytest.approx(20.0)
+    clock.now += 5.0
+    values["rate"] = 50.0
+    for _ in range(3):
+        assert pace.delay(pending=True, settled=False) == pytest.approx(0.02)
+        clock.now += 0.02
+        assert pace.begin() == 0.5
+    assert pace.overruns == 0
+
+
 def test_without_a_heartbeat_an_idle_pace_waits_for_an_event() -> None:
     """With heartbeat 0, idle wall and fast paces wait without limit; a ticking clock continues."""
     silent = VALUES | {"heartbeat": 0.0}
