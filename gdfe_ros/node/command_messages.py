@@ -226,7 +226,8 @@ class ActuatorOrders:
 
         Raises:
             Refusal: a name is unknown or repeated, a point has the wrong size, a time is negative, the times do not
-                ascend, the end is in the past, the start is too far ahead, or a value is not finite or out of range.
+                ascend, the end is in the past, the start is too far ahead, or a value is not finite or, at a point or
+                between two points, out of range.
         """
         names = tuple(message.joint_names)
         if not message.points:
@@ -251,7 +252,10 @@ class ActuatorOrders:
             raise Refusal(Reason.STALE, f"the trajectory ended at {start + times[-1]:.9g} s; the time is {now:.9g} s")
         slopes = _table(message, "velocities")
         bends = _table(message, "accelerations") if slopes is not None else None
-        return TrajectoryOrder(names, start, times, np.array(rows), slopes, bends)
+        limits = np.transpose([self._orders.limits(name) for name in names])
+        order = TrajectoryOrder(names, start, times, np.array(rows), slopes, bends, limits)
+        order.require_limits()
+        return order
 
     def _require_known(self, names: Sequence[str]) -> None:
         unknown = sorted(set(names) - set(self._actuators) - set(self._loads) - set(self._joints))

@@ -225,7 +225,8 @@ class Inputs:
 
     def pursue(self, pursuit: Pursuit) -> None:
         """Queue the order of an action client's trajectory, and report its progress from now on."""
-        self._put(_TRAJECTORY, replace(pursuit.order, begun=pursuit.begin))
+        refused = partial(pursuit.end, Code.INVALID_GOAL)
+        self._put(_TRAJECTORY, replace(pursuit.order, begun=pursuit.begin, refused=refused))
         self._pursuits.append(pursuit)
         self._run.refusals.take()
 

@@ -22,6 +22,7 @@ from gdfe_ros.node.driving.orders import (
     TwistOrder,
     require_near,
 )
+from gdfe_ros.node.interface.topics import TRAJECTORY
 from gdfe_ros.node.refusals import Refusal, RefusalLog
 from gdfe_ros.recording.step import Step
 from gdfe_ros.scene.scene import Scene
@@ -275,14 +276,7 @@ class CommandAssembler:
                     for name in order.names:
                         self._courses.pop(name, None)
                 case TrajectoryOrder():
-                    start = time - dt if order.start is None else order.start
-                    present = self._run.simulation.commands | self._run.simulation.joint_goals
-                    before = [actuators.get(name, present[name]) for name in order.names]
-                    rates = self._run.simulation.motor_velocities
-                    for name, value in zip(order.names, before, strict=True):
-                        self._courses[name] = _Course(start, value, rates.get(name, 0.0), order.only(name))
-                    if order.begun is not None:
-                        order.begun(start, before, [rates.get(name, 0.0) for name in order.names])
+                    self._begin_courses(order, actuators, time - dt)
         poses |= self._move_targets(dt, poses)
         values, loads = actuators | self._follow_courses(time), {load.name for load in self._run.simulation.scene.loads}
         joints = self._run.simulation.joint_goals.keys()
@@ -294,6 +288,25 @@ class CommandAssembler:
             joints={name: value for name, value in values.items() if name in joints},
         )
         return self.slew.limit(command, self._run.simulation.commands, dt=dt, slew_time=slew_time)
+
+    def _begin_courses(self, order: TrajectoryOrder, given: Mapping[str, float], now: float) -> None:
+        """Begin a trajectory at the simulation time ``now`` [s], or refuse it; ``given`` are commands of this step."""
+        start = now if order.start is None else order.start
+        present = self._run.simulation.commands | self._run.simulation.joint_goals | given
+        velocities = self._run.simulation.motor_velocities
+        before = np.array([present[name] for name in order.names])
+        rates = np.array([velocities.get(name, 0.0) for name in order.names])
+        try:
+            order.require_limits(before, rates)
+        except Refusal as refusal:
+            self._run.refusals.refuse(TRAJECTORY.name, refusal)
+            if order.refused is not None:
+                order.refused(str(refusal))
+            return
+        for name, value, rate in zip(order.names, before, rates, strict=True):
+            self._courses[name] = _Course(start, float(value), float(rate), order.only(name))
+        if order.begun is not None:
+            order.begun(start, before, rates)
 
     def _target(self, name: str, poses: Mapping[str, Pose]) -> Pose:
         """Return a handle's target before an order: the target set earlier in this step, or else the present target."""
