@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 
 from scipy.spatial.transform import Rotation
 
-from gdfe_ros.checkpoint import save_state
 from gdfe_ros.constraints import Pose
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.live.interface import Ability, ShownRun, View
@@ -296,9 +295,9 @@ class LiveSession(ShownRun):
 
         if self._bag is not None:
             raise GdfeError(f"{self._bag.path} is being written already")
-        state = None if self.stepper.begin is Begin.REST else save_state(self.simulation)
-        self._bag = LiveBag(path, self.scene, state=state, dt=self.parameters["dt"])
-        self.stepper.repeat(self.stepper.begin if state is None else Begin.LOADED)
+        dt = self.parameters["dt"]
+        self._bag = self.stepper.begin_bag(lambda state: LiveBag(path, self.scene, state=state, dt=dt))
+        self.stepper.repeat(self.stepper.begin)
         return f"recording to {path}"
 
     def _end_bag(self) -> str:

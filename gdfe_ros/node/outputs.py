@@ -204,7 +204,7 @@ class Bags:
         if self.active:
             raise GdfeError("a bag is being written, and a replay could not follow; finish it first with ~/record")
 
-    def begin(self, *, state: bytes | None) -> str:
+    def begin(self, state: bytes | None) -> str:
         """Begin a bag in the directory ``bag_path`` (default: ``runs/<scene>_<time>``); return a text with its path.
 
         If the disk is too slow under the wall clock, messages are dropped and counted. Under other clocks the steps
