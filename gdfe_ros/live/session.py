@@ -20,7 +20,7 @@ from gdfe_ros.node.driving.pace import ClockMode, FastPace, WallPace
 from gdfe_ros.node.driving.remodelling import moduli_of, with_moduli
 from gdfe_ros.node.driving.stepping_thread import SteppingThread
 from gdfe_ros.node.refusals import RefusalLog
-from gdfe_ros.recording.bag_info import new_bag
+from gdfe_ros.recording.bag_info import make_run_folder
 from gdfe_ros.recording.step import Begin, Step, to_nanoseconds
 from gdfe_ros.scene.program import Program
 from gdfe_ros.scene.scene import Scene
@@ -210,7 +210,7 @@ class LiveSession(ShownRun):
             case Ability.RESET:
                 self.reset()
             case Ability.RECORD:
-                return self.record(new_bag(self.scene.name) if self._bag is None else None)
+                return self.record(make_run_folder(self.scene.name) if self._bag is None else None)
         return None
 
     def start(self) -> None:

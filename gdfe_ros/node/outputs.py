@@ -20,7 +20,7 @@ from gdfe_ros.node.interface.topics import step_topic
 from gdfe_ros.node.messages import ContactMarkers, SurfaceMarker, TransformPacker
 from gdfe_ros.node.middleware.channel import Channel
 from gdfe_ros.node.run import Run
-from gdfe_ros.recording.bag_info import new_bag
+from gdfe_ros.recording.bag_info import make_run_folder
 from gdfe_ros.recording.packing import pack_text, packers
 from gdfe_ros.recording.provenance import RunInfo
 from gdfe_ros.recording.recorder import Recorder, RecorderStatus
@@ -220,7 +220,7 @@ class Bags:
         scene, parameters = self._run.scene, dict(self._run.parameters)
         waits = parameters["clock"] != ClockMode.WALL.value
         self.recorder = Recorder(
-            parameters["bag_path"] or new_bag(scene.name),
+            parameters["bag_path"] or make_run_folder(scene.name),
             topics,
             run=RunInfo.of(scene, node=parameters, state=state),
             waits=waits,
