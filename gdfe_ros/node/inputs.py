@@ -293,7 +293,7 @@ class Inputs:
                 max_age=values["command_max_age"],
                 max_lead=values["command_max_lead"],
             )
-        self._put(item.key, order)
+        self._put(item.key, replace(order, source=topic))
 
     def _put(self, key: str, order: Order, *, told: bool = True) -> None:
         if self.inbox is not None:

@@ -270,10 +270,10 @@ class SimNode(SessionNode):
                 "the parameter `required` ends the process instead"
             )
 
-    def _tell_refusal(self, source: str, refusal: Refusal) -> None:
+    def _tell_refusal(self, source: str, refusal: Refusal, late: bool) -> None:
         """Publish a refusal for clients that wait for the step of the refused command."""
         if self._refused.wanted:
-            self._refused.send(pack_refusal(source, refusal), 0)
+            self._refused.send(pack_refusal(source, refusal, late=late), 0)
 
     def _greet(self) -> None:
         session = self.session  # another thread may call `close`

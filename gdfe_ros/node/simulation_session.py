@@ -20,7 +20,7 @@ from gdfe_ros.node.driving.remodelling import with_moduli
 from gdfe_ros.node.driving.stepping_thread import SteppingThread
 from gdfe_ros.node.frames import Transforms
 from gdfe_ros.node.inputs import Inputs
-from gdfe_ros.node.interface import MODULUS, topics
+from gdfe_ros.node.interface import MODULUS, RESET_BODIES, topics
 from gdfe_ros.node.middleware.channel import StepPublisher, UnmatchedTopics
 from gdfe_ros.node.middleware.managed import ManagedNode
 from gdfe_ros.node.middleware.ros_types import is_installed
@@ -283,7 +283,8 @@ class SimulationSession:
         names = [body.name for body in self.scene.rigid_bodies]
         if not names:
             raise GdfeError(f"scene {self.scene.name!r} has no rigid bodies; ~/reset goes back to rest as a whole")
-        self.stepper.drive.place(dict.fromkeys(names, Pose()))
+        source = self.run.node.resolve_service_name(RESET_BODIES.name)
+        self.stepper.drive.place(dict.fromkeys(names, Pose()), source)
         return f"the next step puts back {', '.join(names)}"
 
     def continue_from(self, reset: Callable[[], None], why: str) -> None:

@@ -16,13 +16,13 @@ from gdfe_ros.constraints import Pose
 from gdfe_ros.node.driving.orders import (
     ActuatorOrder,
     Order,
+    PlaceOrder,
     PoseOrder,
     TeleportOrder,
     TrajectoryOrder,
     TwistOrder,
     require_near,
 )
-from gdfe_ros.node.interface.topics import TRAJECTORY
 from gdfe_ros.node.refusals import Refusal, RefusalLog
 from gdfe_ros.recording.step import Step
 from gdfe_ros.scene.scene import Scene
@@ -211,6 +211,7 @@ class CommandAssembler:
 
     def __init__(self, run: Host) -> None:
         self._run, self.slew = run, Slew(run.scene.actuators)
+        self._sources: dict[tuple[bool, str], str] = {}
         self.clear()
 
     def clear(self) -> None:
@@ -226,13 +227,21 @@ class CommandAssembler:
         Waiting teleports are kept only for the free bodies named in ``bodies``.
         """
         self._twists, self._courses, self._resting = other._twists, other._courses, other._resting
-        self.slew = other.slew
+        self.slew, self._sources = other.slew, other._sources
         if self._resting is not None:
             kept = {name: pose for name, pose in self._resting.bodies.items() if name in bodies}
             self._resting = replace(self._resting, bodies=kept)
 
-    def place(self, bodies: Mapping[str, Pose]) -> None:
-        """Teleport free bodies with the next command."""
+    def refuse(self, command: Command, refusal: Refusal) -> None:
+        """Report that a step refuses a command, once for each topic or service that a part of it came from."""
+        parts = vars(command).items()
+        keys = {(section in ("handles", "bodies"), name) for section, values in parts for name in values}
+        for source in sorted({self._sources.get(key, "") for key in keys} - {""}) or ["a step"]:
+            self._run.refusals.refuse(source, refusal, late=True)
+
+    def place(self, bodies: Mapping[str, Pose], source: str) -> None:
+        """Teleport free bodies with the next command; ``source`` is the service that requests it."""
+        self._sources |= {(True, name): source for name in bodies}
         resting = self._resting or Command()
         self._resting = replace(resting, bodies={**resting.bodies, **bodies})
 
@@ -260,6 +269,8 @@ class CommandAssembler:
         actuators: dict[str, float] = {**first.actuators, **first.loads, **first.joints}
         bodies: dict[str, Pose] = dict(first.bodies)
         for order in orders:
+            placed = isinstance(order, PlaceOrder | TwistOrder)
+            self._sources |= {(placed, name): order.source for name in order.names}
             match order:
                 case PoseOrder():
                     self._twists.pop(order.name, None)
@@ -299,7 +310,7 @@ class CommandAssembler:
         try:
             order.require_limits(before, rates)
         except Refusal as refusal:
-            self._run.refusals.refuse(TRAJECTORY.name, refusal)
+            self._run.refusals.refuse(order.source, refusal, late=True)
             if order.refused is not None:
                 order.refused(str(refusal))
             return
@@ -329,7 +340,7 @@ class CommandAssembler:
                 require_near(pose.translation, self._run.simulation.mesh.size)
             except Refusal as refusal:
                 del self._twists[name]
-                self._run.refusals.refuse(name, refusal)
+                self._run.refusals.refuse(twist.source or name, refusal, late=True)
                 continue
             poses[name] = pose
         return poses

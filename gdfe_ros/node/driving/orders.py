@@ -3,7 +3,8 @@
 
 The method ``without`` returns the part of an order that remains valid after a later order, or None. Orders of different
 handles or actuators do not affect each other. ``names`` are the names of the commanded items: a handle, a body, or
-actuators, loads and joints.
+actuators, loads and joints. ``source`` is the topic or service from which an order came, for refusals; it is empty if
+the order came from neither.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ import math
 import threading
 from collections import deque
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +30,7 @@ FARTHEST = 10.0
 @dataclass(frozen=True)
 class _ItemOrder:
     name: str
+    source: str = field(default="", kw_only=True, compare=False)
 
     @property
     def names(self) -> tuple[str]:
@@ -116,6 +118,7 @@ class ActuatorOrder:
     """
 
     values: Mapping[str, float]
+    source: str = field(default="", kw_only=True, compare=False)
 
     @property
     def names(self) -> Collection[str]:
@@ -130,7 +133,7 @@ class ActuatorOrder:
         if not isinstance(later, ActuatorOrder):
             return self
         values = {name: value for name, value in self.values.items() if name not in later.values}
-        return ActuatorOrder(values) if values else None
+        return replace(self, values=values) if values else None
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,6 +163,7 @@ class TrajectoryOrder:
     limits: NDArray[np.float64] | None = None
     begun: Callable[[float, Collection[float], Collection[float]], object] | None = None
     refused: Callable[[str], object] | None = None
+    source: str = ""
 
     @property
     def ends(self) -> bool:

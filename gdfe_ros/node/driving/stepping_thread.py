@@ -21,7 +21,6 @@ from gdfe_ros.errors import CommandError, GdfeError, OverlapError
 from gdfe_ros.node.driving.drive import CommandAssembler, Host
 from gdfe_ros.node.driving.orders import Inbox, Order
 from gdfe_ros.node.driving.pace import Pace, WallPace
-from gdfe_ros.node.interface.topics import BODY_SET
 from gdfe_ros.node.refusals import Reason, Refusal
 from gdfe_ros.recording.step import Begin, Step, make_record, observe, to_nanoseconds
 from gdfe_ros.results.step_result import StepResult
@@ -371,15 +370,14 @@ class SteppingThread:
 
     def _try_step(self, command: Command, **given: Any) -> tuple[Command, StepResult]:
         """Make a step and return its command and result; leave out a refused teleport or a refused command."""
-        run, step = self._run, self._simulation.step
+        step = self._simulation.step
         try:
             return command, step(command, **given)
         except OverlapError as error:
-            named = ", ".join(BODY_SET.name.format(body=name) for name in command.bodies)
-            run.refusals.refuse(named, Refusal(Reason.OVERLAP, str(error)))
+            self.drive.refuse(Command(bodies=command.bodies), Refusal(Reason.OVERLAP, str(error)))
             command = replace(command, bodies={})
         except CommandError as error:
-            run.refusals.refuse("a step", Refusal(Reason.OUT_OF_RANGE, str(error)))
+            self.drive.refuse(command, Refusal(Reason.OUT_OF_RANGE, str(error)))
             self.drive.slew.clear()
             command = Command()
         return command, step(command, **given)
