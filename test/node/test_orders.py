@@ -167,7 +167,7 @@ def test_trajectories_out_of_range_between_points_are_refused(bends: list[float]
     assert found.value.reason is Reason.OUT_OF_RANGE
     close = _trajectory((1.0, [9.0]), (2.0, [9.0]), slopes=[3.0, -3.0], bends=bends)
     order = ORDERS.from_trajectory(close, now=0.0, convert=_later)
-    # The way to the first point depends on the command at the start.
+    # The motion to the first point depends on the command at the start.
     order.require_limits(np.array([8.0]))
     with pytest.raises(Refusal, match="allowed: 0 to 10"):
         order.require_limits(np.array([8.0]), np.array([30.0]))

@@ -47,7 +47,7 @@ def test_a_bad_goal_ends_with_its_code(client: Any, follower: Follower) -> None:
     assert (status, code) == (GoalStatus.STATUS_ABORTED, -1)
     assert "allowed: 0 to" in reason
     assert follower.result(follower.send())[1] == -1
-    # Between the points, or on the way to the first one, which the first step of the trajectory finds.
+    # Between the points, or before the first one, which the first step of the trajectory finds.
     for values in ((0.0, 0.0), (0.0,)):
         status, code, reason = follower.result(follower.send(*values, velocities=9.0))
         assert (status, code) == (GoalStatus.STATUS_ABORTED, -1)

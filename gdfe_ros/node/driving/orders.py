@@ -215,8 +215,8 @@ class TrajectoryOrder:
         """Check that a cubic or quintic trajectory does not leave the limits between its points.
 
         Args:
-            before: commands (len(names),) at the start, to check the way from there to the first point; None: the way
-                from the first point on is checked.
+            before: commands (len(names),) at the start, to check the segment from there to the first point; None: the
+                segments between the points are checked.
             rates: velocities (len(names),) at the start; None: 0.
 
         Raises:

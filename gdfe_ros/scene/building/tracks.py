@@ -48,7 +48,7 @@ def build_program(draft: Draft, scene: Scene, report: Defects) -> Program:
         path, limits, fast = ("program", "joints", joint.name), joint.limits, joint.limits.velocity
         _require_between(model.joints, "value", (limits.lower, limits.upper), path, "the joint's limits", report)
         _require_between(model.joints, "velocity", (-fast, fast), path, "the joint's limit", report)
-        _require_ways(model.joints.get(joint.name, ()), joint_starts(scene.arms)[joint.name], joint, path, report)
+        _require_within(model.joints.get(joint.name, ()), joint_starts(scene.arms)[joint.name], joint, path, report)
     return model.starting_from(neutral_commands(scene) | joint_starts(scene.arms))
 
 
@@ -99,7 +99,7 @@ def _require_between(
             report.add((*path, i, key), f"allowed by {limit}: {low:g} to {high:g}")
 
 
-def _require_ways(points: Sequence[JointPoint], start: float, joint: Joint, path: KeyPath, report: Defects) -> None:
+def _require_within(points: Sequence[JointPoint], start: float, joint: Joint, path: KeyPath, report: Defects) -> None:
     """Report a joint whose cubics leave its limits between its points, which follow ``start`` at time 0."""
     rows = [(point.time, point.value, point.velocity) for point in points]
     if not rows or any(after.time <= before.time for before, after in pairwise(points)):
