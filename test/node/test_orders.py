@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -174,11 +175,12 @@ def test_trajectories_out_of_range_between_points_are_refused(bends: list[float]
 
 
 def test_rounding_leaves_no_range() -> None:
-    """From limit to limit with noise of 1e-17 in the velocities, all commands are within the limits."""
-    falling = _trajectory((0.0, [10.0]), (0.7, [0.0]), slopes=[1e-17, 1e-17])
+    """From limit to limit with noise of 1e-6 in the velocities, all commands are within the limits."""
+    falling = _trajectory((0.0, [10.0]), (0.7, [0.0]), slopes=[1e-6, 1e-6])
     order = ORDERS.from_trajectory(falling, now=0.0, convert=_later)
-    values = [order.at(elapsed, np.array([0.0]))[0] for elapsed in 0.7 * (1.0 - np.arange(100) * 1e-17)]
-    assert min(values) >= 0.0
+    values = [order.at(elapsed, np.array([0.0]))[0] for elapsed in 0.7 - np.linspace(0.0, 2e-8, 100)]
+    assert min(values) == 0.0
+    assert min(replace(order, limits=None).at(0.7 - 8e-9, np.array([0.0]))) < 0.0
 
 
 def _later(stamp: int) -> float:
