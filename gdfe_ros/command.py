@@ -214,11 +214,24 @@ class Orders:
         self._require_room(self.actuators[name], number)
         return number
 
+    def limits(self, name: str) -> tuple[float, float]:
+        """Return the least and the largest command of an actuator, a load (its factor) or a joint (its position)."""
+        if name in self.loads:
+            return -math.inf, math.inf
+        if name in self.joints:
+            return self.joints[name].limits.lower, self.joints[name].limits.upper
+        actuator = self.actuators[name]
+        return actuator.low, min(actuator.high, MOST_INFLATED * self._room(actuator))
+
+    def _room(self, actuator: Actuator) -> float:
+        """Return the undeformed volume [m^3] of a chamber whose volume is commanded; infinite for other actuators."""
+        if actuator.mode is not Mode.VOLUME:
+            return math.inf
+        return max(actuator.volume(self._scene.mesh.vertices), actuator.least)
+
     def _require_room(self, actuator: Actuator, value: float) -> None:
         """Raise RangeError for a chamber's volume above `MOST_INFLATED` times its undeformed volume."""
-        if actuator.mode is not Mode.VOLUME:
-            return
-        rest = max(actuator.volume(self._scene.mesh.vertices), actuator.least)
+        rest = self._room(actuator)
         if value > MOST_INFLATED * rest:
             raise RangeError(
                 f"actuator {actuator.name!r}: volume {value!r} m^3 is {value / rest:.3g} times the undeformed one, "

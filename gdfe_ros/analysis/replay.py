@@ -211,7 +211,7 @@ def replayable(run: BagRun) -> tuple[int, str]:
     if first.begin is not Begin.REST and not stored:
         raise RecordingError(
             f"bag {bag} begins with step {first.step}, which continued from a state that the bag does not hold; "
-            "remedy: record from the activation on, or after a reset"
+            "remedy: record from the activation or a reset on"
         )
     for count, (before, after) in enumerate(pairwise(records), start=1):
         reason = _gap(before, after)

@@ -4,18 +4,21 @@
 from __future__ import annotations
 
 import asyncio
+import logging
 import os
+import signal
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import CancelledError
 from contextlib import contextmanager, suppress
+from multiprocessing import resource_tracker
 from typing import TYPE_CHECKING, Any
 
 from gdfe_ros.errors import GdfeError
 
 if TYPE_CHECKING:
-    from distributed import Client, Future, as_completed
+    from distributed import Client, Future, LocalCluster, as_completed
 
 THREAD_COUNTS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 """Environment variables that limit the number of threads; libraries read them when they are imported."""
@@ -50,21 +53,45 @@ def connect(scheduler: str | None, workers: int) -> Iterator[Client]:
     A worker that dies is restarted, and its tasks go to another worker.
     """
     import dask  # imported late: a program that runs nothing in parallel needs no dask
-    from distributed import Client, LocalCluster
+    from distributed import Client
 
     if scheduler:
         with Client(scheduler) as client:
             yield client
         return
-    with dask.config.set(_SETTINGS), _one_thread():
+    with dask.config.set(_SETTINGS), _one_thread(), _open_cluster(workers) as cluster, Client(cluster) as client:
+        yield client
+
+
+@contextmanager
+def _open_cluster(workers: int) -> Iterator[LocalCluster]:
+    """Yield a cluster of this machine; at an interruption its workers are killed, without reports.
+
+    Ctrl-C interrupts all processes of a terminal. SIGINT is blocked while the cluster's thread starts, which starts the
+    workers, so that it reaches this process only.
+    """
+    from distributed import LocalCluster
+
+    cluster: LocalCluster | None = None
+    resource_tracker.ensure_running()  # begun later, it would unblock the signal
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
         cluster = LocalCluster(n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=":0")
-        try:
-            with Client(cluster) as client:
-                yield client
-        finally:
-            # On a busy machine dask may take longer than 5 s to notice that a worker that it killed has ended. If
-            # it was about to start a dead worker again, which has no process yet, it raises AssertionError.
-            with suppress(TimeoutError, asyncio.TimeoutError, AssertionError):
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+        yield cluster
+    except KeyboardInterrupt:
+        logging.getLogger("distributed").setLevel(logging.CRITICAL)
+        for nanny in cluster.workers.values() if cluster is not None else ():
+            nanny.auto_restart = False
+            with suppress(ProcessLookupError, TypeError):  # it has ended, or is not started
+                os.kill(nanny.pid, signal.SIGKILL)
+        raise
+    finally:
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+        # On a busy machine dask may take longer than 5 s to notice that a worker that it killed has ended. If it was
+        # about to start a dead worker again, which has no process yet, it raises AssertionError.
+        with suppress(TimeoutError, asyncio.TimeoutError, AssertionError):
+            if cluster is not None:
                 cluster.close()
 
 

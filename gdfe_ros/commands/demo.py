@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import argparse
 import os
-from datetime import datetime
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +13,7 @@ from rich.table import Table
 from gdfe_ros.analysis.bag_run import BagRun
 from gdfe_ros.commands.waiting import convergence, print_failures, progress_bar, waiting
 from gdfe_ros.errors import GdfeError
-from gdfe_ros.recording.bag_info import IN_RUN
+from gdfe_ros.recording.bag_info import IN_RUN, make_run_folder
 from gdfe_ros.scene import Scene, load_scene
 from gdfe_ros.untrusted.regular_file import path_inside
 from gdfe_ros.untrusted.terminal import QUANTITIES, PlainConsole, make_table
@@ -38,7 +37,7 @@ def run(arguments: argparse.Namespace) -> int:
         scene = load_scene(arguments.scene)
     if scene.program is None:
         raise GdfeError(f"scene {scene.name!r} has no program to play; add the key 'program'")
-    out = arguments.out or path_inside(Path("runs"), f"{scene.name}_{datetime.now():%Y%m%d_%H%M%S}")
+    out = arguments.out or make_run_folder(scene.name)
     from gdfe_ros.analysis.report.pictures import write_png  # matplotlib takes a second to import
 
     console = PlainConsole()

@@ -24,6 +24,7 @@ from gdfe_ros.mesh.meshing.walls import default_size
 from gdfe_ros.scene.document import write_document
 from gdfe_ros.scene.report import suggest
 from gdfe_ros.scene.schemas.mesh_schema import LEAST_SIZE, SCALE, SIZE
+from gdfe_ros.untrusted.regular_file import make_name, quote_path
 
 PRESSURE = 5e3
 """Final pressure [Pa] of the program that is written for a scene with chambers."""
@@ -56,14 +57,15 @@ def run(arguments: argparse.Namespace) -> int:
     """
     _require_options(arguments)
     entry, mesh = _body(arguments)
-    scene = _scene(arguments.scene.stem, arguments.material, entry, mesh)
+    scene = _scene(make_name(arguments.scene.stem), arguments.material, entry, mesh)
     arguments.scene.write_text(write_document(scene))
     print(f"{arguments.scene}: {mesh.n_cells} {mesh.noun}, chambers: {len(scene.get('actuators', {}))}")
+    written, picture = quote_path(arguments.scene), quote_path(arguments.scene.with_suffix(".png"))
     if "program" in scene:
-        print(f"next: gdfe solve {arguments.scene} --picture {arguments.scene.with_suffix('.png')}")
+        print(f"next: gdfe solve {written} --picture {picture}")
         return 0
     print(f"note: {NO_CAVITY}")
-    print(f"next: add actuators or loads, and a program (docs/scene.md), then gdfe solve {arguments.scene}")
+    print(f"next: add actuators or loads, and a program (docs/scene.md), then gdfe solve {written}")
     return 0
 
 

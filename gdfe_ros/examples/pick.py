@@ -11,7 +11,6 @@ from __future__ import annotations
 import argparse
 import os
 from collections.abc import Sequence
-from datetime import datetime
 from pathlib import Path
 
 import numpy as np
@@ -26,8 +25,10 @@ from gdfe_ros.analysis.replay import Replay
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.examples.picker import Picker
 from gdfe_ros.examples.soft_grip import GripSchedule, SoftGrip, force_limit
+from gdfe_ros.recording.bag_info import make_run_folder
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.testing import PublishedState, Simulator
+from gdfe_ros.untrusted.regular_file import make_name
 from gdfe_ros.untrusted.terminal import PlainConsole
 
 FORCE, STRAIN = 1.2, 0.03
@@ -157,7 +158,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--duration", type=float, help="simulated time [s] (default: the whole program)")
     given = parser.parse_args(arguments)
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    out = given.out or Path("runs") / f"{Path(given.scene).stem}_{datetime.now():%Y%m%d_%H%M%S}"
+    out = given.out or make_run_folder(make_name(Path(given.scene).stem))
     states = pick(given.scene, bag=out / "bag", duration=given.duration, strain=given.strain)
     run = BagRun(out / "bag")
     verdict = Replay(run).run().verdict()

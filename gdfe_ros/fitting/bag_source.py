@@ -157,7 +157,8 @@ def _from_rest(run: BagRun, topics: list[str]) -> tuple[list[BagStep], tuple[str
     for step in BagSteps(run, topics=topics):
         if not steps and step.record.begin is not Begin.REST:
             raise GdfeError(
-                f"bag {run.reader.path} does not begin in the initial state; remedy: record from the activation on"
+                f"bag {run.reader.path} does not begin in the initial state; "
+                "remedy: record from the activation or a reset on"
             )
         if steps and (step.record.begin is not Begin.LAST or step.record.step != steps[-1].record.step + 1):
             return steps, (

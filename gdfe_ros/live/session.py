@@ -10,7 +10,6 @@ from pathlib import Path
 from time import monotonic
 from typing import TYPE_CHECKING, Any
 
-from gdfe_ros.checkpoint import save_state
 from gdfe_ros.constraints import Pose
 from gdfe_ros.errors import CommandError, GdfeError
 from gdfe_ros.live.interface import Ability, ShownRun, View
@@ -19,7 +18,7 @@ from gdfe_ros.node.driving.pace import ClockMode, FastPace, WallPace
 from gdfe_ros.node.driving.remodelling import moduli_of, with_moduli
 from gdfe_ros.node.driving.stepping_thread import SteppingThread
 from gdfe_ros.node.refusals import RefusalLog
-from gdfe_ros.recording.bag_info import new_bag
+from gdfe_ros.recording.bag_info import make_run_folder
 from gdfe_ros.recording.step import Begin, Step, to_nanoseconds
 from gdfe_ros.scene.program import Program
 from gdfe_ros.scene.scene import Scene
@@ -212,7 +211,7 @@ class LiveSession(ShownRun):
             case Ability.RESET:
                 self.reset()
             case Ability.RECORD:
-                return self.record(new_bag(self.scene.name) if self._bag is None else None)
+                return self.record(make_run_folder(self.scene.name) if self._bag is None else None)
         return None
 
     def start(self) -> None:
@@ -297,9 +296,9 @@ class LiveSession(ShownRun):
 
         if self._bag is not None:
             raise GdfeError(f"{self._bag.path} is being written already")
-        state = None if self.stepper.begin is Begin.REST else save_state(self.simulation)
-        self._bag = LiveBag(path, self.scene, state=state, dt=self.parameters["dt"])
-        self.stepper.repeat(self.stepper.begin if state is None else Begin.LOADED)
+        dt = self.parameters["dt"]
+        self._bag = self.stepper.begin_bag(lambda state: LiveBag(path, self.scene, state=state, dt=dt))
+        self.stepper.repeat(self.stepper.begin)
         return f"recording to {path}"
 
     def _end_bag(self) -> str:

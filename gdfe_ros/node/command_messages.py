@@ -226,7 +226,8 @@ class ActuatorOrders:
 
         Raises:
             Refusal: a name is unknown or repeated, a point has the wrong size, a time is negative, the times do not
-                ascend, the end is in the past, the start is too far ahead, or a value is not finite or out of range.
+                ascend, the end is in the past, the start is too far ahead, or a value is not finite or, at a point or
+                between two points, out of range.
         """
         names = tuple(message.joint_names)
         if not message.points:
@@ -241,17 +242,13 @@ class ActuatorOrders:
         rows = [[self._check(name, value) for name, value in point] for point in points]
         stamp = message.header.stamp
         start = convert(stamp.sec * 10**9 + stamp.nanosec) if stamp.sec or stamp.nanosec else None
-        if start is not None and start > now + LATEST_START:
-            text = (
-                f"the trajectory starts at {start:.9g} s, but the time is {now:.9g} s; allowed: {LATEST_START:g} s "
-                "ahead, or stamp 0"
-            )
-            raise Refusal(Reason.AHEAD, text)
-        if start is not None and start + times[-1] < now:
-            raise Refusal(Reason.STALE, f"the trajectory ended at {start + times[-1]:.9g} s; the time is {now:.9g} s")
+        _require_timely(start, times[-1], now)
         slopes = _table(message, "velocities")
         bends = _table(message, "accelerations") if slopes is not None else None
-        return TrajectoryOrder(names, start, times, np.array(rows), slopes, bends)
+        limits = np.transpose([self._orders.limits(name) for name in names])
+        order = TrajectoryOrder(names, start, times, np.array(rows), slopes, bends, limits)
+        order.require_limits()
+        return order
 
     def _require_known(self, names: Sequence[str]) -> None:
         unknown = sorted(set(names) - set(self._actuators) - set(self._loads) - set(self._joints))
@@ -270,6 +267,18 @@ class ActuatorOrders:
         except CommandError as error:
             reason = Reason.OUT_OF_RANGE if isinstance(error, RangeError) else Reason.NOT_FINITE
             raise Refusal(reason, str(error)) from error
+
+
+def _require_timely(start: float | None, duration: float, now: float) -> None:
+    """Refuse a trajectory that starts too far ahead of the simulation time ``now`` [s], or has ended; None: at once."""
+    if start is not None and start > now + LATEST_START:
+        text = (
+            f"the trajectory starts at {start:.9g} s, but the time is {now:.9g} s; allowed: {LATEST_START:g} s "
+            "ahead, or stamp 0"
+        )
+        raise Refusal(Reason.AHEAD, text)
+    if start is not None and start + duration < now:
+        raise Refusal(Reason.STALE, f"the trajectory ended at {start + duration:.9g} s; the time is {now:.9g} s")
 
 
 def _table(message: JointTrajectory, field: str) -> NDArray[np.float64] | None:

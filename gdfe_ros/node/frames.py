@@ -76,7 +76,7 @@ class Transforms:
         heard: function that is called after each message.
         now: function that returns the time on the clock of the stamps [ns].
         limits: parameters ``command_max_age`` and ``command_max_lead`` [s] by name.
-        refuse: function that receives the topic, the frame and the refusal of a refused transform.
+        refuse: function that receives the topic and the refusal of a refused transform.
     """
 
     def __init__(
@@ -137,7 +137,7 @@ class Transforms:
         try:
             require_small(data)
         except Refusal as refusal:
-            self._refuse(spec.name, refusal)
+            self._refuse(self._node.resolve_topic_name(spec.name), refusal)
             return
         waiting = self._unread[spec]
         waiting.append((data, self._now()))
@@ -162,7 +162,8 @@ class Transforms:
                         self._take(each, arrived, moving=spec is topics.TF)
                     except Refusal as refusal:
                         if refusal.reason is not Reason.OUT_OF_ORDER:
-                            self._refuse(f"{spec.name}, frame {each.child_frame_id[:_SHOWN]!r},", refusal)
+                            text = f"frame {each.child_frame_id[:_SHOWN]!r}: {refusal}"
+                            self._refuse(self._node.resolve_topic_name(spec.name), Refusal(refusal.reason, text))
 
     def _take(self, told: Any, arrived: int, *, moving: bool) -> None:
         """Store a transform that arrived at the time ``arrived`` [ns]; check the stamp of a moving frame.

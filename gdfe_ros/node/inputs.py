@@ -225,7 +225,8 @@ class Inputs:
 
     def pursue(self, pursuit: Pursuit) -> None:
         """Queue the order of an action client's trajectory, and report its progress from now on."""
-        self._put(_TRAJECTORY, replace(pursuit.order, begun=pursuit.begin))
+        refused = partial(pursuit.end, Code.INVALID_GOAL)
+        self._put(_TRAJECTORY, replace(pursuit.order, begun=pursuit.begin, refused=refused))
         self._pursuits.append(pursuit)
         self._run.refusals.take()
 
@@ -292,7 +293,7 @@ class Inputs:
                 max_age=values["command_max_age"],
                 max_lead=values["command_max_lead"],
             )
-        self._put(item.key, order)
+        self._put(item.key, replace(order, source=topic))
 
     def _put(self, key: str, order: Order, *, told: bool = True) -> None:
         if self.inbox is not None:

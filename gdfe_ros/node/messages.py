@@ -102,10 +102,13 @@ def actuation(actuators: Mapping[str, Actuator], values: Mapping[str, float]) ->
     )
 
 
-def pack_refusal(source: str, refusal: Refusal) -> bytes:
-    """Return the serialised message about a command on topic ``source`` that was refused, as JSON text."""
+def pack_refusal(source: str, refusal: Refusal, *, late: bool) -> bytes:
+    """Return the serialised message about a command from ``source`` that was refused, as JSON text.
+
+    ``late``: the step refused it, not the arrival.
+    """
     entries = {"source": source, "reason": refusal.reason.value, "message": shorten(str(refusal), LONGEST)}
-    return pack_text(json.dumps(entries))
+    return pack_text(json.dumps({**entries, "late": late}))
 
 
 def jacobian(values: NDArray[np.float64], probes: list[str], actuators: list[str]) -> Float64MultiArray:

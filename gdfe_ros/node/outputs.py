@@ -21,7 +21,7 @@ from gdfe_ros.node.interface.topics import step_topic
 from gdfe_ros.node.messages import ContactMarkers, SurfaceMarker, TransformPacker
 from gdfe_ros.node.middleware.channel import Channel
 from gdfe_ros.node.run import Run
-from gdfe_ros.recording.bag_info import new_bag
+from gdfe_ros.recording.bag_info import make_run_folder
 from gdfe_ros.recording.packing import pack_text, packers
 from gdfe_ros.recording.provenance import RunInfo
 from gdfe_ros.recording.recorder import Recorder, RecorderStatus
@@ -205,7 +205,7 @@ class Bags:
         if self.active:
             raise GdfeError("a bag is being written, and a replay could not follow; finish it first with ~/record")
 
-    def begin(self, *, state: bytes | None) -> str:
+    def begin(self, state: bytes | None) -> str:
         """Begin a bag in the directory ``bag_path`` (default: ``runs/<scene>_<time>``); return a text with its path.
 
         If the disk is too slow under the wall clock, messages are dropped and counted. Under other clocks the steps
@@ -221,7 +221,7 @@ class Bags:
         scene, parameters = self._run.scene, dict(self._run.parameters)
         waits = parameters["clock"] != ClockMode.WALL.value
         self.recorder = Recorder(
-            parameters["bag_path"] or new_bag(scene.name),
+            parameters["bag_path"] or make_run_folder(scene.name),
             topics,
             run=RunInfo.of(scene, node=parameters, state=state),
             waits=waits,

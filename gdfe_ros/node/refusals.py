@@ -63,14 +63,14 @@ class RefusalLog:
 
     Args:
         warn: function that receives the text of a warning.
-        tell: function that receives the source and the refusal of each refused command; None: not called.
+        tell: function that receives the arguments of each call of ``refuse``; None: not called.
         noun: noun for a refused item in the warnings.
     """
 
     def __init__(
         self,
         warn: Callable[[str], object],
-        tell: Callable[[str, Refusal], object] | None = None,
+        tell: Callable[[str, Refusal, bool], object] | None = None,
         *,
         noun: str = "command",
     ) -> None:
@@ -84,12 +84,15 @@ class RefusalLog:
         with self._lock:
             self._taken += 1
 
-    def refuse(self, source: str, refusal: Refusal) -> None:
-        """Count a refused command from ``source`` (a topic), and warn if a warning is due."""
+    def refuse(self, source: str, refusal: Refusal, *, late: bool = False) -> None:
+        """Count a refused command from ``source``, and warn if a warning is due.
+
+        ``source`` is the full name of a topic, service or action. ``late``: the step refused it, not the arrival.
+        """
         with self._lock:
             self._refused[refusal.reason] += 1
         if self._tell is not None:
-            self._tell(source, refusal)
+            self._tell(source, refusal, late)
         if (more := self._throttle.due((source, refusal.reason))) is not None:
             self._warn(f"{self._noun} on {source} refused: {shorten(str(refusal), LONGEST)}{more}")
 

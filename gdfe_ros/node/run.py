@@ -7,7 +7,7 @@ import threading
 from collections.abc import Callable, Iterable
 from concurrent.futures import Future, InvalidStateError
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from geometry_msgs.msg import PoseStamped
 from rclpy.clock import JumpHandle, JumpThreshold, TimeJump
@@ -21,6 +21,7 @@ from gdfe_ros.node.driving.orders import PoseOrder
 from gdfe_ros.node.driving.pace import ExternalPace, Pace
 from gdfe_ros.node.driving.stepping_thread import SteppingThread
 from gdfe_ros.node.frames import Frames, Placement, Transforms
+from gdfe_ros.node.interface import topics
 from gdfe_ros.node.middleware.managed import ManagedNode
 from gdfe_ros.node.parameters import NodeParameters
 from gdfe_ros.node.refusals import Reason, Refusal, RefusalLog
@@ -284,6 +285,7 @@ class Followers:
         """
         if anew:
             self._last.clear()
+        source = self._run.node.resolve_topic_name(topics.TF.name)
         for leader in self._leaders:
             frames, size = self._run.frames, self._run.scene.mesh.size
             place: Placement | None = frames.place(leader.frame)
@@ -292,7 +294,8 @@ class Followers:
             try:
                 order = make_pose_order(leader.handle, place, size=size, frames=frames)
                 if order != self._last.get(leader.key):
-                    self._put(leader.key, order)
+                    self._put(leader.key, replace(order, source=source))
                     self._last[leader.key] = order
             except Refusal as refusal:
-                self._run.refusals.refuse(leader.key, refusal)
+                text = f"{leader.handle.noun} {leader.handle.name!r} follows {leader}: {refusal}"
+                self._run.refusals.refuse(source, Refusal(refusal.reason, text))

@@ -270,10 +270,10 @@ class SimNode(SessionNode):
                 "the parameter `required` ends the process instead"
             )
 
-    def _tell_refusal(self, source: str, refusal: Refusal) -> None:
+    def _tell_refusal(self, source: str, refusal: Refusal, late: bool) -> None:
         """Publish a refusal for clients that wait for the step of the refused command."""
         if self._refused.wanted:
-            self._refused.send(pack_refusal(source, refusal), 0)
+            self._refused.send(pack_refusal(source, refusal, late=late), 0)
 
     def _wake(self) -> None:
         """Apply changed parameters to the wait for the next step."""

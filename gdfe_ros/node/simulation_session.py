@@ -12,7 +12,6 @@ from typing import NamedTuple
 
 from rclpy.clock import JumpHandle
 
-from gdfe_ros.checkpoint import save_state
 from gdfe_ros.constraints import Pose
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.driving.orders import Inbox
@@ -21,7 +20,7 @@ from gdfe_ros.node.driving.remodelling import with_moduli
 from gdfe_ros.node.driving.stepping_thread import SteppingThread
 from gdfe_ros.node.frames import Transforms
 from gdfe_ros.node.inputs import Inputs
-from gdfe_ros.node.interface import MODULUS, topics
+from gdfe_ros.node.interface import MODULUS, RESET_BODIES, topics
 from gdfe_ros.node.middleware.channel import StepPublisher, UnmatchedTopics
 from gdfe_ros.node.middleware.managed import ManagedNode
 from gdfe_ros.node.middleware.ros_types import is_installed
@@ -124,7 +123,7 @@ class SimulationSession:
         if self.mode is ClockMode.EXTERNAL:
             self._jumps = self._jumps or self.run.follow_clock(self.stepper.wake)
         if self.run.parameters["record"] and before is None:
-            self._begin_bag()
+            self.stepper.begin_bag(self.bags.begin)
         inbox = Inbox(self.stepper.changed, queued=self.mode is ClockMode.LOCKSTEP, command_set=command_set)
         if before is None:
             pace = make_pace(self.mode, self.run.parameters, self.run.clock, self._warn)
@@ -284,7 +283,8 @@ class SimulationSession:
         names = [body.name for body in self.scene.rigid_bodies]
         if not names:
             raise GdfeError(f"scene {self.scene.name!r} has no rigid bodies; ~/reset goes back to rest as a whole")
-        self.stepper.drive.place(dict.fromkeys(names, Pose()))
+        source = self.run.node.resolve_service_name(RESET_BODIES.name)
+        self.stepper.drive.place(dict.fromkeys(names, Pose()), source)
         return f"the next step puts back {', '.join(names)}"
 
     def continue_from(self, reset: Callable[[], None], why: str) -> None:
@@ -339,20 +339,12 @@ class SimulationSession:
             if self.bags.failed:
                 raise GdfeError(text)
             return text
-        text = self._begin_bag()
+        text = self.stepper.begin_bag(self.bags.begin)
         self.stepper.repeat(self.stepper.begin)
         return text
 
     def _warn(self, text: str) -> None:
         self.run.node.get_logger().warning(text)
-
-    def _begin_bag(self) -> str:
-        """Begin a bag between two steps and return a message; a state other than the initial one is stored in it."""
-        state = None if self.stepper.begin is Begin.REST else save_state(self.simulation)
-        text = self.bags.begin(state=state)
-        if state is not None:
-            self.stepper.begin = Begin.LOADED
-        return text
 
     def _deliver(self, step: Step) -> None:
         """Report a step to trajectories, and queue it for publishing if a subscriber or a bag needs a part of it."""

@@ -6,6 +6,7 @@ from __future__ import annotations
 import os
 from collections import Counter
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from datetime import datetime
 from enum import Enum
@@ -37,9 +38,25 @@ def _has_bag(path: Path) -> bool:
     return (path / METADATA_FILE).is_file() or any(path.glob("*.mcap"))
 
 
-def new_bag(scene: str) -> Path:
-    """Return the usual directory of a new bag of a scene: ``runs/<scene>_<time>``."""
-    return path_inside(Path("runs"), f"{scene}_{datetime.now():%Y%m%d_%H%M%S_%f}")
+def make_run_folder(scene: str) -> Path:
+    """Create an empty folder for a run of a scene, ``runs/<scene>_<time>``, and return its path.
+
+    Each call creates another folder, also if several processes call at the same time.
+
+    Raises:
+        RecordingError: the folder cannot be created.
+    """
+    runs = Path("runs")
+    try:
+        runs.mkdir(exist_ok=True)
+        while True:
+            with suppress(FileExistsError):  # at the next time, the name is another one
+                folder = path_inside(runs, f"{scene}_{datetime.now():%Y%m%d_%H%M%S_%f}")
+                folder.mkdir()
+                return folder
+    except OSError as error:
+        text = f"no folder for the run can be created in {runs.absolute()}: {error.strerror}"
+        raise RecordingError(f"{text}; remedy: name another place for it") from error
 
 
 # rosbag2 writes "no deadline" as the largest rmw_time_t.

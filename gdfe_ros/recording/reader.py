@@ -34,7 +34,7 @@ from gdfe_ros.recording.mcap_records import DAMAGE as UNREADABLE
 from gdfe_ros.recording.mcap_records import chunk_size, require_sound_summary
 from gdfe_ros.recording.provenance import RunInfo
 from gdfe_ros.untrusted.bounded_text import load_yaml
-from gdfe_ros.untrusted.regular_file import read_text
+from gdfe_ros.untrusted.regular_file import quote_path, read_text
 
 _LARGEST_DEFINITION = 200_000
 """Largest size of a type's definition [bytes]; to parse 16 MB takes a minute."""
@@ -174,10 +174,12 @@ def _bag_files(path: Path) -> list[Path]:
             return _list_files(metadata)
         except DAMAGE as error:
             cause = " ".join(str(error).split()) or repr(error)
-            raise RecordingError(f"{metadata} is damaged: {cause}. Repair the bag: gdfe recover {path}") from error
+            raise RecordingError(
+                f"{metadata} is damaged: {cause}. Repair the bag: gdfe recover {quote_path(path)}"
+            ) from error
     if any(path.glob("*.mcap")):
         raise RecordingError(
-            f"bag {path} has no {METADATA_FILE}: its recording was cut off. Repair it: gdfe recover {path}"
+            f"bag {path} has no {METADATA_FILE}: its recording was cut off. Repair it: gdfe recover {quote_path(path)}"
         )
     for file in storage_files(path) if path.is_dir() else ():
         require_mcap(file)
@@ -227,5 +229,5 @@ def _open(file: Path) -> Iterator[McapReader]:
         raise RecordingError(f"bag file {file} cannot be read: {error}") from error
     except DAMAGE as error:
         raise RecordingError(
-            f"bag file {file} is damaged: {str(error) or repr(error)}. Repair it: gdfe recover {file}"
+            f"bag file {file} is damaged: {str(error) or repr(error)}. Repair it: gdfe recover {quote_path(file)}"
         ) from error

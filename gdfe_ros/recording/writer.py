@@ -30,6 +30,7 @@ from gdfe_ros.recording.bag_info import (
     to_yaml,
 )
 from gdfe_ros.recording.provenance import RunInfo
+from gdfe_ros.untrusted.regular_file import quote_path
 
 _STEP = 4 << 20
 """Number of bytes by which a reservation grows at least, if there is space."""
@@ -233,7 +234,7 @@ class BagWriter:
         if not self._open:
             return
         self._open = False
-        remedy = f". Recover the written data: gdfe recover {self.path}"
+        remedy = f". Recover the written data: gdfe recover {quote_path(self.path)}"
         with _failing(f"bag {self.path} cannot be completed", remedy):
             info = bag_info(self._counts, self._topics.values(), custom=notes)
             try:

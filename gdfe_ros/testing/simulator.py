@@ -108,7 +108,8 @@ class Simulator:
     def step(self, command: Command | None = None) -> PublishedState:
         """Make one step and return the state after it. Handles and actuators without a command keep their last command.
 
-        If the node refuses a command, the step is not made, and the command has no effect on later steps.
+        If the node refuses a command, the step is not made, and the command has no effect on later steps. If the step
+        itself refuses it, e.g. because a grip is too far away, the step is made without any command.
 
         Raises:
             CommandError: the command is not allowed, or a handle would turn by more than pi (then no message is sent),
@@ -142,10 +143,14 @@ class Simulator:
         except CommandError:
             self._client.trigger(RESET_COMMANDS.key)  # accepted commands would wait for the next step
             raise
+        record = state.record
+        if values and not (record.actuators or record.loads or record.joints):
+            self._wait(lambda: self._late, "the reason why the step was made without the command")
+            raise CommandError(self._late[0])
         self._poses, self._values = poses, values
-        if unplaced := sorted(set(command.bodies) - set(state.record.bodies)):
-            self._wait(lambda: self._overlaps, f"the reason why {', '.join(unplaced)} stayed")
-            raise OverlapError(self._overlaps[-1])
+        if unplaced := sorted(set(command.bodies) - set(record.bodies)):
+            self._wait(lambda: self._late, f"the reason why {', '.join(unplaced)} stayed")
+            raise OverlapError(self._late[-1])
         return state
 
     def _order(self, messages: Mapping[str, Any]) -> PublishedState:
@@ -155,7 +160,7 @@ class Simulator:
         """
         count = self.state.record.step + 1
         self._refusals.clear()
-        self._overlaps.clear()
+        self._late.clear()
         self._client.publish(messages)
         if not messages:
             self._client.trigger(STEP.key)
@@ -269,19 +274,19 @@ class Simulator:
         topic = JACOBIAN.name.replace("~", self.name)
         self._node.create_subscription(Float64MultiArray, topic, self._jacobians.append, 10)
         self._refusals: list[str] = []
-        self._overlaps: list[str] = []
+        self._late: list[str] = []
         subscribe(self._node, REFUSED, self._hear, REFUSED.name.replace("~", self.name))
         self._client.meet()
 
     def _hear(self, message: String) -> None:
-        """Store a refusal by the node: of a teleport into an overlap, or of a message from one of this object's topics.
+        """Store a refusal by the node: by a step, or of a message from one of this object's topics.
 
-        While a controller spins, its messages count, too. A refusal for an overlap does not prevent the step.
+        While a controller spins, its messages count, too. A refusal by a step does not prevent the step.
         """
         entries = json.loads(message.data)
         text = f"command on {entries['source']} refused: {entries['message']}"
-        if entries["reason"] == Reason.OVERLAP.value:
-            self._overlaps.append(text)
+        if entries["late"] and (entries["reason"] == Reason.OVERLAP.value or not self._spinning):
+            self._late.append(text)
         elif self._spinning or entries["source"] in self._sources:
             self._refusals.append(text)
 

@@ -21,6 +21,7 @@ from gdfe_ros.recording.packing import Packer, pack_text
 from gdfe_ros.recording.step import Step, to_nanoseconds
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.twin.estimator import Deviation
+from gdfe_ros.untrusted.regular_file import quote_path
 
 _MODULI = "moduli"
 
@@ -77,7 +78,7 @@ class TwinBag(StepBag):
         status, part = self._recorder.close(), self._recorder.path
         written = sorted(part.glob("*.mcap"))
         if status.error is not None or len(written) != 1:
-            return f"{status.summary(part)}; remedy: gdfe recover {part}"
+            return f"{status.summary(part)}; remedy: gdfe recover {quote_path(part)}"
         written[0].replace(self._file)
         shutil.rmtree(part)
         return status.summary(self._file)

@@ -10,6 +10,7 @@ from __future__ import annotations
 import errno
 import os
 import re
+import shlex
 import stat
 import threading
 from pathlib import Path
@@ -95,6 +96,16 @@ def defect_of(path: Path) -> str:
 def is_file(path: Path) -> bool:
     """Return whether a path leads to a file; False, without an error, for a path that no file can have."""
     return not defect_of(path) and path.is_file()
+
+
+def quote_path(path: Path) -> str:
+    """Return a path as an argument of a command that a user copies into a shell; it is never taken for an option."""
+    return shlex.quote(f"./{path}" if str(path).startswith("-") else str(path))
+
+
+def make_name(text: str) -> str:
+    """Return a name that follows `NAME_PATTERN`: each other character of ``text`` becomes _, and the end is cut off."""
+    return re.sub(r"^[.-]|[^A-Za-z0-9_.-]", "_", text)[:64] or "_"
 
 
 def path_inside(folder: Path, name: str) -> Path:

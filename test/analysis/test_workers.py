@@ -7,15 +7,20 @@ import math
 import operator
 import os
 import signal
+import subprocess
+import sys
 import threading
 import time
 from contextlib import suppress
+from pathlib import Path
 
 import distributed
+import psutil
 import pytest
 
 from gdfe_ros.analysis import workers
 from gdfe_ros.analysis.workers import THREAD_COUNTS, connect, map_tasks, run_tasks
+from gdfe_ros.entry import INTERRUPTED
 from gdfe_ros.errors import GdfeError
 
 NOBODY = 2**31 - 1
@@ -95,3 +100,31 @@ def test_workers_that_take_long_to_come_back_are_waited_for() -> None:
         done = map_tasks(client, time.sleep, [0.5] * 20)
         thread.join()
     assert done == [None] * 20
+
+
+@pytest.mark.parametrize("busy", [0.0, 3.0], ids=["starting", "solving"])
+def test_an_interruption_ends_all_processes_without_reports(tmp_path: Path, busy: float) -> None:
+    """Ctrl-C, which reaches all processes of a terminal, ends a command and its workers soon, with one line."""
+    command = [
+        sys.executable,
+        "-m",
+        "gdfe_ros.cli",
+        "workspace",
+        "tendon_finger",
+        "--count",
+        "100000",
+        "--workers",
+        "2",
+    ]
+    process = subprocess.Popen(
+        command, cwd=tmp_path, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True, start_new_session=True
+    )
+    whole, children = psutil.Process(process.pid), []
+    while len(children) < 3 or min(sum(each.cpu_times()[:2]) for each in children[1:]) < busy:  # without the tracker
+        assert process.poll() is None
+        time.sleep(0.05)
+        children = whole.children()
+    os.killpg(process.pid, signal.SIGINT)
+    assert process.communicate(timeout=60.0)[1] == "gdfe workspace: interrupted\n"
+    assert process.returncode == INTERRUPTED
+    assert not any(each.is_running() and each.status() != psutil.STATUS_ZOMBIE for each in children[1:])

@@ -55,6 +55,10 @@ def test_a_scene_rebuilds_from_its_text_without_files(held_block: Path, two_link
     assert one.joint_states() == two.joint_states()
 
 
+_PROGRAM = "program: {duration: 2, joints: {lift: [{time: 1, value: 1.9, velocity: 1.4}, {time: 2, value: 1.9}]}}"
+_TOO_FAR = "the joint reaches 2.10741 rad at 1.33333 s, between two points; allowed by the joint's limits: -2 to 2"
+
+
 @pytest.mark.parametrize(
     ("old", "new", "told"),
     [
@@ -70,6 +74,7 @@ def test_a_scene_rebuilds_from_its_text_without_files(held_block: Path, two_link
         ("start: {", "limits: {lever: {velocity: 1}}, start: {", "no joint 'lever' that moves; joints: lift, bend"),
         ("at: [-0.6, 0, 0]", "at: [-0.2, 0, 0]", "m inside of the soft body; remedy"),
         ("where: {face: x-}", "where: {face: x-}, fixed: true", "this handle is fixed or has free axes"),
+        ("arm: {", f"{_PROGRAM}\narm: {{", _TOO_FAR),
         ("arm: {", "arms: {a: {urdf: two.urdf, flange: tip, handle: wrist}}\narm: {", "`arm` is there, too"),
     ],
 )  # fmt: skip

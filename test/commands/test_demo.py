@@ -6,7 +6,9 @@ from __future__ import annotations
 import argparse
 import re
 import time
+from datetime import datetime
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,7 +17,8 @@ from gdfe_ros import Simulation, load_scene
 from gdfe_ros.analysis.bag_run import BagRun
 from gdfe_ros.analysis.replay import Replay
 from gdfe_ros.commands import demo
-from gdfe_ros.errors import CommandError, GdfeError
+from gdfe_ros.errors import CommandError, GdfeError, RecordingError
+from gdfe_ros.recording import bag_info
 from gdfe_ros.testing import NodeProcess
 from test.analysis.conftest import last_positions
 
@@ -79,3 +82,21 @@ def test_a_demo_beside_a_simulation_says_at_once_who_is_there(tmp_path: Path) ->
         with pytest.raises(GdfeError, match=r"another node is called /gdfe_sim in ROS domain \d+.*remedy: end it"):
             demo.run(argparse.Namespace(scene=str(path), out=tmp_path / "run", dt=0.01))
         assert time.monotonic() - started < 60.0
+
+
+def test_runs_that_begin_at_the_same_time_have_folders_of_their_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Demos begun at the same microsecond record into different folders; a place without folders is an error."""
+    monkeypatch.chdir(tmp_path)
+    moments = iter([datetime(2026, 1, 1), datetime(2026, 1, 1), datetime(2026, 1, 2)])
+    monkeypatch.setattr(bag_info, "datetime", SimpleNamespace(now=lambda: next(moments)))
+    monkeypatch.setattr(demo, "_play", lambda scene, source, bag, dt: played.append(bag) or 1 / 0)
+    played: list[Path] = []
+    for _ in range(2):
+        with pytest.raises(ZeroDivisionError):
+            demo.run(argparse.Namespace(scene="bend5", out=None, dt=0.01))
+    assert [bag.parent.name for bag in played] == ["bend5_20260101_000000_000000", "bend5_20260102_000000_000000"]
+    monkeypatch.chdir("/proc/self")
+    with pytest.raises(RecordingError, match=r"no folder for the run can be created in .*remedy: name another place"):
+        bag_info.make_run_folder("bend5")

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import re
+import shlex
 from pathlib import Path
 
 import meshio
@@ -62,6 +63,21 @@ def test_a_body_without_cavity_is_not_called_ready(tmp_path: Path, capsys: pytes
     assert "close the inlet" in said
     assert "next: add actuators or loads, and a program" in said
     assert Simulation(load_scene(tmp_path / "bar.yaml")).probe_positions()["tip"] == pytest.approx([0.03, 0, 0])
+
+
+@pytest.mark.parametrize("name", ["my part (1)", "hülle", "-x", "x" * 80])
+def test_any_file_name_gives_a_scene_that_loads(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], name: str
+) -> None:
+    """The scene's name is made from the file's, and the printed command names the file to a shell."""
+    monkeypatch.chdir(tmp_path)
+    mesh = bar([0.1, 0.02, 0.02], [3, 1, 1])
+    meshio.Mesh(mesh.vertices, [("hexahedron", mesh.cells)]).write("bar.vtu")
+    assert main(["new", "--from", "bar.vtu", "--", f"{name}.yaml"]) == 0
+    command = capsys.readouterr().out.partition("then gdfe solve ")[2]
+    (path,) = shlex.split(command)
+    assert not path.startswith("-")
+    assert load_scene(path).name == {"my part (1)": "my_part__1_", "hülle": "h_lle", "-x": "_x"}.get(name, "x" * 64)
 
 
 def test_a_least_size_is_written_into_the_scene(tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
 from gdfe_ros import Simulation, load_scene
 from gdfe_ros.cli import main
@@ -33,6 +34,16 @@ def test_the_cases_of_tables(name: str, law: Law) -> None:
     """120 000 Pa come back within 1 % from each layout."""
     table = read_stress_table(CASES / f"{name}.csv")
     assert fit_tensile(table.strain, table.stress, law=law).material.young0 == pytest.approx(YOUNG, rel=0.01)
+
+
+def test_a_fitted_material_has_a_name_that_scenes_take(tmp_path: Path) -> None:
+    """The material of a table named "2 sample-a.csv" loads in a scene."""
+    (tmp_path / "2 sample-a.csv").write_bytes((CASES / "plain.csv").read_bytes())
+    given = ["fit", "--tensile", str(tmp_path / "2 sample-a.csv"), "--law", "neo_hookean", "--out", str(tmp_path)]
+    assert main(given) == 0
+    materials = yaml.safe_load((tmp_path / "material.yaml").read_text())
+    overrides = {"materials": materials, "regions": [{"material": "m_2_sample_a"}]}
+    assert load_scene("bend5", overrides=overrides).name == "bend5"
 
 
 @pytest.mark.parametrize("law", [Law.NEO_HOOKEAN, Law.OGDEN])

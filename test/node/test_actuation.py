@@ -17,7 +17,9 @@ from std_msgs.msg import Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from gdfe_ros.analysis.bag_run import BagRun
+from gdfe_ros.analysis.replay import Replay
 from gdfe_ros.node.messages import to_time
+from gdfe_ros.recording.step import Begin
 from gdfe_ros.simulation import Command
 from gdfe_ros.testing import Simulator
 
@@ -152,3 +154,22 @@ def test_a_bag_begun_under_load_replays(client: Any, launch: Callable, replays: 
     client.wait(lambda: any(record.actuators.get("flexor") == 1.5 for record in client.records()))
     client.switch("record", False)
     assert ("joint_states", "velocity") in replays(tmp_path / "bag")
+
+
+@pytest.mark.parametrize("clock", ["lockstep", "wall"])
+def test_a_bag_begun_before_any_command_begins_at_rest(
+    client: Any, launch: Callable, replays: Callable, tmp_path: Path, clock: str
+) -> None:
+    """A bag begun by the service after the activation or a reset replays bit for bit, also with other materials."""
+    launch(scene="tendon_finger", clock=clock, heartbeat=0.0)
+    for bag in (tmp_path / "activated", tmp_path / "reset"):
+        client.set(bag_path=str(bag))
+        client.switch("record", True)
+        count = len(client.records())
+        client.publish("actuation", JointState(name=["flexor"], effort=[1.0]))
+        client.wait(lambda count=count: any(each.actuators.get("flexor") == 1.0 for each in client.records()[count:]))
+        client.switch("record", False)
+        replays(bag, node=True)
+        assert BagRun(bag).records[0].begin is Begin.REST
+        assert Replay(BagRun(bag), overrides={"materials.web.young": 13e6}).run().differences.steps > 1
+        client.trigger("reset")

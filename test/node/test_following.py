@@ -77,7 +77,7 @@ def test_the_gripper_hangs_on_the_arm(tmp_path: Any, replays: Callable) -> None:
     ("leader", "said"),
     [
         ("topic:/tool", "command on /tool refused: position"),
-        ("frame:tool0", "command on /tf, frame 'tool0', refused: translation"),
+        ("frame:tool0", "command on /tf refused: frame 'tool0': translation"),
     ],
 )
 def test_a_leader_that_makes_no_sense_is_refused(

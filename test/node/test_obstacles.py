@@ -282,7 +282,7 @@ def test_a_rigid_body_is_put_by_topic(slab: Path, client: Any, start: Callable) 
     client.publish("bodies/part/set", _pose(z=-0.05))
     client.wait(lambda: client.diagnostics().get("refused: inside of something") == "1")
     assert "m inside of obstacle 'table'; remedy: shift it by" in process.log
-    assert "command on ~/bodies/part/set refused: " in process.log
+    assert "command on /gdfe_sim/bodies/part/set refused: body" in process.log
 
 
 def test_bodies_that_were_put_are_replayed_to_the_bit(tmp_path: Path, slab: Path, replays: Callable) -> None:

@@ -4,7 +4,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -131,13 +132,21 @@ def test_arrays_command_all_actuators() -> None:
     assert _refused(lambda: ORDERS.from_array(Float64MultiArray(data=[1.0, 9.0]))) is Reason.OUT_OF_RANGE
 
 
-def _trajectory(*points: tuple[float, list[float]], start: int = 0, name: str = "left") -> JointTrajectory:
+def _trajectory(
+    *points: tuple[float, list[float]],
+    start: int = 0,
+    name: str = "left",
+    slopes: Sequence[float] = (),
+    bends: Sequence[float] = (),
+) -> JointTrajectory:
     message = JointTrajectory(joint_names=[name])
     message.header.stamp.sec = start
     for moment, positions in points:
         nanoseconds = round(moment * 1e9)
         time = Duration(sec=nanoseconds // 10**9, nanosec=nanoseconds % 10**9)
-        message.points.append(JointTrajectoryPoint(positions=positions, time_from_start=time))
+        message.points.append(JointTrajectoryPoint(positions=positions, time_from_start=time, accelerations=bends))
+    for point, slope in zip(message.points, slopes, strict=False):
+        point.velocities = [slope]
     return message
 
 
@@ -147,6 +156,31 @@ def test_trajectories_are_taken_point_by_point() -> None:
     assert (order.names, order.start) == (("left",), 2.5)
     assert order.times.tolist() == [0.5, 1.5]
     assert order.values.tolist() == [[1.0], [3.0]]
+
+
+@pytest.mark.parametrize("bends", [[], [0.0]], ids=["cubic", "quintic"])
+def test_trajectories_out_of_range_between_points_are_refused(bends: list[float]) -> None:
+    """Between equal positions, T apart, with velocities v and -v, a cubic rises by T v / 4, a quintic by 5 T v / 16."""
+    peak = "15.25" if bends else "14"
+    wide = _trajectory((1.0, [9.0]), (2.0, [9.0]), slopes=[20.0, -20.0], bends=bends)
+    with pytest.raises(Refusal, match=rf"1\.5 s after its start.*'left' to {peak}; allowed: 0 to 10; remedy") as found:
+        ORDERS.from_trajectory(wide, now=0.0, convert=_later)
+    assert found.value.reason is Reason.OUT_OF_RANGE
+    close = _trajectory((1.0, [9.0]), (2.0, [9.0]), slopes=[3.0, -3.0], bends=bends)
+    order = ORDERS.from_trajectory(close, now=0.0, convert=_later)
+    # The motion to the first point depends on the command at the start.
+    order.require_limits(np.array([8.0]))
+    with pytest.raises(Refusal, match="allowed: 0 to 10"):
+        order.require_limits(np.array([8.0]), np.array([30.0]))
+
+
+def test_rounding_leaves_no_range() -> None:
+    """From limit to limit with noise of 1e-6 in the velocities, all commands are within the limits."""
+    falling = _trajectory((0.0, [10.0]), (0.7, [0.0]), slopes=[1e-6, 1e-6])
+    order = ORDERS.from_trajectory(falling, now=0.0, convert=_later)
+    values = [order.at(elapsed, np.array([0.0]))[0] for elapsed in 0.7 - np.linspace(0.0, 2e-8, 100)]
+    assert min(values) == 0.0
+    assert min(replace(order, limits=None).at(0.7 - 8e-9, np.array([0.0]))) < 0.0
 
 
 def _later(stamp: int) -> float:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from typing import Any
 
@@ -46,7 +47,13 @@ def test_a_bad_goal_ends_with_its_code(client: Any, follower: Follower) -> None:
     assert (status, code) == (GoalStatus.STATUS_ABORTED, -1)
     assert "allowed: 0 to" in reason
     assert follower.result(follower.send())[1] == -1
-    assert client.diagnostics()["commands refused"] == "3"
+    # Between the points, or before the first one, which the first step of the trajectory finds.
+    for values in ((0.0, 0.0), (0.0,)):
+        status, code, reason = follower.result(follower.send(*values, velocities=9.0))
+        assert (status, code) == (GoalStatus.STATUS_ABORTED, -1)
+        assert re.match(r"\S+ s after its start, .* takes 'flexor' to \S+; allowed: 0 to \S+; remedy: smaller", reason)
+    assert client.diagnostics()["commands refused"] == "5"
+    assert not any(record.actuators for record in client.records())
 
 
 def test_a_goal_ends_by_what_others_do(client: Any, follower: Follower) -> None:

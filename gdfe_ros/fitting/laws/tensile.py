@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import combinations
@@ -308,7 +309,8 @@ def tensile_remarks(fit: TensileFit) -> list[str]:
 
 
 def material_text(fit: TensileFit, name: str) -> str:
-    """Return the fitted law as YAML text for the key `materials` of a scene."""
+    """Return the fitted law as YAML text for the key `materials` of a scene; ``name`` becomes a name of a material."""
+    name = re.sub(r"^(?![A-Za-z])", "m_", re.sub(r"[^A-Za-z0-9_]", "_", name))
     return yaml.safe_dump({name: dict(fit.entry)}, sort_keys=False, default_flow_style=None, width=110)
 
 

@@ -16,6 +16,7 @@ from gdfe_ros.constraints import Pose
 from gdfe_ros.node.driving.orders import (
     ActuatorOrder,
     Order,
+    PlaceOrder,
     PoseOrder,
     TeleportOrder,
     TrajectoryOrder,
@@ -210,6 +211,7 @@ class CommandAssembler:
 
     def __init__(self, run: Host) -> None:
         self._run, self.slew = run, Slew(run.scene.actuators)
+        self._sources: dict[tuple[bool, str], str] = {}
         self.clear()
 
     def clear(self) -> None:
@@ -225,13 +227,21 @@ class CommandAssembler:
         Waiting teleports are kept only for the free bodies named in ``bodies``.
         """
         self._twists, self._courses, self._resting = other._twists, other._courses, other._resting
-        self.slew = other.slew
+        self.slew, self._sources = other.slew, other._sources
         if self._resting is not None:
             kept = {name: pose for name, pose in self._resting.bodies.items() if name in bodies}
             self._resting = replace(self._resting, bodies=kept)
 
-    def place(self, bodies: Mapping[str, Pose]) -> None:
-        """Teleport free bodies with the next command."""
+    def refuse(self, command: Command, refusal: Refusal) -> None:
+        """Report that a step refuses a command, once for each topic or service that a part of it came from."""
+        parts = vars(command).items()
+        keys = {(section in ("handles", "bodies"), name) for section, values in parts for name in values}
+        for source in sorted({self._sources.get(key, "") for key in keys} - {""}) or ["a step"]:
+            self._run.refusals.refuse(source, refusal, late=True)
+
+    def place(self, bodies: Mapping[str, Pose], source: str) -> None:
+        """Teleport free bodies with the next command; ``source`` is the service that requests it."""
+        self._sources |= {(True, name): source for name in bodies}
         resting = self._resting or Command()
         self._resting = replace(resting, bodies={**resting.bodies, **bodies})
 
@@ -259,6 +269,8 @@ class CommandAssembler:
         actuators: dict[str, float] = {**first.actuators, **first.loads, **first.joints}
         bodies: dict[str, Pose] = dict(first.bodies)
         for order in orders:
+            placed = isinstance(order, PlaceOrder | TwistOrder)
+            self._sources |= {(placed, name): order.source for name in order.names}
             match order:
                 case PoseOrder():
                     self._twists.pop(order.name, None)
@@ -275,14 +287,7 @@ class CommandAssembler:
                     for name in order.names:
                         self._courses.pop(name, None)
                 case TrajectoryOrder():
-                    start = time - dt if order.start is None else order.start
-                    present = self._run.simulation.commands | self._run.simulation.joint_goals
-                    before = [actuators.get(name, present[name]) for name in order.names]
-                    rates = self._run.simulation.motor_velocities
-                    for name, value in zip(order.names, before, strict=True):
-                        self._courses[name] = _Course(start, value, rates.get(name, 0.0), order.only(name))
-                    if order.begun is not None:
-                        order.begun(start, before, [rates.get(name, 0.0) for name in order.names])
+                    self._begin_courses(order, actuators, time - dt)
         poses |= self._move_targets(dt, poses)
         values, loads = actuators | self._follow_courses(time), {load.name for load in self._run.simulation.scene.loads}
         joints = self._run.simulation.joint_goals.keys()
@@ -294,6 +299,25 @@ class CommandAssembler:
             joints={name: value for name, value in values.items() if name in joints},
         )
         return self.slew.limit(command, self._run.simulation.commands, dt=dt, slew_time=slew_time)
+
+    def _begin_courses(self, order: TrajectoryOrder, given: Mapping[str, float], now: float) -> None:
+        """Begin a trajectory at the simulation time ``now`` [s], or refuse it; ``given`` are commands of this step."""
+        start = now if order.start is None else order.start
+        present = self._run.simulation.commands | self._run.simulation.joint_goals | given
+        velocities = self._run.simulation.motor_velocities
+        before = np.array([present[name] for name in order.names])
+        rates = np.array([velocities.get(name, 0.0) for name in order.names])
+        try:
+            order.require_limits(before, rates)
+        except Refusal as refusal:
+            self._run.refusals.refuse(order.source, refusal, late=True)
+            if order.refused is not None:
+                order.refused(str(refusal))
+            return
+        for name, value, rate in zip(order.names, before, rates, strict=True):
+            self._courses[name] = _Course(start, float(value), float(rate), order.only(name))
+        if order.begun is not None:
+            order.begun(start, before, rates)
 
     def _target(self, name: str, poses: Mapping[str, Pose]) -> Pose:
         """Return a handle's target before an order: the target set earlier in this step, or else the present target."""
@@ -316,7 +340,7 @@ class CommandAssembler:
                 require_near(pose.translation, self._run.simulation.mesh.size)
             except Refusal as refusal:
                 del self._twists[name]
-                self._run.refusals.refuse(name, refusal)
+                self._run.refusals.refuse(twist.source or name, refusal, late=True)
                 continue
             poses[name] = pose
         return poses

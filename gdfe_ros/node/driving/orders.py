@@ -3,7 +3,8 @@
 
 The method ``without`` returns the part of an order that remains valid after a later order, or None. Orders of different
 handles or actuators do not affect each other. ``names`` are the names of the commanded items: a handle, a body, or
-actuators, loads and joints.
+actuators, loads and joints. ``source`` is the topic or service from which an order came, for refusals; it is empty if
+the order came from neither.
 """
 
 from __future__ import annotations
@@ -12,13 +13,13 @@ import math
 import threading
 from collections import deque
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from gdfe_ros.arms.spline import spline
+from gdfe_ros.arms.spline import find_excess, spline
 from gdfe_ros.constraints import Pose, nearest_turn
 from gdfe_ros.errors import CommandError
 from gdfe_ros.node.refusals import Reason, Refusal, require_finite
@@ -30,6 +31,7 @@ FARTHEST = 10.0
 @dataclass(frozen=True)
 class _ItemOrder:
     name: str
+    source: str = field(default="", kw_only=True, compare=False)
 
     @property
     def names(self) -> tuple[str]:
@@ -134,6 +136,7 @@ class ActuatorOrder:
     """
 
     values: Mapping[str, float]
+    source: str = field(default="", kw_only=True, compare=False)
 
     @property
     def names(self) -> Collection[str]:
@@ -148,7 +151,7 @@ class ActuatorOrder:
         if not isinstance(later, ActuatorOrder):
             return self
         values = {name: value for name, value in self.values.items() if name not in later.values}
-        return ActuatorOrder(values) if values else None
+        return replace(self, values=values) if values else None
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,8 +165,11 @@ class TrajectoryOrder:
         values: (k, len(names)) commands in the units of the modes.
         slopes: (k, len(names)) velocities of the commands, for cubic interpolation; None: linear interpolation.
         bends: (k, len(names)) accelerations of the commands, for quintic interpolation; None: cubic or linear.
+        limits: (2, len(names)) least and largest commands, to which rounding is cut; None: no limits.
         begun: function that is called when a step consumes the order, with the start [s], and the commands and
             velocities at the start; None: not called.
+        refused: function that is called instead of ``begun``, with the reason, if a step refuses the order; None: not
+            called.
     """
 
     names: tuple[str, ...]
@@ -172,7 +178,10 @@ class TrajectoryOrder:
     values: NDArray[np.float64]
     slopes: NDArray[np.float64] | None = None
     bends: NDArray[np.float64] | None = None
+    limits: NDArray[np.float64] | None = None
     begun: Callable[[float, Collection[float], Collection[float]], object] | None = None
+    refused: Callable[[str], object] | None = None
+    source: str = ""
 
     @property
     def ends(self) -> bool:
@@ -184,7 +193,7 @@ class TrajectoryOrder:
         kept = [place for place, name in enumerate(self.names) if name not in later.names]
         if not kept or len(kept) == len(self.names):
             return self if kept else None
-        tables = {name: getattr(self, name) for name in ("values", "slopes", "bends")}
+        tables = {name: getattr(self, name) for name in ("values", "slopes", "bends", "limits")}
         parts = {name: None if table is None else table[:, kept] for name, table in tables.items()}
         return replace(self, names=tuple(self.names[place] for place in kept), **parts)
 
@@ -202,15 +211,48 @@ class TrajectoryOrder:
             before: commands (len(names),) at the start; the commands before the first point are interpolated from them.
             rates: velocities (len(names),) at the start, for cubic and quintic interpolation; None: 0.
         """
-        times, tables = self.times, [self.values, self.slopes, self.bends]
-        if times[0] > 0.0:
-            still = np.zeros(len(before))
-            first = [before, still if rates is None else rates, still]
-            times = np.concatenate([[0.0], times])
-            tables = [
-                None if table is None else np.vstack([row, table]) for row, table in zip(first, tables, strict=True)
-            ]
-        return spline(times, *tables, at=elapsed)
+        values = spline(*self._points(before, rates), at=elapsed)
+        return values if self.limits is None else np.clip(values, *self.limits)
+
+    def _points(
+        self, before: NDArray[np.float64] | None, rates: NDArray[np.float64] | None
+    ) -> list[NDArray[np.float64] | None]:
+        """Return times and tables of the points, after a first one with the commands ``before`` at the start."""
+        points = [self.times, self.values, self.slopes, self.bends]
+        if before is None or self.times[0] == 0.0:
+            return points
+        still = np.zeros(len(before))
+        first = [0.0, before, still if rates is None else rates, still]
+        return [
+            None if each is None else np.concatenate([[row], each]) for row, each in zip(first, points, strict=True)
+        ]
+
+    def require_limits(
+        self, before: NDArray[np.float64] | None = None, rates: NDArray[np.float64] | None = None
+    ) -> None:
+        """Check that a cubic or quintic trajectory does not leave the limits between its points.
+
+        Args:
+            before: commands (len(names),) at the start, to check the segment from there to the first point; None: the
+                segments between the points are checked.
+            rates: velocities (len(names),) at the start; None: 0.
+
+        Raises:
+            Refusal: a command leaves its limits by more than rounding.
+        """
+        if self.limits is None:
+            return
+        points = self._points(before, rates)
+        if before is not None:
+            points = [None if each is None else each[:2] for each in points]
+        if (found := find_excess(*points, low=self.limits[0], high=self.limits[1])) is not None:
+            column, elapsed, value = found
+            low, high = self.limits[:, column]
+            raise Refusal(
+                Reason.OUT_OF_RANGE,
+                f"{elapsed:.6g} s after its start, between two points, the trajectory takes {self.names[column]!r} to "
+                f"{value:.6g}; allowed: {low:g} to {high:g}; remedy: smaller velocities there, or more points",
+            )
 
 
 Order = PoseOrder | TwistOrder | TeleportOrder | ActuatorOrder | TrajectoryOrder

@@ -16,11 +16,11 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from gdfe_ros.checkpoint import save_state
 from gdfe_ros.errors import CommandError, GdfeError, OverlapError
 from gdfe_ros.node.driving.drive import CommandAssembler, Host
 from gdfe_ros.node.driving.orders import Inbox, Order
 from gdfe_ros.node.driving.pace import Pace, WallPace
-from gdfe_ros.node.interface.topics import BODY_SET
 from gdfe_ros.node.refusals import Reason, Refusal
 from gdfe_ros.recording.step import Begin, Step, make_record, observe, to_nanoseconds
 from gdfe_ros.results.step_result import StepResult
@@ -59,6 +59,7 @@ class SteppingThread:
         changed: condition that wakes the thread; its lock guards the inbox.
         count: number of steps made.
         begin: kind of the state from which the next step starts.
+        initial: whether the present state is the initial one, from which only a step of duration 0 was made.
         stepping: whether a step is being made.
         paused: whether only ``advance`` makes steps; set by `pause`.
         work: description of the present task, and its start on a monotonic clock [s]; None without a task.
@@ -75,7 +76,7 @@ class SteppingThread:
         self.drive = CommandAssembler(run)
         self.changed = threading.Condition()
         self.count = 0
-        self.begin = Begin.REST
+        self.begin, self.initial = Begin.REST, False
         self.work: tuple[str, float] | None = None
         self.rounds = 0
         self._urgent: set[Future] = set()
@@ -233,6 +234,18 @@ class SteppingThread:
         if self._thread is not None:
             self._step((), dt=0.0, first=True)
 
+    def begin_bag(self, write: Callable[[bytes | None], _Value]) -> _Value:
+        """Begin a bag by ``write`` with the serialised state that the next step starts from; None: the initial state.
+
+        Called between steps.
+        """
+        state = None if self.initial or self.begin is Begin.REST else save_state(self._simulation)
+        made = write(state)
+        if self.initial:
+            self._simulation.reset()  # so that the next step repeats the first one
+        self.begin = Begin.REST if state is None else Begin.LOADED
+        return made
+
     def _work(self) -> None:
         show_name()
         action: Callable[[], None] | None = partial(self._step, (), dt=0.0, first=True)
@@ -349,6 +362,7 @@ class SteppingThread:
         told = {"log_time": log_time, "first": first, "stored": stored}
         run.last = Step(record=record, result=result, **told, **observe(simulation))
         run.log_time = log_time
+        self.initial = first and (self.begin is Begin.REST or (self.initial and self.begin is Begin.LAST))
         self.count, self.begin = self.count + 1, Begin.LAST
         self.solving += result.wall_time
         self.spent += time.perf_counter() - started
@@ -356,15 +370,14 @@ class SteppingThread:
 
     def _try_step(self, command: Command, **given: Any) -> tuple[Command, StepResult]:
         """Make a step and return its command and result; leave out a refused teleport or a refused command."""
-        run, step = self._run, self._simulation.step
+        step = self._simulation.step
         try:
             return command, step(command, **given)
         except OverlapError as error:
-            named = ", ".join(BODY_SET.name.format(body=name) for name in command.bodies)
-            run.refusals.refuse(named, Refusal(Reason.OVERLAP, str(error)))
+            self.drive.refuse(Command(bodies=command.bodies), Refusal(Reason.OVERLAP, str(error)))
             command = replace(command, bodies={})
         except CommandError as error:
-            run.refusals.refuse("a step", Refusal(Reason.OUT_OF_RANGE, str(error)))
+            self.drive.refuse(command, Refusal(Reason.OUT_OF_RANGE, str(error)))
             self.drive.slew.clear()
             command = Command()
         return command, step(command, **given)

@@ -279,7 +279,8 @@ DIAGNOSTICS = TopicSpec(
 )
 REFUSED = _text(
     "~/refused",
-    "JSON for each refused command, at once: `source` (its topic), `reason` (as counted on /diagnostics) and `message`",
+    "JSON for each refused command, at once: `source` (the full name of its topic, service or action), `reason` (as "
+    "counted on /diagnostics), `message`, and `late` (true: the step that consumed the command refused it)",
     delivery=Delivery.EVENT,
     recorded=False,
 )

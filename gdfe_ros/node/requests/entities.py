@@ -270,7 +270,8 @@ class EntityQueries:
 
         def put() -> None:
             session.simulation.put({thing.name: pose})  # raises an error if the place is not free
-            session.stepper.drive.place({thing.name: pose})
+            source = self._node.resolve_service_name(interface.SET_ENTITY_STATE.name)
+            session.stepper.drive.place({thing.name: pose}, source)
 
         return session.stepper.post(put)
 

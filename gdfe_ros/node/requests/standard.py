@@ -9,6 +9,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 from concurrent.futures import Future
+from dataclasses import replace
 from enum import IntEnum
 from typing import Any
 
@@ -280,7 +281,7 @@ class TrajectoryAction:
 
     def _accept(self, goal: Any) -> None:
         """Queue the order of a goal, or end the goal at once with the reason of the refusal."""
-        key = bytes(goal.goal_id.uuid)
+        key, name = bytes(goal.goal_id.uuid), self._node.resolve_topic_name(FOLLOW_TRAJECTORY.name)
 
         def finish(code: Code, reason: str) -> None:
             self._pursuits.pop(key, None)
@@ -291,14 +292,14 @@ class TrajectoryAction:
             if session is None or not session.stepper.running:
                 raise Refusal(Reason.INACTIVE, f"the node is {self._node.lifecycle_state}; `activate` it first")
             tolerances = _tolerances(goal.request)
-            order = session.inputs.trajectory(goal.request.trajectory)
+            order = replace(session.inputs.trajectory(goal.request.trajectory), source=name)
             tell = _feedback(goal, self._kind, order.names, session)
             self._pursuits[key] = pursuit = Pursuit(order, tolerances, tell=tell, finish=finish)
             session.inputs.pursue(pursuit)
         except GdfeError as error:
             refusal = error if isinstance(error, Refusal) else Refusal(Reason.MALFORMED, str(error))
             if session is not None:
-                session.run.refusals.refuse(FOLLOW_TRAJECTORY.name, refusal)
+                session.run.refusals.refuse(name, refusal)
             finish(_CODES.get(refusal.reason, Code.INVALID_GOAL), str(refusal))
 
     def _cancel(self, goal: Any) -> None:

@@ -4,7 +4,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 
+import numpy as np
+
+from gdfe_ros.arms.description import Joint
+from gdfe_ros.arms.spline import find_excess
 from gdfe_ros.scene.building.actuators import neutral_commands
 from gdfe_ros.scene.building.arms import ONE, joint_starts
 from gdfe_ros.scene.document import KeyPath
@@ -43,6 +48,7 @@ def build_program(draft: Draft, scene: Scene, report: Defects) -> Program:
         path, limits, fast = ("program", "joints", joint.name), joint.limits, joint.limits.velocity
         _require_between(model.joints, "value", (limits.lower, limits.upper), path, "the joint's limits", report)
         _require_between(model.joints, "velocity", (-fast, fast), path, "the joint's limit", report)
+        _require_within(model.joints.get(joint.name, ()), joint_starts(scene.arms)[joint.name], joint, path, report)
     return model.starting_from(neutral_commands(scene) | joint_starts(scene.arms))
 
 
@@ -91,6 +97,19 @@ def _require_between(
     for i, point in enumerate(tracks.get(path[-1], ())):
         if not low <= getattr(point, key) <= high:
             report.add((*path, i, key), f"allowed by {limit}: {low:g} to {high:g}")
+
+
+def _require_within(points: Sequence[JointPoint], start: float, joint: Joint, path: KeyPath, report: Defects) -> None:
+    """Report a joint whose cubics leave its limits between its points, which follow ``start`` at time 0."""
+    rows = [(point.time, point.value, point.velocity) for point in points]
+    if not rows or any(after.time <= before.time for before, after in pairwise(points)):
+        return  # another defect, or no motion
+    times, values, slopes = np.array([(0.0, start, 0.0), *rows] if rows[0][0] > 0.0 else rows).T
+    low, high = joint.limits.lower, joint.limits.upper
+    found = find_excess(times, values[:, None], slopes[:, None], low=np.array([low]), high=np.array([high]))
+    if found is not None:
+        text = f"{found[2]:.6g} {joint.unit} at {found[1]:.6g} s, between two points; allowed by the joint's limits: "
+        report.add(path, f"the joint reaches {text}{low:g} to {high:g}; remedy: smaller velocities, or more points")
 
 
 def _require_movable(
