@@ -16,8 +16,9 @@ import numpy as np
 from gdfe_ros.compiled import internal, kernel
 from gdfe_ros.mesh.triples import corner, dot
 from gdfe_ros.solver.contact.complementarity import HALF, row_product, solve_laws
-from gdfe_ros.solver.contact.compliance import differentiate, find_compliance, project, turn_direction
+from gdfe_ros.solver.contact.compliance import find_compliance, turn_direction
 from gdfe_ros.solver.contact.contact_term import MARGIN
+from gdfe_ros.solver.contact.field import differentiate, project
 from gdfe_ros.solver.contact.stencil import add_load, find_stencils, turn_shear
 from gdfe_ros.solver.descent.lbfgs_workspace import inner
 from gdfe_ros.solver.descent.loop import ENDLESS, MOST_FLAT, WILD, choose, move, start
@@ -196,10 +197,7 @@ def linearise(field, chosen, w, q, start):
 
 @internal
 def hold(field, chosen, now):
-    """Set the forces of the ``chosen`` points to ``now`` (3 c,) [N]; points that are not usable lose their forces.
-
-    Return whether any force has changed.
-    """
+    """Set the forces of ``chosen`` points to ``now`` (3 c,) [N], of unusable points to 0; return whether any changed."""
     held, shears, changed = field.stencils.held, field.stencils.shears, False
     for i in range(len(held)):
         if not field.usable[i] and holds(held, i):
@@ -318,6 +316,23 @@ def shorten(work, field, tally):
     work.status[0].slope *= share
 
 
+@internal
+def evaluate_first(problem, work, tally):
+    """Evaluate all terms if the minimisation starts."""
+    if tally[0].stage == START:
+        start(problem, work)
+        tally[0].stage = BEGIN
+
+
+@internal
+def end_answer(work, field, known, tally, touching):
+    """Store the direction for `find_newest`, and shorten the step if forces change from step to step."""
+    known.aim[:] = work.direction
+    known.pairs[1], known.pairs[2] = work.status[0].head, work.status[0].count if tally[0].count else -1
+    if touching and tally[0].swings:
+        shorten(work, field, tally)
+
+
 @kernel
 def is_settling(tally):
     """Return whether the touching points and their forces have settled, or may still settle."""
@@ -356,9 +371,7 @@ def descend_touching(problem, work, metric, field, known, tally, rows, size, tar
     ``known``, the progress ``tally`` (1,) with the fields of `TALLY`, and the ``rows`` of `find_joins`.
     """
     t, made = tally[0], 0
-    if t.stage == START:
-        start(problem, work)
-        t.stage = BEGIN
+    evaluate_first(problem, work, tally)
     while made < limit:
         if t.stage == BEGIN:
             if t.gone > 0.0 and not t.gone < t.room:
@@ -370,10 +383,7 @@ def descend_touching(problem, work, metric, field, known, tally, rows, size, tar
             touching = t.found != 0 and len(field.owner) > 0
             if touching and not find_forces(problem, work, metric, field, known, tally, size, target):
                 return made
-            known.aim[:] = work.direction
-            known.pairs[1], known.pairs[2] = work.status[0].head, work.status[0].count if t.count else -1
-            if touching and t.swings:
-                shorten(work, field, tally)
+            end_answer(work, field, known, tally, touching)
             t.stage = MOVE
             if t.shows:
                 return made

@@ -21,9 +21,9 @@ from gdfe_ros.solver.contact.answer import (
     look_again,
 )
 from gdfe_ros.solver.contact.complementarity import find_violations
-from gdfe_ros.solver.contact.compliance import Compliance, project, pull
+from gdfe_ros.solver.contact.compliance import Compliance
 from gdfe_ros.solver.contact.contact_term import FAINT, ROUNDING
-from gdfe_ros.solver.contact.field import HeldLoads, PointField
+from gdfe_ros.solver.contact.field import HeldLoads, PointField, project, pull
 from gdfe_ros.solver.contact.stencil import PLANES
 from gdfe_ros.solver.descent.lbfgs_workspace import Problem, Workspace
 from gdfe_ros.solver.descent.loop import Metric

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The near points of all contacts of a body in one set of arrays, and the dead loads that represent their forces."""
+"""The near points of all contacts of a body in one set of arrays, their derivatives, and their forces as dead loads."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from gdfe_ros.compiled import internal, kernel
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact.contact_term import ContactTerm
 from gdfe_ros.solver.contact.stencil import (
@@ -25,6 +26,8 @@ from gdfe_ros.solver.contact.stencil import (
     held_entry,
 )
 from gdfe_ros.solver.contact.touch import Touches
+from gdfe_ros.solver.matrix.rotation import left_jacobian_transposed
+from gdfe_ros.solver.matrix.unknowns import rigid_part
 from gdfe_ros.solver.state import State
 from gdfe_ros.solver.terms.term import Term
 
@@ -67,6 +70,86 @@ class PointField(NamedTuple):
     before: NDArray[np.float64]
     last: NDArray[np.float64]
     head: NDArray[np.int64]
+
+
+@kernel
+def differentiate(x, u, frame, unknowns, row_of, handle_of, axes, ends, pressing, rubbing, rows, blocks, counts):
+    """Write the derivative of each point's gap and slip with respect to the rows of unknowns.
+
+    ``row_of`` (n,) is the row of each free vertex, and ``handle_of`` (n,) the number of each vertex' handle with a free
+    axis; both are -1 for other vertices. ``axes``, ``ends``, ``pressing`` and ``rubbing`` are arrays of `Stencils`. The
+    results are the ``rows`` (k, e) on which each point depends, their number ``counts`` (k,), and the derivatives
+    ``blocks`` (k, e, 3, 3).
+    """
+    count = len(unknowns.free)
+    for i in range(len(ends)):
+        counts[i] = 0
+        for a in range(ends.shape[1]):
+            v = ends[i, a]
+            row = row_of[v]
+            if row >= 0:
+                e = entry_of(row, i, rows, blocks, counts)
+                for k in range(3):
+                    w = pressing[i, a] if k == 0 else rubbing[i, a]
+                    for j in range(3):
+                        blocks[i, e, k, j] += w * axes[i, k, j]
+            elif handle_of[v] >= 0:
+                p = handle_of[v]
+                e = entry_of(count + p, i, rows, blocks, counts)
+                for k in range(3):
+                    w = pressing[i, a] if k == 0 else rubbing[i, a]
+                    for j in range(3):
+                        blocks[i, e, k, j] += w * axes[i, k, j] * unknowns.slides[p, j]
+                if unknowns.turn_row[p] < 0:
+                    continue
+                e = entry_of(unknowns.turn_row[p], i, rows, blocks, counts)
+                shift = rigid_part(u, count + p, unknowns.slides, p, 1.0)
+                turn = rigid_part(u, unknowns.turn_row[p], unknowns.turns, p, 1.0 / unknowns.radius[p])
+                r0 = x[v, 0] - frame.centre[p, 0] - shift[0]
+                r1 = x[v, 1] - frame.centre[p, 1] - shift[1]
+                r2 = x[v, 2] - frame.centre[p, 2] - shift[2]
+                for k in range(3):
+                    w = pressing[i, a] if k == 0 else rubbing[i, a]
+                    d0, d1, d2 = w * axes[i, k, 0], w * axes[i, k, 1], w * axes[i, k, 2]
+                    moment = r1 * d2 - r2 * d1, r2 * d0 - r0 * d2, r0 * d1 - r1 * d0
+                    moment = left_jacobian_transposed(turn, moment)
+                    for j in range(3):
+                        blocks[i, e, k, j] += moment[j] * unknowns.turns[p, j] / unknowns.radius[p]
+
+
+@internal
+def entry_of(row, i, rows, blocks, counts):
+    """Return the index of ``row`` among the rows of point ``i``; append the row if it is new."""
+    for e in range(counts[i]):
+        if rows[i, e] == row:
+            return e
+    e = counts[i]
+    rows[i, e] = row
+    blocks[i, e] = 0.0
+    counts[i] += 1
+    return e
+
+
+@kernel
+def project(direction, rows, blocks, counts, out):
+    """Write J d (k, 3) [m], the change of gap and slip of each point in a step ``direction`` (3 r,)."""
+    for i in range(len(rows)):
+        for k in range(3):
+            total = 0.0
+            for e in range(counts[i]):
+                for j in range(3):
+                    total += blocks[i, e, k, j] * direction[3 * rows[i, e] + j]
+            out[i, k] = total
+
+
+@kernel
+def pull(forces, rows, blocks, counts, out):
+    """Add J^T f (3 r,) [N] to ``out``, for forces f (k, 3) [N] along the axes of each point."""
+    for i in range(len(rows)):
+        for e in range(counts[i]):
+            for j in range(3):
+                for k in range(3):
+                    out[3 * rows[i, e] + j] += blocks[i, e, k, j] * forces[i, k]
 
 
 class HeldLoads(Term):

@@ -22,9 +22,9 @@ from numpy.typing import NDArray
 
 from gdfe_ros.solver import outcome
 from gdfe_ros.solver.contact.complementarity import solve_laws
-from gdfe_ros.solver.contact.compliance import join, project, pull
+from gdfe_ros.solver.contact.compliance import join
 from gdfe_ros.solver.contact.contact_term import ROUNDING, ContactTerm
-from gdfe_ros.solver.contact.field import HeldLoads
+from gdfe_ros.solver.contact.field import HeldLoads, project, pull
 from gdfe_ros.solver.contact.stencil import add_loads, find_pressing
 from gdfe_ros.solver.motion.inertia import NAME, FreeMass
 from gdfe_ros.solver.motion.scheme import Kinematics, Rule
