@@ -197,7 +197,7 @@ def linearise(field, chosen, w, q, start):
 
 @internal
 def hold(field, chosen, now):
-    """Set the forces of ``chosen`` points to ``now`` (3 c,) [N], of unusable points to 0; return whether any changed."""
+    """Set the forces of ``chosen`` points to ``now`` (3 c,) [N]; unusable ones lose theirs. Return if any changed."""
     held, shears, changed = field.stencils.held, field.stencils.shears, False
     for i in range(len(held)):
         if not field.usable[i] and holds(held, i):
