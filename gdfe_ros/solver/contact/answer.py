@@ -361,7 +361,7 @@ def go_on(work, tally, trust):
 
 
 @kernel
-def descend_touching(problem, work, metric, field, known, tally, rows, size, target, least, most, limit):
+def descend_touching(problem, work, metric, field, known, tally, rows, size, target, proven, most, limit):
     """Do `descend` with contact, from the stage in ``tally`` on; return the number of iterations.
 
     It returns early where the caller has to act: before points may have to be chosen again, at the stage `SEARCH`,
@@ -388,7 +388,7 @@ def descend_touching(problem, work, metric, field, known, tally, rows, size, tar
             if t.shows:
                 return made
         t.stage = BEGIN
-        if t.found == 0 or not move(problem, work, metric, size, target, least, t.found == 2):
+        if t.found == 0 or not move(problem, work, metric, size, target, proven, t.found == 2):
             t.over = 1
             return made
         t.gone += 2.0 * work.status[0].step  # translation and rotation of a handle add up at its vertices

@@ -109,7 +109,7 @@ class ContactForces:
         work: Workspace,
         metric: Metric,
         key: tuple[object, ...],
-        minimum: tuple[float, float, float, int],
+        minimum: tuple[float, float, bool, int],
         limit: int,
         show: Callable[[], None] | None,
         *,
@@ -118,7 +118,7 @@ class ContactForces:
         """Do `loop.descend` with contact; return the number of iterations.
 
         ``problem``, ``work``, ``metric``, ``limit`` and ``begins`` are arguments of `loop.descend`. ``minimum`` has
-        four more of them: size, target, least and most. ``key`` identifies the initial matrix. ``show``, unless None,
+        four more of them: size, target, proven and most. ``key`` identifies the initial matrix. ``show``, unless None,
         is called in each step, after its forces have been found.
         """
         tally, made, (size, target, _, _) = self._tally, 0, minimum

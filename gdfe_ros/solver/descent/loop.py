@@ -28,10 +28,9 @@ from gdfe_ros.solver.vectors import Array, largest
 
 RATE, SLOWEST = 0.3, 0.9
 """Ratio of the lengths of two successive steps: the value assumed at first, and an upper limit."""
-UNPROVEN, UNMOVED = 0.2, 1e-6
+UNPROVEN = 0.2
 """A minimisation without a converged predecessor ends before its first iteration only if its estimated distance,
-divided by the target, is at most the first number; in statics, the second: stiff bodies move less than the tolerance,
-but their forces have to balance, too.
+divided by the target, is at most this.
 """
 STRAIGHT, FOLLOWED = 3e-3, 1e-2
 """Displacements divided by the body's size. Steps up to the first are straight, longer steps follow arcs. After a total
@@ -178,7 +177,7 @@ def choose(problem, work, metric, size, most):
 
 
 @internal
-def move(problem, work, metric, size, target, least, descends):
+def move(problem, work, metric, size, target, proven, descends):
     """Step along the chosen direction, unless the minimisation ends; return whether the minimisation goes on."""
     status, first = work.status[0], size < 0.0  # not a literal: numba would compile another copy of `advance` for it
     if status.step == 0.0:
@@ -188,7 +187,8 @@ def move(problem, work, metric, size, target, least, descends):
         status.distance, status.ended = math.inf, Outcome.WORN
         return False
     measure(status, metric.trust)
-    near = status.distance <= target * (1.0 if status.made > 0 else least)
+    shown = proven or status.made > 0
+    near = status.distance <= target * (1.0 if shown else UNPROVEN)
     if near and status.wild == 0:
         status.ended = Outcome.NEAR
         return False
@@ -224,7 +224,7 @@ def start(problem, work):
 
 
 @kernel
-def descend(problem, work, metric, size, target, least, most, limit, begins):
+def descend(problem, work, metric, size, target, proven, most, limit, begins):
     """Minimise until the distance to the equilibrium is at most ``target`` [m]; return the number of iterations.
 
     ``work.status[0].ended`` is the reason for the end; it is `Outcome.NONE` if ``limit`` iterations were made.
@@ -235,8 +235,8 @@ def descend(problem, work, metric, size, target, least, most, limit, begins):
         metric: the initial matrix.
         size: size of the body [m].
         target: allowed distance [m].
-        least: ratio of the estimated distance to ``target`` up to which it ends before its first iteration: 1 if an
-            earlier minimisation converged, so that the first step gives a reliable estimate.
+        proven: whether an earlier minimisation converged, so that the first step gives a reliable estimate of the
+            distance.
         most: number of iterations for which one tangent serves.
         limit: largest number of iterations.
         begins: whether the minimisation begins, so that all terms are evaluated first.
@@ -245,6 +245,6 @@ def descend(problem, work, metric, size, target, least, most, limit, begins):
         start(problem, work)
     for iteration in range(limit):
         found = choose(problem, work, metric, size, most)
-        if found == 0 or not move(problem, work, metric, size, target, least, found == 2):
+        if found == 0 or not move(problem, work, metric, size, target, proven, found == 2):
             return iteration
     return limit

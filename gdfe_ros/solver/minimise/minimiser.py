@@ -16,7 +16,7 @@ from gdfe_ros.solver.contact.contact_forces import ContactForces
 from gdfe_ros.solver.descent.active_set import ActiveSet
 from gdfe_ros.solver.descent.arc import follow_arc_once
 from gdfe_ros.solver.descent.lbfgs_workspace import Problem, Workspace
-from gdfe_ros.solver.descent.loop import ENDLESS, UNMOVED, UNPROVEN, Metric, descend, precondition
+from gdfe_ros.solver.descent.loop import ENDLESS, Metric, descend, precondition
 from gdfe_ros.solver.descent.search import ROUNDING, advance
 from gdfe_ros.solver.matrix.substitution import Kept
 from gdfe_ros.solver.matrix.tangent_assembly import Tangent
@@ -104,7 +104,7 @@ class Minimiser:
     ) -> None:
         self._body, self.level, self.contact_forces = body, level, contact_forces
         held = bool(body.handles) and not body.rigid_bodies
-        self._share, self._least = (self.MOVING if held else self.FREE, UNPROVEN) if moving else (self.SHARE, UNMOVED)
+        self._share = (self.MOVING if held else self.FREE) if moving else self.SHARE
         self._grain = float(np.finfo(float).eps * np.vdot(weight, body.shape.volume))
         rows, (count, corners) = 3 * body.unknowns.rows, body.cells.shape
         scratch = np.zeros(rows), np.zeros(rows), body.rest.copy(), np.zeros((count, corners, 3))
@@ -139,7 +139,7 @@ class Minimiser:
                 since.
         """
         work, begins, done = task.active.workspace, True, 0
-        target, least = self._share * tolerance * self._body.size, 1.0 if proven else self._least
+        target = self._share * tolerance * self._body.size
         self._follow_terms(task)
         while True:
             chunk = 1 if self.observer or task.deadline else limit
@@ -147,12 +147,12 @@ class Minimiser:
                 task.evaluate()
                 self._show(work, begins=True)
             with task.turn:
-                metric, minimum = self.metric(task.active), (self._body.size, target, least, self._age())
-                most = max(0, min(chunk, limit - done))
+                metric, minimum = self.metric(task.active), (self._body.size, target, proven, self._age())
+                least = max(0, min(chunk, limit - done))
                 if self.contact_forces:
-                    used = self._touching(task, metric, minimum, most, begins=begins)
+                    used = self._touching(task, metric, minimum, least, begins=begins)
                 else:
-                    used = descend(task.problem, work, metric, *minimum, most, begins)
+                    used = descend(task.problem, work, metric, *minimum, least, begins)
             self._show(work, begins=False)
             begins, done = False, done + used
             self._spent += used
@@ -172,7 +172,7 @@ class Minimiser:
             self.tangent = self.level.reconnect(self.tangent, work.x)
 
     def _touching(
-        self, task: Task, metric: Metric, minimum: tuple[float, float, float, int], limit: int, *, begins: bool
+        self, task: Task, metric: Metric, minimum: tuple[float, float, bool, int], limit: int, *, begins: bool
     ) -> int:
         """Do `descend` with contact: each step includes contact forces that satisfy the laws of contact."""
         problem, work = task.problem, task.active.workspace
