@@ -139,3 +139,15 @@ def test_a_motion_that_begins_inside_of_an_obstacle_is_told(height: float, *, to
     simulation = Simulation(scene_of(f"{floor}dynamics: {{step: 0.005}}\n"))
     assert any("inside of floor" in text for text in simulation.remarks()) is told
     assert bool((simulation.step(dt=0.005).velocities[:, 2] > 0.5).any()) is told
+
+
+@pytest.mark.parametrize(("gaps", "told"), [("faces", True), ("vertices", False)])
+def test_a_motion_that_begins_too_near_to_a_ball_for_its_faces_is_told(gaps: str, *, told: bool) -> None:
+    """A tenth of a millimetre above a ball, the mean error of the faces around the nearest vertex exceeds its gap."""
+    ball = f"{{sphere: {{radius: 0.03}}, at: [0.02, 0, -0.0401], gaps: {gaps}}}"
+    text = BLOCK.replace("[3, 3, 2]", "[4, 4, 2]").replace(
+        "{plane: [0, 0, 1], at: [0, 0, -0.01], friction: 0.38}", ball
+    )
+    simulation = Simulation(scene_of(f"{text}dynamics: {{step: 0.004}}\n"))
+    assert any("inside of floor, or nearer" in each for each in simulation.remarks()) is told
+    assert bool(simulation.step(dt=0.004).reactions["floor"].any()) is told

@@ -274,7 +274,8 @@ def find_forces(problem, work, metric, field, known, tally, size, target):
             ready = t.count + (len(field.owner) + 1) * status.wild
             for c in range(t.count if t.inertia > 0.0 else 0):
                 for k in range(3 * c, 3 * c + 3):
-                    known.w[k, k] += t.inertia / field.stencils.scale[field.chosen[c]]
+                    if known.w[k, k] > 0.0:  # the point can move along this axis
+                        known.w[k, k] += t.inertia / field.stencils.scale[field.chosen[c]]
         given = known, t.count, size, target, t.allowed, t.faint
         t.rounds += 1
         t.left, chose, changed, entered = settle(problem, work, metric, field, *given)

@@ -275,7 +275,8 @@ def bound_forces(w, q, mu, f, p, least, tolerance):
 def hold_immovable(w, q, f):
     """Give each row of ``w`` without compliance one with which its force in ``f`` stays, whatever the other forces are.
 
-    A handle may hold a point in some directions only. Forces in these directions move nothing.
+    A handle may hold a point in some directions only. Forces in these directions move nothing. The compliance is so
+    small that later calls find the row again.
     """
     largest = 0.0
     for n in range(len(q)):
@@ -284,7 +285,8 @@ def hold_immovable(w, q, f):
     for n in range(len(q)):
         if w[n, n] <= IMMOVABLE * largest:
             w[n, :], w[:, n] = 0.0, 0.0
-            w[n, n], q[n] = largest, -largest * f[n]
+            w[n, n] = IMMOVABLE * largest
+            q[n] = -w[n, n] * f[n]
 
 
 @kernel

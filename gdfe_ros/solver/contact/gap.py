@@ -100,10 +100,8 @@ def find_entries(starts, ends, reach, radius, form, kind):
 
 
 @kernel
-def nearness(x, quads, gauss, frame, form, kind, out, dips):
+def nearness(x, quads, gauss, frame, form, kind, out):
     """Integrate the error of interpolated obstacle distances over faces; add the integrals to ``out`` (n,) [m^3].
-
-    ``dips`` (n,) [m] receives by how much faces come nearer to the obstacle than their corner does, if they do.
 
     The error is the distance interpolated between a face's corners, minus the true distance. Each face's integral is
     distributed to its vertices. A face that spans an edge of the obstacle is left out, because the normals at its
@@ -122,7 +120,6 @@ def nearness(x, quads, gauss, frame, form, kind, out, dips):
             place, told = (0.0, 0.0, 0.0), 0.0
             for a in range(4):
                 place, told = along(1.0, place, SHAPE[p, a], corner(x, quads[q, a])), told + SHAPE[p, a] * away[a]
-            true = distance_at(kind, frame, form, place[0], place[1], place[2])[0]
+            nearer = gauss[q, p] * (told - distance_at(kind, frame, form, place[0], place[1], place[2])[0])
             for a in range(4):
-                out[quads[q, a]] += SHAPE[p, a] * gauss[q, p] * (told - true)
-                dips[quads[q, a]] = max(dips[quads[q, a]], away[a] - true)
+                out[quads[q, a]] += SHAPE[p, a] * nearer

@@ -294,21 +294,18 @@ def correct_offsets(x, surfaces, faces, owner, stencils):
 
     Between its corners, a flat face comes nearer to a round obstacle than at its corners. The error of a face is the
     distance interpolated between its corners, minus the true distance. The offset of a vertex is the mean of this error
-    over the faces around it, at least 0. It is at most twice the distance by which one of them comes nearer than the
-    vertex. On a ball the offsets halve the error of the gaps.
+    over the faces around it, at least 0. On a ball the offsets halve the error of the gaps.
     """
     for t in range(len(surfaces.kind)):
         first, last = faces.start[t], faces.start[t + 1]
         if first == last:
             continue
-        nearer, dips = np.zeros((2, len(x)))
-        form = surfaces.forms[surfaces.form_start[t] : surfaces.form_start[t + 1]]
+        nearer, form = np.zeros(len(x)), surfaces.forms[surfaces.form_start[t] : surfaces.form_start[t + 1]]
         quads, gauss = faces.quads[first:last], faces.gauss[first:last]
-        nearness(x, quads, gauss, surfaces.frames[t], form, surfaces.kind[t], nearer, dips)
+        nearness(x, quads, gauss, surfaces.frames[t], form, surfaces.kind[t], nearer)
         for i in range(len(owner)):
             if owner[i] == t and stencils.areas[i] > 0.0:
-                v = stencils.ends[i, 0]
-                stencils.offsets[i] = min(2.0 * dips[v], max(0.0, nearer[v] / stencils.areas[i]))
+                stencils.offsets[i] = max(0.0, nearer[stencils.ends[i, 0]] / stencils.areas[i])
 
 
 @kernel

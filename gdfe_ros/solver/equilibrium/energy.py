@@ -13,6 +13,7 @@ from gdfe_ros.constraints import Pose
 from gdfe_ros.materials.table import LAME, LOCAL, PENALTY, SHEAR, YOUNG
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact.contact_forces import ContactForces
+from gdfe_ros.solver.contact.contact_term import FAINT
 from gdfe_ros.solver.descent.active_set import ActiveSet
 from gdfe_ros.solver.equilibrium.predictor import Predictor
 from gdfe_ros.solver.equilibrium.solve import Model, Solve
@@ -146,15 +147,22 @@ class EquilibriumSolver:
     def remarks(self) -> list[str]:
         """Remarks on solves: on a motion that begins inside of something, and on tangents that are too expensive."""
         level, found = self.minimiser.level, []
-        if self.model.moving and (entered := self.at_rest().summary.message):
-            text = "in the first step, contact pushes it out, perhaps at a high velocity"
-            found.append(f"{entered}; {text}; remedy: begin where the body is free")
+        if self.model.moving and (pushed := self._find_pushed()):
+            text = f"the undeformed body is inside of {', '.join(pushed)}, or nearer than its flat faces can tell"
+            away = "in the first step, contact pushes it away, perhaps at a high velocity"
+            found.append(f"{text}; {away}; remedy: begin farther away; near round obstacles, finer cells")
         if level.affordable:
             return found
         text = f"the factor of the body's tangent would take {level.memory / 1e9:.2g} GB"
         fits = "it is made only where a solve needs it" if level.fits else "which are not free"
         rough = "error estimates rest on the constant matrix and are rough"
         return [*found, f"{text}, {fits}; {rough}; remedy: coarser cells"]
+
+    def _find_pushed(self) -> list[str]:
+        """Return the names of the contacts in which the undeformed body has gaps below zero."""
+        self.at_rest()
+        closed, contacts = -FAINT * self.body.size, self.actuation.contacts
+        return [each.name for each in contacts if each.stencils.places[:, 0].min(initial=0.0) < closed]
 
     def observe(self, observer: Observer | None) -> None:
         """Set the observer, which is called with the energy of every iteration; None for none."""

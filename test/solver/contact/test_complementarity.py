@@ -34,6 +34,14 @@ def test_points_of_unit_compliance(q: list[float], mu: list[float], forces: list
         np.testing.assert_allclose(place, places, atol=1e-13)
 
 
+def test_a_point_that_cannot_move_keeps_its_force():
+    """Leave the normal force of a held point as it is, also if the laws are solved again with the same matrix."""
+    w, force, slip = np.diag([0.0, 1.0, 1.0]), np.array([2.0, 0.0, 0.0]), np.array([0.3, 3.0])
+    for _ in range(2):
+        assert solve_laws(w, np.array([-1.0, *slip]), np.array([0.5]), force, 1e-13, 1e-13) <= 1e-13
+        np.testing.assert_allclose(force, [2.0, *(-slip / np.linalg.norm(slip))])
+
+
 def test_a_violation_is_that_of_its_point():
     """Name the point that enters, and the one that pulls; a point that keeps the laws has no violation."""
     force, found = np.array([0.0, 0.0, 0.0, 2.0, 0.0, 0.0, 1.0, 0.0, 0.0]), np.empty(3)
