@@ -22,7 +22,7 @@ from gdfe_ros.solver.state import Snapshot
 from gdfe_ros.untrusted.real_number import is_finite, is_number, require_command
 from gdfe_ros.untrusted.spelling import did_you_mean
 
-FARTHEST = 1000.0
+LARGEST_POSE = 1000.0
 """Limits of a commanded pose: largest translation [body lengths] and largest rotation [revolutions]."""
 MOST_INFLATED = 1000.0
 """Largest commanded volume of a chamber, divided by its undeformed volume. At this limit its walls are ten times as
@@ -63,7 +63,7 @@ class Orders:
         actuators, loads, joints: dict from name to actuator, load, or joint of an arm, in the scene's order.
 
     Raises:
-        SceneError: a keyframe of the program is farther than `FARTHEST`.
+        SceneError: a keyframe of the program is farther than `LARGEST_POSE`.
     """
 
     def __init__(self, scene: Scene, settings: SolverSettings) -> None:
@@ -113,7 +113,7 @@ class Orders:
 
         Raises:
             CommandError: the argument is not a `Command`. Or a handle is unknown, fixed, carried by an arm, or a rigid
-                body, or its target is farther than `FARTHEST`.
+                body, or its target is farther than `LARGEST_POSE`.
         """
         if command is not None and not isinstance(command, Command):
             raise CommandError(f"a step follows a Command, or None; got {command!r}")
@@ -132,7 +132,7 @@ class Orders:
         """Return a dict from free body, rigid or soft, to the pose to which a command teleports it.
 
         Raises:
-            CommandError: a body is unknown, or its pose is not a `Pose` or is farther than `FARTHEST`.
+            CommandError: a body is unknown, or its pose is not a `Pose` or is farther than `LARGEST_POSE`.
         """
         places = dict(command.bodies if command else {})
         known = [*(body.name for body in self._scene.rigid_bodies), *self._scene.soft_bodies]
@@ -164,10 +164,10 @@ class Orders:
         """Return a message about a pose that is too far from the rest pose; empty if it is near enough."""
         far = math.hypot(*pose.translation) / self._scene.mesh.size
         turns = math.hypot(*pose.rotation) / (2.0 * math.pi)
-        if far <= FARTHEST and turns <= FARTHEST:
+        if far <= LARGEST_POSE and turns <= LARGEST_POSE:
             return ""
         return (
-            f"{what} {far:.3g} body lengths and {turns:.3g} turns away; at most {FARTHEST:g} of each are allowed; "
+            f"{what} {far:.3g} body lengths and {turns:.3g} turns away; at most {LARGEST_POSE:g} of each are allowed; "
             "remedy: check the units (metres, radians)"
         )
 

@@ -31,7 +31,7 @@ from gdfe_ros.simulation_parts.steppers import make_stepper, scene_body, step_re
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.outcome import Deadline
 from gdfe_ros.solver.settings import SolverSettings
-from gdfe_ros.solver.solution import March
+from gdfe_ros.solver.solution import PathResult
 from gdfe_ros.solver.state import Snapshot, State
 from gdfe_ros.solver.terms.term import Term
 
@@ -213,16 +213,16 @@ class Simulation(SceneReadings):
         self.targets, self.commands = targets, commands
         before, self._joints, self._cuts = self._joints, moved.motions, moved.cuts
         limit = Deadline.of(started, deadline, cut_after, interrupted)
-        march = None
+        outcome = None
         rests = rests or (bool(places) and self._rests(self._joints, targets, limited))
         if not rests and (dt or not moves):
-            march = self._advance(before, limited, dt, limit)
-            self.state = march.state
-            if march.simulated is not None and march.simulated < dt:
-                self._joints = self._carriers.part_way(before, self._joints, march.simulated / dt)
-        self.time += dt if march is None or march.simulated is None else march.simulated
+            outcome = self._advance(before, limited, dt, limit)
+            self.state = outcome.state
+            if outcome.simulated is not None and outcome.simulated < dt:
+                self._joints = self._carriers.part_way(before, self._joints, outcome.simulated / dt)
+        self.time += dt if outcome is None or outcome.simulated is None else outcome.simulated
         given = {"time": self.time, "origin": self.origin, "started": started, "limit": limit}
-        self.result = step_result(self.stepper, self.state, march, **given)
+        self.result = step_result(self.stepper, self.state, outcome, **given)
         return self.result
 
     def put(self, places: Mapping[str, Pose]) -> State:
@@ -260,7 +260,7 @@ class Simulation(SceneReadings):
         """Return whether body and yielding joints are at rest, and would stay at rest at these commands."""
         return self._coupling.rests(motions, self._links) and self.stepper.rests(self.state, targets, commands)
 
-    def _advance(self, before: Motions, commands: Mapping[str, float], dt: float, limit: Deadline | None) -> March:
+    def _advance(self, before: Motions, commands: Mapping[str, float], dt: float, limit: Deadline | None) -> PathResult:
         """Make a step to the targets; ``before`` are the motions of the arms' motors before the step."""
         given = {"targets": self.targets, "commands": commands, "duration": dt, "deadline": limit}
         if not self._coupling:
@@ -268,7 +268,7 @@ class Simulation(SceneReadings):
         outcome = self._coupling.step(self.state, links=self._links, motors=(before, self._joints), **given)
         self._links = outcome.links
         self.targets = {**self.targets, **outcome.poses}
-        return outcome.march
+        return outcome.result
 
     def set_positions(self, positions: ArrayLike) -> None:
         """Set the vertex positions from which the next step starts, e.g. those of another simulation.

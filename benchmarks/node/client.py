@@ -22,7 +22,7 @@ from gdfe_ros.node.interface.topics import DIAGNOSTICS, TARGET
 from gdfe_ros.node.messages import pose_stamped
 from gdfe_ros.node.middleware.process import make_executor
 from gdfe_ros.node.middleware.ros_types import interface_class
-from gdfe_ros.testing.client import PATIENCE
+from gdfe_ros.testing.client import LONGEST_WAIT
 
 CELLS = {500: (20, 5, 5), 1250: (50, 5, 5), 10_000: (100, 10, 10)}
 """Dict from number of elements of the bar of ``bend5`` to its cells along x, y, z."""
@@ -66,7 +66,7 @@ class Client:
             self._node.create_subscription(interface_class(spec.type), topic, callback, state, raw=True)
         self._node.create_subscription(DiagnosticArray, DIAGNOSTICS.name, self._diagnose, 10)
 
-    def wait(self, done: Callable[[], Any], *, seconds: float = PATIENCE) -> None:
+    def wait(self, done: Callable[[], Any], *, seconds: float = LONGEST_WAIT) -> None:
         """Spin until ``done`` returns a true value.
 
         Raises:

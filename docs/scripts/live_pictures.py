@@ -39,11 +39,11 @@ def draw(name: str, path: Path, *, moment: float, dt: float) -> None:
     page = Page(host="127.0.0.1", port=8780, frames=30.0)
 
     def told(view: View) -> None:
-        page.take(view)
+        page.show_view(view)
         if view.record.time > moment - dt / 2:
             session.stepper.pause(True)
 
-    session = LiveSession(Simulation(scene), dt=dt, told=told, warn=page.say)
+    session = LiveSession(Simulation(scene), dt=dt, on_view=told, warn=page.say)
     page.show(session)
     session.start()
     try:

@@ -55,7 +55,7 @@ class BagStep:
     samples: dict[str, Values] = field(default_factory=dict)
     frames: dict[str, str] = field(default_factory=dict)
 
-    def take(self, topic: str, message: Any) -> None:
+    def add(self, topic: str, message: Any) -> None:
         """Add the message of a topic."""
         self.samples[topic] = message_values(message)
         if frame := getattr(getattr(message, "header", None), "frame_id", ""):
@@ -123,12 +123,12 @@ class BagSteps:
                 record, moment = StepRecord.from_json(content.data), message.log_time
                 current = BagStep(record, next(keys), {RECORD: record_values(record)})
                 for topic, message in self._of(moment, early):
-                    current.take(topic, message)
+                    current.add(topic, message)
                 early = []
             elif current is None or message.log_time != moment or short in current.samples:
                 early.append((short, message.log_time, content))
             else:
-                current.take(short, content)
+                current.add(short, content)
         if current is not None:
             yield current
         self.tail.update(short for short, _, _ in early)

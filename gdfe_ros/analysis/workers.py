@@ -28,7 +28,7 @@ milliseconds per batch. If the workers use all cores, these milliseconds reduce 
 """
 _SHARE = 4
 """The remaining tasks are divided into at least this number of batches per thread, so that all threads end together."""
-PATIENCE = 600.0
+LONGEST_ABSENCE = 600.0
 """If there is no worker on this machine for this time [s], the tasks fail. With a user's own scheduler, they wait."""
 _POLL = 0.02
 _LOOK = 1.0
@@ -128,7 +128,7 @@ def run_tasks(
     queue = _Queue(client, function, tasks)
     finished = as_completed(queue.refill())
     for future in _wait(client, finished):
-        done = list(queue.take(future))
+        done = list(queue.collect(future))
         for batch in queue.refill():  # before the results are used, so that workers do not wait for the disk
             finished.add(batch)
         yield from done
@@ -156,7 +156,7 @@ def map_tasks(client: Client | None, function: Callable[[Any], Any], tasks: Sequ
 
 
 def _wait(client: Client, finished: as_completed) -> Iterator[Future]:
-    """Yield batches when they are completed; raise a GdfeError if there is no worker for `PATIENCE`."""
+    """Yield batches when they are completed; raise a GdfeError if there is no worker for `LONGEST_ABSENCE`."""
     looked = seen = time.monotonic()
     while not finished.is_empty():
         if finished.has_ready():
@@ -169,10 +169,10 @@ def _wait(client: Client, finished: as_completed) -> Iterator[Future]:
         looked = now
         if client.cluster is None or client.nthreads():
             seen = now
-        elif now > seen + PATIENCE:
+        elif now > seen + LONGEST_ABSENCE:
             raise GdfeError(
-                f"there has been no worker for {PATIENCE:g} s; repeat the same command (a sweep continues with the "
-                "cases that are left)"
+                f"there has been no worker for {LONGEST_ABSENCE:g} s; repeat the same command (a sweep continues with "
+                "the cases that are left)"
             )
 
 
@@ -205,7 +205,7 @@ class _Queue:
             self._running[started[-1]] = numbers
         return started
 
-    def take(self, future: Future) -> Iterator[tuple[int, Any, Exception | None]]:
+    def collect(self, future: Future) -> Iterator[tuple[int, Any, Exception | None]]:
         """Yield the tasks of a completed batch as `run_tasks` does; if the batch failed, repeat them one by one."""
         numbers = self._running.pop(future)
         try:

@@ -29,14 +29,14 @@ class JointReading(NamedTuple):
         position: [rad] or [m].
         velocity: [rad/s] or [m/s].
         effort: torque [N m] or force [N] of the motor.
-        told: message about limits that restricted the motion, and about an effort above its limit; empty otherwise.
+        limited: message about limits that restricted the motion, and about an effort above its limit; empty otherwise.
     """
 
     goal: float
     position: float
     velocity: float
     effort: float
-    told: str = ""
+    limited: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,11 +154,11 @@ class Carriers:
             pushes = link_pushes(arm, poses, reactions, contacts)
             efforts = arm.dynamics.efforts(*motion[1:], gravity=gravity, pushes=pushes)
             for i, joint in enumerate(arm.joints):
-                told = [f"{cuts[joint.name]} cut to its limit"] if joint.name in cuts else []
+                limited = [f"{cuts[joint.name]} cut to its limit"] if joint.name in cuts else []
                 if abs(efforts[i]) > arm.limits.effort[i]:
-                    told.append(f"effort {efforts[i]:.4g} above its limit {arm.limits.effort[i]:g}")
+                    limited.append(f"effort {efforts[i]:.4g} above its limit {arm.limits.effort[i]:g}")
                 numbers = (motion.goals[i], motion.positions[i], motion.velocities[i], efforts[i])
-                found[joint.name] = JointReading(*map(float, numbers), told=", ".join(told))
+                found[joint.name] = JointReading(*map(float, numbers), limited=", ".join(limited))
         return found
 
 

@@ -15,7 +15,7 @@ from gdfe_ros.arms.description import Description, JointKind
 from gdfe_ros.errors import ArmError
 
 Vector = NDArray[np.float64]
-FARTHEST = 1e9
+CONTINUOUS_LIMIT = 1e9
 """Limit [rad] of continuous joints in pinocchio: they are passed as revolute joints, which have one coordinate."""
 
 
@@ -138,7 +138,7 @@ class LinkDynamics:
 
 
 def _plain(description: Description) -> str:
-    """Return URDF text without shapes and mimics, and with revolute instead of continuous joints (see `FARTHEST`)."""
+    """Return URDF text without shapes and mimics; continuous joints are revolute, limited by `CONTINUOUS_LIMIT`."""
     robot = ElementTree.fromstring(description.text)
     for item in robot.findall("joint"):
         for mimic in item.findall("mimic"):
@@ -150,8 +150,8 @@ def _plain(description: Description) -> str:
             )
             for limit in item.findall("limit"):
                 item.remove(limit)
-            far = {"lower": -FARTHEST, "upper": FARTHEST, "velocity": FARTHEST, "effort": FARTHEST}
-            ElementTree.SubElement(item, "limit", {name: repr(value) for name, value in far.items()})
+            ends = dict.fromkeys(("upper", "velocity", "effort"), repr(CONTINUOUS_LIMIT))
+            ElementTree.SubElement(item, "limit", {"lower": repr(-CONTINUOUS_LIMIT), **ends})
     for link in robot.findall("link"):
         for tag in ("visual", "collision"):
             for part in link.findall(tag):

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Table = NDArray[np.float64]
-ROUNDING = 1e-9
+RANGE_ROUNDING = 1e-9
 """Part of a range by which rounding may exceed it between two points."""
 _HALVINGS = 40
 """Number of bisections of an interval with a root, whose error is then 1e-12 of a segment."""
@@ -56,7 +56,7 @@ def find_excess(
         high: largest positions (n,).
 
     Returns:
-        None if the trajectory exceeds its limits by no more than `ROUNDING`.
+        None if the trajectory exceeds its limits by no more than `RANGE_ROUNDING`.
     """
     h = np.diff(times)[:, None]
     pairs = (None if table is None else (table[:-1], table[1:]) for table in (values, slopes, bends))
@@ -66,7 +66,7 @@ def find_excess(
         positions = _evaluate(coefficients, places)
         span = np.where(np.isfinite(high - low), high - low, np.abs(values).max(axis=0))
         excess = np.maximum(low - positions, positions - high)
-    wrong = ~(np.isfinite(positions) & (excess <= ROUNDING * span))
+    wrong = ~(np.isfinite(positions) & (excess <= RANGE_ROUNDING * span))
     if not wrong.any():
         return None
     worst = np.unravel_index(np.argmax(np.where(wrong, excess, -np.inf)), excess.shape)

@@ -151,7 +151,7 @@ def _fit_scene(arguments: argparse.Namespace) -> int:
             client=client,
             held_out=held_out,
             loss=arguments.loss,
-            told=lambda text: console.print(text, highlight=False),
+            report=lambda text: console.print(text, highlight=False),
         )
     _print(console, fit, time.perf_counter() - started)
     out = arguments.out or path_inside(Path(), f"{scene.name}_fit")

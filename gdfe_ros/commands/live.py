@@ -115,7 +115,7 @@ def _session_of(scene: Scene, arguments: argparse.Namespace, page: Page) -> Live
         say(f"warning: {remark}")
     clock = ClockMode.FAST if arguments.fast else ClockMode.WALL
     dt = DT if arguments.dt is None else arguments.dt
-    return LiveSession(simulation, dt=dt, clock=clock, told=page.take, warn=page.say)
+    return LiveSession(simulation, dt=dt, clock=clock, on_view=page.show_view, warn=page.say)
 
 
 def _show_node(arguments: argparse.Namespace, ending: threading.Event) -> int:
@@ -133,7 +133,7 @@ def _show_node(arguments: argparse.Namespace, ending: threading.Event) -> int:
         try:
             page = Page(host=arguments.host, port=port, frames=arguments.fps, gate=gate)
             page.show(session)
-            session.start(told=page.take, warn=page.say)
+            session.start(on_view=page.show_view, warn=page.say)
             if page.port != said:
                 _say_where(arguments, page)
             port = said = page.port

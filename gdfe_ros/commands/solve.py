@@ -92,8 +92,8 @@ def describe_stop(results: list[StepResult], *, beyond: bool = False) -> str:
     commands = [f"{name} = {state.command:.4g} {state.unit}".strip() for name, state in states]
     place = f"{'before ' * beyond}t = {found[-1].time:.4g} s"
     text = f"no equilibrium found beyond {', '.join([*commands, place])}"
-    told = "lost its stability" in results[-1].message
-    if not told and any(state.mode is Mode.PRESSURE for _, state in states):
+    named = "lost its stability" in results[-1].message
+    if not named and any(state.mode is Mode.PRESSURE for _, state in states):
         text += "; if the pressure falls with the volume there, command the volume"
     return f"{text}; --keep-going plays the rest of the program"
 

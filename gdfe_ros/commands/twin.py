@@ -82,9 +82,9 @@ def run(arguments: argparse.Namespace) -> int:
         raise GdfeError(f"--topics names the probe {unknown[0]!r}; probes of the scene: {known}")
     given = {"moduli": arguments.fit, "dt": arguments.dt, "noise": 1e-3 * arguments.noise, "delay": arguments.delay}
     page = _page(arguments)
-    told = {"warn": say, "told": page.take} if page is not None else {"warn": say}
+    shown = {"warn": say, "on_view": page.show_view} if page is not None else {"warn": say}
     files = {path.suffix: path for path in arguments.record}
-    twin = Twin(simulation, table=files.get(".csv"), bag=files.get(".mcap"), **given, **told)
+    twin = Twin(simulation, table=files.get(".csv"), bag=files.get(".mcap"), **given, **shown)
     measured_body = MeasuredBody(simulation.scene)
     ending = threading.Event()
     catch_endings(lambda *_: ending.set())
@@ -107,14 +107,14 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _follow(twin: Twin, page: Page | None, robot: MeasuredBody, ending: threading.Event, seconds: float) -> None:
-    start, told = time.monotonic(), 0.0
+    start, reported = time.monotonic(), 0.0
     while not ending.wait(_PERIOD) and (passed := time.monotonic() - start) < seconds:
         if twin.update() and page is not None:
             places = {name: (each.measured, each.simulated) for name, each in twin.latest.items()}
             away = {name: measured - simulated for name, (measured, simulated) in places.items()}
             page.compare(places, lambda positions, away=away: robot.at(positions, away))
-        if passed - told >= _REPORT:
-            told = passed
+        if passed - reported >= _REPORT:
+            reported = passed
             print(f"{passed:6.1f} s: {_summary(twin)}", flush=True)
     print(f"end: {_summary(twin)}", flush=True)
 

@@ -13,7 +13,7 @@ from gdfe_ros.errors import CommandError, DependencyError, require_named
 from gdfe_ros.scene.scene import Scene
 
 Array = NDArray[np.float64]
-ROUNDING = 1e-9
+COMMAND_ROUNDING = 1e-9
 """Largest error of a command, divided by its change, that counts as rounding."""
 
 
@@ -66,8 +66,8 @@ class CommandLimits:
         return np.maximum(self.low - now, -reach), np.minimum(self.high - now, reach)
 
     def apply_change(self, now: Array, change: Array) -> Array:
-        """Return ``now + change`` (n,), clipped to the ranges; a command within `ROUNDING` of an end is set to it."""
-        commands, rounding = now + change, ROUNDING * np.abs(change)
+        """Return ``now + change`` (n,), clipped to the ranges, and set to an end within `COMMAND_ROUNDING` of it."""
+        commands, rounding = now + change, COMMAND_ROUNDING * np.abs(change)
         commands = np.where(np.abs(commands - self.low) <= rounding, self.low, commands)
         commands = np.where(np.abs(commands - self.high) <= rounding, self.high, commands)
         return np.clip(commands, self.low, self.high)
@@ -77,7 +77,7 @@ class CommandLimits:
         limited = np.isfinite(self.rates)
         with np.errstate(divide="ignore", invalid="ignore"):
             times = np.abs(change[limited]) / self.rates[limited]
-        return (1.0 + ROUNDING) * float(times.max(initial=0.0))
+        return (1.0 + COMMAND_ROUNDING) * float(times.max(initial=0.0))
 
     def list_limited(self, commands: Array) -> list[str]:
         """Return the names of the actuators whose command in ``commands`` (n,) is at an end of its range."""

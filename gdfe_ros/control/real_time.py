@@ -15,7 +15,7 @@ from gdfe_ros.control.targets import Aim
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.simulation import Command, Simulation
 
-PATIENCE = 60.0
+LONGEST_CLOSE = 60.0
 """Longest time [s] that `RealTimeControl.close` waits for the model's present step."""
 
 
@@ -87,7 +87,7 @@ class RealTimeControl:
         with self._changed:
             self._closed = True
             self._changed.notify_all()
-        self._thread.join(PATIENCE)
+        self._thread.join(LONGEST_CLOSE)
 
     def _solve_on(self) -> None:
         """Step the model to the latest commands until the object is closed."""

@@ -22,7 +22,7 @@ from gdfe_ros.solver.motion.stepper import MotionStepper
 from gdfe_ros.solver.motion.time_path import reduction
 from gdfe_ros.solver.outcome import Deadline, join, past
 from gdfe_ros.solver.settings import Dynamics
-from gdfe_ros.solver.solution import March
+from gdfe_ros.solver.solution import PathResult
 from gdfe_ros.solver.state import State, replace_fields
 from gdfe_ros.solver.stepping.path import on_path
 from gdfe_ros.solver.stepping.stepper import Stepper
@@ -31,7 +31,7 @@ from gdfe_ros.solver.vectors import NEGLIGIBLE
 Vector = NDArray[np.float64]
 BALANCED = 0.1
 """The search ends as soon as the length of the correction, divided by the allowed length, is at most this."""
-PATIENCE = 4
+STALLED_SOLVES = 4
 """If this number of successive solves have not halved the shortest correction so far, the search ends once that
 correction is within the allowed length.
 """
@@ -48,13 +48,13 @@ class CoupledStep:
     """Outcome of a step of the body and the yielding joints.
 
     Attributes:
-        march: outcome of the body.
+        result: outcome of the body.
         links: motion of the yielding joints after the step.
         poses: dict from each handle or obstacle that a link moves to its pose.
         balanced: True if the joints are in balance, and also if the body has not converged.
     """
 
-    march: March
+    result: PathResult
     links: Links
     poses: dict[str, Pose]
     balanced: bool = True
@@ -172,17 +172,17 @@ class JointCoupling:
         self, task: _Task, count: int, duration: float, deadline: Deadline | None, halvings: int
     ) -> CoupledStep:
         """Return the outcome of a task in ``count`` equal parts, up to the first part that fails."""
-        h, state, links, march = float(f"{duration / count:.9g}"), task.state, task.links, None
+        h, state, links, result = float(f"{duration / count:.9g}"), task.state, task.links, None
         for number in range(count):
             found = self._make(task.part(number, count, state, links), h, deadline, halvings)
-            march, links = _join(march, found.march), found.links
-            state = march.state
-            if march.reached and number + 1 < count and past(deadline):
-                told = f"{number + 1} of {count} parts of the step are done: {deadline.reason}"
-                march = replace_fields(_flaw(march, told), reached=False)
-            if not march.reached or (self._dynamics is None and not march.sound):
+            result, links = _join(result, found.result), found.links
+            state = result.state
+            if result.completed and number + 1 < count and past(deadline):
+                text = f"{number + 1} of {count} parts of the step are done: {deadline.reason}"
+                result = replace_fields(_flaw(result, text), completed=False)
+            if not result.completed or (self._dynamics is None and not result.sound):
                 break
-        return CoupledStep(march=march, links=links, poses=found.poses)
+        return CoupledStep(result=result, links=links, poses=found.poses)
 
     def _make(self, task: _Task, h: float, deadline: Deadline | None, halvings: int) -> CoupledStep:
         """Return the outcome of a task, or that of its two halves if the task fails and the halves succeed.
@@ -192,12 +192,12 @@ class JointCoupling:
         """
         found = self._balance(task, h, deadline)
         hopeless = self._dynamics is not None and found.balanced
-        if found.march.sound or hopeless or not halvings or past(deadline):
+        if found.result.sound or hopeless or not halvings or past(deadline):
             return found
         halves = self._step_in_parts(task, 2, h, deadline, halvings - 1)
-        chosen = halves if halves.march.sound else found
-        spent = found.march.iterations + halves.march.iterations
-        return replace_fields(chosen, march=replace_fields(chosen.march, iterations=spent))
+        chosen = halves if halves.result.sound else found
+        spent = found.result.iterations + halves.result.iterations
+        return replace_fields(chosen, result=replace_fields(chosen.result, iterations=spent))
 
     def _balance(self, task: _Task, h: float, deadline: Deadline | None) -> CoupledStep:
         """Return body and joints in balance at the end of a task, or the outcome with the smallest correction."""
@@ -219,24 +219,24 @@ class JointCoupling:
         for _ in range(SOLVES):
             targets = {**task.targets, **balance.poses(q)}
             given = {"duration": h, "deadline": deadline, **self._finer}
-            march = self._stepper.step(task.state, targets, task.commands, **given)
-            spent += march.iterations
-            gap = balance.gap(q, march.state)
+            result = self._stepper.step(task.state, targets, task.commands, **given)
+            spent += result.iterations
+            gap = balance.gap(q, result.state)
             length = balance.length(q, search.bound(gap))
-            ended = not march.reached or (deadline is not None and deadline.after is not None)
+            ended = not result.completed or (deadline is not None and deadline.after is not None)
             stale = stale + 1 if length > 0.5 * least else 0
             if best is None or length < least or ended:
-                least, best = length, (q, march)
-            if ended or length <= BALANCED * near or (stale >= PATIENCE and least <= near):
+                least, best = length, (q, result)
+            if ended or length <= BALANCED * near or (stale >= STALLED_SOLVES and least <= near):
                 break
             q = search.next(q, gap, longest=LONGEST_CORRECTION * self._size / length)
-        q, march = best
-        balanced = least <= near or not march.converged
-        if march.reached and not least <= near:
-            march = _flaw(march, f"yielding joints are not in balance: the flange is {least:.3g} m away from it")
-        march = replace_fields(march, iterations=spent)
-        moved = balance.move_links(q, march.simulated)
-        return CoupledStep(march=march, links=moved, poses=balance.poses(q), balanced=balanced)
+        q, result = best
+        balanced = least <= near or not result.converged
+        if result.completed and not least <= near:
+            result = _flaw(result, f"yielding joints are not in balance: the flange is {least:.3g} m away from it")
+        result = replace_fields(result, iterations=spent)
+        moved = balance.move_links(q, result.simulated)
+        return CoupledStep(result=result, links=moved, poses=balance.poses(q), balanced=balanced)
 
     def _wrenches(self, state: State) -> tuple[Mapping[str, Vector], Mapping[str, Touch]]:
         """Return dicts from handle or obstacle to its reaction, and from contact to its points, in a state."""
@@ -254,12 +254,12 @@ class JointCoupling:
         return self._near * reduction(max(balance.swing(), body), self._size)
 
 
-def _flaw(march: March, flaw: str) -> March:
+def _flaw(result: PathResult, flaw: str) -> PathResult:
     """Return an outcome that has not converged, with a further flaw in its message."""
-    return march.with_message(join(march.message, flaw), converged=False)
+    return result.with_message(join(result.message, flaw), converged=False)
 
 
-def _join(first: March | None, second: March) -> March:
+def _join(first: PathResult | None, second: PathResult) -> PathResult:
     """Return the outcome of two successive parts of a step; ``first`` is None before the first part."""
     if first is None:
         return second

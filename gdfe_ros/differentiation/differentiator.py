@@ -16,7 +16,7 @@ from gdfe_ros.scene.scene import Scene
 from gdfe_ros.solver.motion.stepper import MotionStepper
 from gdfe_ros.solver.outcome import Deadline
 from gdfe_ros.solver.settings import Policy
-from gdfe_ros.solver.solution import March
+from gdfe_ros.solver.solution import PathResult
 from gdfe_ros.solver.state import State
 from gdfe_ros.solver.stepping.stepper import Stepper
 from gdfe_ros.solver.vectors import Array
@@ -63,7 +63,9 @@ class Differentiator:
     def forget(self) -> None:
         """Forget the last step."""
 
-    def step(self, state: State, targets: Mapping[str, Pose], commands: Mapping[str, float], **given: Any) -> March:
+    def step(
+        self, state: State, targets: Mapping[str, Pose], commands: Mapping[str, float], **given: Any
+    ) -> PathResult:
         """Make a step with the arguments of the stepper; update the derivatives if `follow` requested them."""
         return self._stepper.step(state, targets, commands, **given)
 
@@ -125,13 +127,13 @@ class RelativeDifferentiator(Differentiator):
             ends, places = (max(growth.low, here - CHANGE), min(growth.high, here + CHANGE)), []
             for command in ends:
                 commands = {**state.commands, growth.name: command}
-                march = self._stepper.step(state, state.poses, commands, tolerance=TOLERANCE, deadline=deadline)
+                outcome = self._stepper.step(state, state.poses, commands, tolerance=TOLERANCE, deadline=deadline)
                 if deadline is not None and deadline.has_passed():
                     raise GdfeError(ENDED)
-                if not march.sound:
-                    raise GdfeError(f"actuator {growth.name!r}: no equilibrium beside its command: {march.message}")
+                if not outcome.sound:
+                    raise GdfeError(f"actuator {growth.name!r}: no equilibrium beside its command: {outcome.message}")
                 places.append(
-                    np.concatenate([np.zeros((0, 3)), *(point.at(march.state.positions) for point in points)])
+                    np.concatenate([np.zeros((0, 3)), *(point.at(outcome.state.positions) for point in points)])
                 )
             columns.append((places[1] - places[0]) / (ends[1] - ends[0]))
         return np.stack(columns, axis=2)
@@ -159,14 +161,16 @@ class MotionDifferentiator(Differentiator):
         """Forget the last step."""
         self._last = None
 
-    def step(self, state: State, targets: Mapping[str, Pose], commands: Mapping[str, float], **given: Any) -> March:
+    def step(
+        self, state: State, targets: Mapping[str, Pose], commands: Mapping[str, float], **given: Any
+    ) -> PathResult:
         """Make a step with the arguments of the stepper; update the derivatives if `follow` requested them."""
         if self._trail is not None:
             self._trail.begin(state)
             given["observer"] = self._trail.observe
-        march = super().step(state, targets, commands, **given)
-        self._last = _Step(state, march.state, targets, commands, given["duration"])
-        return march
+        outcome = super().step(state, targets, commands, **given)
+        self._last = _Step(state, outcome.state, targets, commands, given["duration"])
+        return outcome
 
     def follow(self, state: State, parameters: Names) -> None:
         """Update derivatives with respect to ``parameters`` in all further steps from ``state``."""

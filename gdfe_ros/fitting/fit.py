@@ -122,7 +122,7 @@ def fit_scene(
     client: Client | None = None,
     held_out: Sequence[Recording] = (),
     loss: str = "linear",
-    told: Callable[[str], None] | None = None,
+    report: Callable[[str], None] | None = None,
 ) -> Fit:
     """Fit parameters of a scene to recordings.
 
@@ -133,7 +133,7 @@ def fit_scene(
         client: client of the workers (`gdfe_ros.analysis.workers.connect`); None simulates in this process.
         held_out: recordings that are only predicted.
         loss: loss of scipy's `least_squares`: linear, soft_l1, huber, cauchy or arctan.
-        told: function that is called with a line of text after each search.
+        report: function that is called with a line of text after each search.
 
     Raises:
         GdfeError: the data contain no information, a parameter has no influence, a bound has the wrong unit, or the
@@ -145,7 +145,7 @@ def fit_scene(
         require_motion(recording, scene.mesh.size)
     simulations, quads = Simulations(scene.source, client), scene.mesh.boundary.quads
     problem = FitProblem(simulations, parameters, recordings, quads=quads)
-    solved = solve(problem, moves=scene.dynamics is not None, loss=loss, told=told)
+    solved = solve(problem, moves=scene.dynamics is not None, loss=loss, report=report)
     known = confidence(problem, solved)
     require_bounds(problem, solved, known)
     values = {estimate.key: estimate.value for estimate in known.estimates}

@@ -26,7 +26,7 @@ SHARE = 0.01
 """Assumed standard deviation of a series that states none, divided by the largest range of the series with its unit."""
 NUDGE = {"shift": 1e-5, "turn": 1e-5, "translation": 1e-6}
 """Change of a recording's unknown in a finite difference [s], [rad], [m]; no simulation is needed for it."""
-FARTHEST = 20.0
+LARGEST_POSITION = 20.0
 """Largest plausible distance of a position from the origin [body lengths]; beyond it, unit or origin is wrong."""
 FAILED = 1e3
 """Residual of every value of a trial that cannot be simulated, so that the search rejects the trial."""
@@ -223,7 +223,7 @@ def require_motion(recording: Recording, size: float) -> None:
             )
         if series.observable.kind not in POSITIONS or recording.frame:
             continue
-        if np.abs(finite).max() > FARTHEST * size:
+        if np.abs(finite).max() > LARGEST_POSITION * size:
             raise GdfeError(
                 f"{where}: values up to {np.abs(finite).max():.4g} m, and the body is {size:.3g} m long; remedy: "
                 "`unit: mm` in the match file, `tip.x [mm]` in the header, or `frame: {}` for another origin"
@@ -269,7 +269,7 @@ class Solved:
 
 
 def solve(
-    problem: FitProblem, *, moves: bool, loss: str = "linear", told: Callable[[str], None] | None = None
+    problem: FitProblem, *, moves: bool, loss: str = "linear", report: Callable[[str], None] | None = None
 ) -> Solved:
     """Minimise the sum of squares, or of a robust loss, of the residuals.
 
@@ -277,7 +277,7 @@ def solve(
         problem: problem with the residuals.
         moves: whether the scene has dynamics; then the horizon grows from search to search.
         loss: loss of scipy's `least_squares`.
-        told: function that is called with a line of text after each search.
+        report: function that is called with a line of text after each search.
 
     Raises:
         GdfeError: the initial values cannot be simulated, or a parameter has no influence.
@@ -307,8 +307,8 @@ def solve(
             **accuracy,
         )
         unknowns = result.x
-        if told is not None:
-            told(_line(problem, unknowns, share, result.nfev))
+        if report is not None:
+            report(_line(problem, unknowns, share, result.nfev))
     return Solved(unknowns, result.jac, float(result.cost), problem.point(unknowns))
 
 

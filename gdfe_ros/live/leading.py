@@ -48,7 +48,7 @@ class Leading:
         self._view: View | None = None
         self._own: list[dict[str, float]] = []
 
-    def aim(self, probe: str, goal: NDArray[np.float64]) -> None:
+    def set_goal(self, probe: str, goal: NDArray[np.float64]) -> None:
         """Set the goal (3,) [m] of a probe, and send the first commands towards it."""
         with self._lock:
             self._goal, self._own = np.array(goal, dtype=np.float64), []
@@ -57,9 +57,9 @@ class Leading:
             if self._control is None:
                 self._make()
                 return
-        self.take(self._view)
+        self.send_next(self._view)
 
-    def take(self, view: View | None) -> None:
+    def send_next(self, view: View | None) -> None:
         """Send the next commands, computed from the state ``view``; None: from the last state."""
         with self._lock:
             self._view = view or self._view
@@ -115,7 +115,7 @@ class Leading:
             self._making = ""
             if probe == self._probe:
                 self._control, self._goal = control, self._goal if control else None
-        self.take(None)
+        self.send_next(None)
 
 
 def _same(commands: Mapping[str, float], others: Mapping[str, float]) -> bool:

@@ -124,13 +124,13 @@ class Page:
         self._plots = Plots(gui, self._history, below=self._side)
         self._thread.start()
 
-    def take(self, view: View) -> None:
+    def show_view(self, view: View) -> None:
         """Store a step, to be drawn with the next frame; called in the thread that makes or receives the step."""
         self._history.add(view)
         self._status.add(view)
         self._view = view
         if self._leading is not None:
-            self._leading.take(view)
+            self._leading.send_next(view)
         self._changed.set()
 
     def compare(
@@ -199,7 +199,7 @@ class Page:
 
     def _aim(self, probe: str, goal: NDArray[np.float64]) -> None:
         if self._leading is not None:
-            self._guard(lambda: self._leading.aim(probe, goal))
+            self._guard(lambda: self._leading.set_goal(probe, goal))
 
     def _look_again(self) -> None:
         """Request a new drawing of the present step."""

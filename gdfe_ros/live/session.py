@@ -111,7 +111,7 @@ class LiveSession(ShownRun):
         simulation: simulation that is ready to step; from now on, only the stepping thread may use it.
         dt: simulation time of a step [s].
         clock: ``WALL``: steps in real time, if the machine is fast enough; ``FAST``: steps as fast as possible.
-        told: function that is called in the stepping thread with the view of each step; it must be fast.
+        on_view: function that is called in the stepping thread with the view of each step; it must be fast.
         warn: function that receives texts about refused commands and other texts for the user.
 
     Attributes:
@@ -130,7 +130,7 @@ class LiveSession(ShownRun):
         *,
         dt: float = 0.01,
         clock: ClockMode = ClockMode.WALL,
-        told: Callable[[View], None] = lambda view: None,
+        on_view: Callable[[View], None] = lambda view: None,
         warn: Callable[[str], None] = lambda text: None,
     ) -> None:
         self.simulation = simulation
@@ -147,7 +147,7 @@ class LiveSession(ShownRun):
         self.refusals = RefusalLog(warn)
         self.last: Step | None = None
         self.log_time = 0
-        self._clock, self._told, self._warn = clock, told, warn
+        self._clock, self._on_view, self._warn = clock, on_view, warn
         self.playing: Programme | None = None
         self._bag: LiveBag | None = None
         self.stepper = SteppingThread(self, deliver=self._deliver)
@@ -311,7 +311,7 @@ class LiveSession(ShownRun):
         """Record a step, pass it on, and let the program command the next step."""
         if self._bag is not None:
             self._bag.write(step)
-        self._told(View.of(step))
+        self._on_view(View.of(step))
         self._feed(step.record.time)
 
     def _feed(self, time: float) -> None:

@@ -44,7 +44,7 @@ elements lock.
 """
 
 
-FARTHEST = 1e12
+NO_CONTINUATION = 1e12
 """Value of I1 - 3 that stands for a law without a continuation."""
 
 
@@ -123,7 +123,7 @@ def _row(material: Material) -> NDArray[np.float64]:
     if isinstance(material, InvariantLaw):
         coefficients = material.coefficients
         row[POWERS : POWERS + len(coefficients)] = coefficients
-        row[[GENT, LIMIT]], row[END], row[INVARIANT] = material.limited, min(material.end, FARTHEST), 1.0
+        row[[GENT, LIMIT]], row[END], row[INVARIANT] = material.limited, min(material.end, NO_CONTINUATION), 1.0
     return row
 
 

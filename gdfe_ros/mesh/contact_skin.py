@@ -26,7 +26,7 @@ CREASE = np.cos(np.radians(30.0))
 """The common edge of two triangles is a crease if the cosine between their normals is below this. A point is a tip,
 like that of a cone, if the cosine between its normal and the normal of a triangle around it is below this.
 """
-FARTHEST = np.array([0.5, 0.75, 1.0])
+POINT_SPACING = np.array([0.5, 0.75, 1.0])
 """Another contact point is added where the distance to the nearest contact point, divided by the size of the point's
 cell, exceeds this. The three values are for a corner, for a crease point, and for any other point.
 """
@@ -97,7 +97,7 @@ class SkinPoints:
 
         Each boundary vertex gets a contact point that can push it back. Without one, a vertex with little material
         would move on and pull the skin into the obstacle. Where the cells are too coarse for the surface, contact
-        points are added (`FARTHEST`).
+        points are added (`POINT_SPACING`).
         """
         vertices, normals = _boundary(mesh)
         own = np.full(mesh.n_vertices, -1)
@@ -117,7 +117,7 @@ class SkinPoints:
         """
         tree, found = cKDTree(self.places[chosen]), chosen.copy()
         for corner in np.setdiff1d(np.flatnonzero(self.kinds == 0), chosen):
-            limit = FARTHEST[0] * self.sizes[corner]
+            limit = POINT_SPACING[0] * self.sizes[corner]
             away, near = tree.query(self.places[corner], k=min(NEAR, len(chosen)), distance_upper_bound=limit)
             near = np.atleast_1d(near)[np.isfinite(np.atleast_1d(away))]
             alike = self.normals[found[near]] @ self.normals[corner] > ALIKE
@@ -127,8 +127,8 @@ class SkinPoints:
         return np.unique(found)
 
     def _complete(self, chosen: NDArray[np.intp]) -> NDArray[np.intp]:
-        """Add points to the chosen ones until each skin point is within `FARTHEST` of one; return all of them."""
-        limits = FARTHEST[self.kinds] * self.sizes
+        """Add points to the chosen ones until each skin point is within `POINT_SPACING` of one; return all of them."""
+        limits = POINT_SPACING[self.kinds] * self.sizes
         near = cKDTree(self.places[chosen]).query(self.places, k=min(NEAR, len(chosen)))[1]
         near = chosen[near.reshape(len(self.places), -1)]
         away = np.linalg.norm(self.places[near] - self.places[:, None], axis=2)

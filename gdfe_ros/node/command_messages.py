@@ -19,7 +19,7 @@ from gdfe_ros.command import Orders, require_movable
 from gdfe_ros.constraints import Handle
 from gdfe_ros.errors import CommandError, RangeError
 from gdfe_ros.node.driving.orders import (
-    FARTHEST,
+    LARGEST_TARGET,
     ActuatorOrder,
     PoseOrder,
     TeleportOrder,
@@ -101,8 +101,9 @@ def twist_order(message: TwistStamped, handle: Handle, *, size: float, frames: F
     linear = (message.twist.linear.x, message.twist.linear.y, message.twist.linear.z)
     angular = (message.twist.angular.x, message.twist.angular.y, message.twist.angular.z)
     require_finite(linear=linear, angular=angular)
-    if math.hypot(*linear) > FARTHEST * size:
-        text = f"linear velocity {linear} m/s; allowed: {FARTHEST * size:.3g} m/s, {FARTHEST:g} body sizes a second"
+    if math.hypot(*linear) > LARGEST_TARGET * size:
+        most = f"{LARGEST_TARGET * size:.3g} m/s, {LARGEST_TARGET:g} body sizes a second"
+        text = f"linear velocity {linear} m/s; allowed: {most}"
         raise Refusal(Reason.TOO_FAST, text)
     if math.hypot(*angular) > FASTEST_TURN:
         raise Refusal(Reason.TOO_FAST, f"angular velocity {angular} rad/s; allowed: {FASTEST_TURN:g} rad/s")

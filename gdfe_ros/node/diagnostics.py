@@ -149,14 +149,14 @@ def _judge_obedience(session: SimulationSession) -> _Part:
         values["on their way"] = _tell_approach(session)
     limited = _find_limited(session)
     if limited:
-        values["joints"] = "; ".join(f"{name}: {told}" for name, told in limited.items())
+        values["joints"] = "; ".join(f"{name}: {text}" for name, text in limited.items())
     unheard = "; ".join(session.inputs.unheard())
     if unheard:
         values["unheard"] = unheard
         return _Part(values, _WARN, f"commands are not heard of {unheard}")
     if session.stepper.drive.slew.stopped:
         return _Part(values, _WARN, f"commands stay short of their goals: {values['on their way']}")
-    if any("effort" in told for told in limited.values()):
+    if any("effort" in text for text in limited.values()):
         return _Part(values, _WARN, f"an arm is at its limits: {values['joints']}")
     return _Part(values, _OK, reason)
 
@@ -164,7 +164,7 @@ def _judge_obedience(session: SimulationSession) -> _Part:
 def _find_limited(session: SimulationSession) -> dict[str, str]:
     """Return a dict from joint name to a text, for joints whose motion or effort reached a limit in the last step."""
     last = session.run.last
-    return {} if last is None else {name: joint.told for name, joint in last.joints.items() if joint.told}
+    return {} if last is None else {name: joint.limited for name, joint in last.joints.items() if joint.limited}
 
 
 def _tell_approach(session: SimulationSession) -> str:
@@ -246,8 +246,8 @@ def _clock(session: SimulationSession, last: _Mark, mark: _Mark) -> _Part:
     if session.mode is ClockMode.EXTERNAL and session.run.pace is not None:
         values["behind the clock [s]"] = f"{session.run.pace.behind:.3f}"
     if (overruns := mark.overruns - last.overruns) > 0:
-        told = ", ".join(f"{name} {value}" for name, value in figures.items())
-        text = f"{overruns} overruns since the last report: {told}; simulation time falls behind"
+        listed = ", ".join(f"{name} {value}" for name, value in figures.items())
+        text = f"{overruns} overruns since the last report: {listed}; simulation time falls behind"
         return _Part(values, _WARN, text)
     return _Part(values, _OK, str(values["clock"]))
 

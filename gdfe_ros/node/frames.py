@@ -159,27 +159,27 @@ class Transforms:
                     if each.child_frame_id in self._own:  # published by this node itself
                         continue
                     try:
-                        self._take(each, arrived, moving=spec is topics.TF)
+                        self._store(each, arrived, moving=spec is topics.TF)
                     except Refusal as refusal:
                         if refusal.reason is not Reason.OUT_OF_ORDER:
                             text = f"frame {each.child_frame_id[:_SHOWN]!r}: {refusal}"
                             self._refuse(self._node.resolve_topic_name(spec.name), Refusal(refusal.reason, text))
 
-    def _take(self, told: Any, arrived: int, *, moving: bool) -> None:
+    def _store(self, stamped: Any, arrived: int, *, moving: bool) -> None:
         """Store a transform that arrived at the time ``arrived`` [ns]; check the stamp of a moving frame.
 
         Raises:
             Refusal: a number is not finite, the quaternion is not of unit length, the stamp is too old, ahead, or
                 before the frame's last stamp, or `_MOST_FRAMES` are known.
         """
-        origin, turn = told.transform.translation, told.transform.rotation
+        origin, turn = stamped.transform.translation, stamped.transform.rotation
         require_place(origin, turn, _UNIT_SLACK, ("translation", "rotation"))
-        if told.child_frame_id not in self._parents and len(self._parents) >= _MOST_FRAMES:
+        if stamped.child_frame_id not in self._parents and len(self._parents) >= _MOST_FRAMES:
             raise Refusal(Reason.QUEUE_FULL, f"{_MOST_FRAMES} frames are known; further ones are refused")
         if moving:
             ages = {"max_age": self._limits["command_max_age"], "max_lead": self._limits["command_max_lead"]}
-            self._freshness.check([told.child_frame_id], told.header.stamp, now=arrived, **ages)
-        self._parents[told.child_frame_id] = told.header.frame_id, Placement.of(origin, turn)
+            self._freshness.check([stamped.child_frame_id], stamped.header.stamp, now=arrived, **ages)
+        self._parents[stamped.child_frame_id] = stamped.header.frame_id, Placement.of(origin, turn)
 
 
 def _chain_up(frame: str, parents: Mapping[str, tuple[str, Placement]]) -> dict[str, Placement]:

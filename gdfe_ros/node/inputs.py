@@ -228,12 +228,12 @@ class Inputs:
         refused = partial(pursuit.end, Code.INVALID_GOAL)
         self._put(_TRAJECTORY, replace(pursuit.order, begun=pursuit.begin, refused=refused))
         self._pursuits.append(pursuit)
-        self._run.refusals.take()
+        self._run.refusals.accept()
 
     def hold(self, pursuit: Pursuit) -> None:
         """End a trajectory: keep its actuators, loads and joints at their present commands."""
         names = pursuit.order.names
-        self._put(_TRAJECTORY, TrajectoryOrder(names, None, np.zeros(0), np.zeros((0, len(names)))), told=False)
+        self._put(_TRAJECTORY, TrajectoryOrder(names, None, np.zeros(0), np.zeros((0, len(names)))), announced=False)
 
     def look(self, step: Step) -> None:
         """Report a step to every action client's trajectory; called between steps."""
@@ -277,7 +277,7 @@ class Inputs:
         except Refusal as refusal:
             self._run.refusals.refuse(topic, refusal)
         else:
-            self._run.refusals.take()
+            self._run.refusals.accept()
 
     def _take(self, item: Input, topic: str, data: bytes) -> None:
         if self.inbox is None:
@@ -295,9 +295,9 @@ class Inputs:
             )
         self._put(item.key, replace(order, source=topic))
 
-    def _put(self, key: str, order: Order, *, told: bool = True) -> None:
+    def _put(self, key: str, order: Order, *, announced: bool = True) -> None:
         if self.inbox is not None:
-            for pursuit in list(self._pursuits) if told else ():
+            for pursuit in list(self._pursuits) if announced else ():
                 pursuit.displace(order)
             self._heard.add(key)
             self.inbox.put(key, order)

@@ -76,13 +76,13 @@ class RefusalLog:
     ) -> None:
         self._warn, self._tell, self._noun, self._throttle = warn, tell, noun, Throttle()
         self._lock = threading.Lock()
-        self._taken = 0
+        self._accepted = 0
         self._refused: Counter[Reason] = Counter()
 
-    def take(self) -> None:
+    def accept(self) -> None:
         """Count an accepted command."""
         with self._lock:
-            self._taken += 1
+            self._accepted += 1
 
     def refuse(self, source: str, refusal: Refusal, *, late: bool = False) -> None:
         """Count a refused command from ``source``, and warn if a warning is due.
@@ -100,7 +100,7 @@ class RefusalLog:
         """Return the counts for /diagnostics: commands accepted, refused, and refused for each reason so far."""
         with self._lock:
             by_reason = {f"refused: {reason.value}": count for reason, count in self._refused.items()}
-            return {"commands taken": self._taken, "commands refused": self._refused.total(), **by_reason}
+            return {"commands taken": self._accepted, "commands refused": self._refused.total(), **by_reason}
 
 
 def require_small(data: bytes) -> None:

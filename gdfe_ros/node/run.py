@@ -132,7 +132,7 @@ class StepRequest:
         stepper: thread that makes the steps.
         flush: function that waits until the steps are published.
         count: number of steps.
-        told: function that is called after each step with the number of steps made; None: not called.
+        on_step: function that is called after each step with the number of steps made; None: not called.
 
     Attributes:
         done: number of steps made so far.
@@ -144,9 +144,9 @@ class StepRequest:
         stepper: SteppingThread,
         flush: Callable[[], None],
         count: int,
-        told: Callable[[int], None] | None = None,
+        on_step: Callable[[int], None] | None = None,
     ) -> None:
-        self._run, self._stepper, self._flush, self._count, self._told = run, stepper, flush, count, told
+        self._run, self._stepper, self._flush, self._count, self._on_step = run, stepper, flush, count, on_step
         self._future: Future[str] = Future()
         self.done = 0
 
@@ -186,8 +186,8 @@ class StepRequest:
             return
         self._stepper.advance()
         self.done += 1
-        if self._told is not None:
-            self._told(self.done)
+        if self._on_step is not None:
+            self._on_step(self.done)
         if self.done < self._count:
             self._post()
             return

@@ -80,8 +80,8 @@ class SimulationSession:
     ) -> None:
         listening = is_installed(topics.TF.type)
         leaders = leaders_of(parameters.entries("follow"), simulation.scene, listening=listening)
-        told = {"now": lambda: self.run.now(), "limits": parameters, "refuse": refusals.refuse}
-        self._transforms = Transforms(node, lambda: self.inputs.followers.look(), **told) if listening else None
+        given = {"now": lambda: self.run.now(), "limits": parameters, "refuse": refusals.refuse}
+        self._transforms = Transforms(node, lambda: self.inputs.followers.look(), **given) if listening else None
         self.run = run = Run(node, parameters, simulation, refusals, ending, self._transforms)
         self.outputs = TopicOutputs(run)
         store = node.guard(partial(self._deliver_again, stored=True), "publishing a step for later subscribers")
@@ -303,12 +303,12 @@ class SimulationSession:
         self.forget_commands(why)
         self.flush()
 
-    def take_steps(self, count: int, told: Callable[[int], None] | None = None) -> Future[str]:
+    def take_steps(self, count: int, on_step: Callable[[int], None] | None = None) -> Future[str]:
         """Start a requested number of steps, and return a ``Future`` of a text with their number and the time.
 
         Args:
             count: number of steps.
-            told: function that is called after each step with the number of steps made; None: not called.
+            on_step: function that is called after each step with the number of steps made; None: not called.
 
         Raises:
             GdfeError: the clock makes steps by itself, or another request is in progress.
@@ -316,7 +316,7 @@ class SimulationSession:
         if self.mode is not ClockMode.LOCKSTEP and not self.stepper.paused:
             raise GdfeError(f"clock {self.mode.value} is running; pause it with ~/pause, or use clock lockstep")
         self.require_no_step_request("~/pause or ~/reset ends it")
-        self.step_request = StepRequest(self.run, self.stepper, self.flush, count, told)
+        self.step_request = StepRequest(self.run, self.stepper, self.flush, count, on_step)
         return self.step_request.begin()
 
     def flush(self) -> None:

@@ -133,8 +133,8 @@ class ForeignBag:
             with file.open("rb") as packed, open_zstd(packed) as content, place.open("wb") as whole:
                 shutil.copyfileobj(content, whole)
         except (OSError, ValueError, ZstdError) as error:
-            told = f": {error}" if isinstance(error, ValueError) else ""
-            raise RecordingError(f"bag file {file} cannot be expanded{told}; {_REMEDIES[BagKind.ZSTD]}") from error
+            reason = f": {error}" if isinstance(error, ValueError) else ""
+            raise RecordingError(f"bag file {file} cannot be expanded{reason}; {_REMEDIES[BagKind.ZSTD]}") from error
         if file_kind(place) not in _SUFFIXES:
             raise RecordingError(f"bag file {file} contains no bag; remedy: a compressed .mcap, .db3 or .bag")
 
@@ -148,9 +148,9 @@ class ForeignBag:
             raise
         except Exception as error:  # a damaged file raises the exceptions of several libraries
             own = isinstance(error, AnyReaderError | Ros1Error | Ros2Error)
-            told = " ".join(str(error).split())[:200] if own else "its content is damaged or cut off"
+            reason = " ".join(str(error).split())[:200] if own else "its content is damaged or cut off"
             remedy = _REMEDIES.get(self.kind, "remedy: copy it again from the robot")
-            raise RecordingError(f"bag {self.path} ({self.kind.value}) cannot be read: {told}; {remedy}") from error
+            raise RecordingError(f"bag {self.path} ({self.kind.value}) cannot be read: {reason}; {remedy}") from error
 
 
 def _require_tables(file: Path) -> None:

@@ -278,7 +278,7 @@ LEAST_CELLS = 3.0
 """A remark is given if a ball's radius, divided by the size of the cells, is below this. At this ratio, and at an
 indentation of a tenth of the radius, the error of the contact force is at most 8 %.
 """
-ROUNDING = 1e-9
+RADIUS_ROUNDING = 1e-9
 """Relative tolerance for rounding errors when a ball's radius is compared with the size of the cells."""
 THICKEST_CELL = 0.35
 """A remark is given if the thickness of a cell in the wall of a round cavity, divided by the radius of the cavity,
@@ -303,7 +303,7 @@ def coarse_contacts(scene: Scene) -> list[str]:
         "small to 17 % too large, depending on the position between the cells; with 1 cell it fell to zero; "
         f"remedy: cells of at most a third of the radius, {ball.form.radius / LEAST_CELLS:.2g} m"
         for ball in balls
-        if ball.form.radius < (1.0 - ROUNDING) * LEAST_CELLS * cell
+        if ball.form.radius < (1.0 - RADIUS_ROUNDING) * LEAST_CELLS * cell
     ]
 
 

@@ -24,7 +24,7 @@ from gdfe_ros.solver.motion.inertia import mass_matrix
 from gdfe_ros.solver.motion.stepper import MotionStepper
 from gdfe_ros.solver.outcome import Deadline
 from gdfe_ros.solver.settings import Policy, Skip, SolverSettings, Torsion
-from gdfe_ros.solver.solution import March
+from gdfe_ros.solver.solution import PathResult
 from gdfe_ros.solver.state import State
 from gdfe_ros.solver.stepping.stepper import Stepper
 from gdfe_ros.solver.terms.fibres import FibreTerm
@@ -73,7 +73,7 @@ def make_stepper(
 def step_result(
     stepper: Stepper | MotionStepper,
     state: State,
-    march: March | None,
+    outcome: PathResult | None,
     *,
     time: float,
     origin: NDArray[np.float64],
@@ -85,7 +85,7 @@ def step_result(
     Args:
         stepper: the stepper that made the step.
         state: state after the step.
-        march: outcome of the step; None if nothing had to be solved.
+        outcome: outcome of the step; None if nothing had to be solved.
         time: simulation time [s] after the step.
         origin: (3,) [m] origin of the state's positions in the world.
         started: ``time.perf_counter`` at the beginning [s].
@@ -96,7 +96,7 @@ def step_result(
         time=time,
         positions=state.positions[own] + origin,
         converged=summary.converged,
-        iterations=march.iterations if march else 0,
+        iterations=outcome.iterations if outcome else 0,
         error_estimate=summary.error_estimate,
         energy=summary.energy,
         min_det=summary.min_det,
@@ -104,9 +104,9 @@ def step_result(
         contacts=find_touches(stepper.actuation.contacts, state, origin),
         actuators=dict(summary.actuators),
         terms={name: dict(report) for name, report in summary.terms.items()},
-        skipped=march.skipped if march else {Skip.SOLVE.value: 1},
-        substeps=march.increments if march else 0,
-        restarts=march.restarts if march else 0,
+        skipped=outcome.skipped if outcome else {Skip.SOLVE.value: 1},
+        substeps=outcome.increments if outcome else 0,
+        restarts=outcome.restarts if outcome else 0,
         wall_time=clock.perf_counter() - started,
         policy=stepper.settings.policy,
         message=summary.message,

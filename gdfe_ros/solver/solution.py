@@ -115,12 +115,12 @@ class Solution(Found):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class March(Found):
+class PathResult(Found):
     """Outcome of following a load path.
 
     Attributes:
-        state: state at the end; it has not converged if the commands were not reached.
-        reached: whether the commands were reached.
+        state: state at the end; it has not converged if the commands were not completed.
+        completed: whether the commands were completed.
         iterations: number of iterations of all increments.
         increments: number of attempted increments, including failed increments.
         skipped: dict from kind of work to the count that the last solve left out, as in `StepResult`.
@@ -135,7 +135,7 @@ class March(Found):
     SAME = 1e-6
     """Two energies count as equal if their relative difference is at most this."""
 
-    reached: bool
+    completed: bool
     increments: int = 0
     skipped: dict[str, int] = field(default_factory=dict)
     snapped: bool = False
@@ -145,7 +145,7 @@ class March(Found):
     @property
     def sound(self) -> bool:
         """Whether the state is an equilibrium at the commands, without a folded or inverted element."""
-        return self.reached and self.converged and self.min_det > 0.0
+        return self.completed and self.converged and self.min_det > 0.0
 
     @property
     def inverted(self) -> bool:
@@ -159,7 +159,7 @@ class March(Found):
             return "folded or inverted elements"
         return "another equilibrium, higher in energy" if self.sound else "no equilibrium"
 
-    def is_better(self, other: March, reach: float, *, gain: float) -> bool:
+    def is_better(self, other: PathResult, reach: float, *, gain: float) -> bool:
         """Return whether this outcome, which started from the undeformed body, is better than ``other``.
 
         If only one of the two outcomes is sound, the sound one is better. If neither is sound, this outcome is better
@@ -178,12 +178,12 @@ class March(Found):
         differs = not largest_distance(self.state.positions, other.state.positions) <= reach
         return differs and gain >= -self.SAME * other.state.summary.energy
 
-    def counting(self, other: March) -> March:
+    def counting(self, other: PathResult) -> PathResult:
         """Return this outcome with the iterations and increments of ``other`` added."""
         iterations, increments = self.iterations + other.iterations, self.increments + other.increments
         return replace_fields(self, iterations=iterations, increments=increments)
 
-    def with_message(self, message: str, *, converged: bool) -> March:
+    def with_message(self, message: str, *, converged: bool) -> PathResult:
         """Return this outcome with another message, and whether it has converged."""
         summary = replace_fields(self.state.summary, converged=converged, message=message)
         return replace_fields(self, state=self.state.with_(summary=summary))

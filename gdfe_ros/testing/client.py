@@ -63,7 +63,7 @@ def _values_of(message: DiagnosticArray, simulation: str) -> dict[str, str]:
     return {pair.key: pair.value for status in own for pair in status.values}
 
 
-PATIENCE = 300.0
+LONGEST_WAIT = 300.0
 """Longest duration of each wait, except for a step [s]. The very first start compiles kernels, which takes minutes on a
 busy machine.
 """

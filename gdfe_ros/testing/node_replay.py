@@ -27,7 +27,7 @@ from gdfe_ros.recording.provenance import STATE_FILE
 from gdfe_ros.recording.step import Begin, StepRecord
 from gdfe_ros.scene.override import override_words
 from gdfe_ros.scene.scene import Scene
-from gdfe_ros.testing.client import PATIENCE, NodeConnection
+from gdfe_ros.testing.client import LONGEST_WAIT, NodeConnection
 from gdfe_ros.testing.consumed import ACTUATION, Consumed
 from gdfe_ros.testing.node_process import NodeProcess
 
@@ -76,7 +76,7 @@ def play_program(
         **(parameters or {}),
     }
     started = time.perf_counter()
-    with NodeProcess(settings) as node, NodeConnection(node, f"/{NODE_NAME}", topics, patience=PATIENCE) as link:
+    with NodeProcess(settings) as node, NodeConnection(node, f"/{NODE_NAME}", topics, patience=LONGEST_WAIT) as link:
         # Wait for step 0, the undeformed body: if it arrived later, it would be taken for that of the first command.
         link.wait_for_step(0)
         link.await_listeners()
@@ -106,7 +106,7 @@ def _messages(scene: Scene, moment: float) -> dict[str, Any]:
 
 
 _SLOWER = 20.0
-"""The longest wait is `PATIENCE` plus this factor times the longest wall time of a recorded step."""
+"""The longest wait is `LONGEST_WAIT` plus this factor times the longest wall time of a recorded step."""
 _NO_CUT = -1
 
 
@@ -136,7 +136,7 @@ class NodeReplay:
         self._simulation = replay.simulation
         self._consumed = Consumed(run)
         self._name = f"/gdfe_replay_{os.getpid()}/{NODE_NAME}"
-        self._patience = PATIENCE + _SLOWER * max(record.wall_time for record in run.records)
+        self._patience = LONGEST_WAIT + _SLOWER * max(record.wall_time for record in run.records)
         targets = dict(replay.simulation.targets)
         for record in run.records:
             _require_a_node(run, record)
@@ -221,8 +221,8 @@ class NodeReplay:
         steps = BagSteps(self._run)
         pairs = zip(steps, BagSteps(again), strict=True)
         repeated = ((first, second.samples, second.record.converged) for first, second in pairs)
-        told = {"started": started, "inexact": self._consumed.inexact}
-        return compare_steps(steps, repeated, changed=bool(self._overrides), **told)
+        given = {"started": started, "inexact": self._consumed.inexact}
+        return compare_steps(steps, repeated, changed=bool(self._overrides), **given)
 
 
 def _turn(poses: Mapping[str, Pose], last: Mapping[str, Pose], what: str) -> dict[str, Pose]:

@@ -37,7 +37,7 @@ from gdfe_ros.scene.building.arms import joint_starts
 from gdfe_ros.scene.loader import load_scene
 from gdfe_ros.scene.override import override_words
 from gdfe_ros.simulation import Command
-from gdfe_ros.testing.client import PATIENCE, STATE_QOS, Client, Deadlock
+from gdfe_ros.testing.client import LONGEST_WAIT, STATE_QOS, Client, Deadlock
 from gdfe_ros.testing.consumed import ACTUATION
 from gdfe_ros.testing.node_process import NodeProcess
 from gdfe_ros.testing.published_state import PublishedState, StepMessages, unpack
@@ -51,7 +51,7 @@ class Simulator:
     Args:
         scene: name of a scene, or path of a scene file.
         overrides: dict from dotted key to the value that replaces the scene's, e.g. ``{"mesh.bar.cells": [20, 2, 2]}``.
-        parameters: parameters of the node; they take precedence over the values that this class sets.
+        parameters: parameters of the node; they store precedence over the values that this class sets.
         inputs: command topics, relative to the node's name; each step consumes one message of each topic. None: all
             targets and ``actuation``, which `step` and `run` need. For a controller that is a ROS node, give the topics
             that it publishes.
@@ -74,7 +74,7 @@ class Simulator:
         parameters: Mapping[str, Any] | None = None,
         inputs: Sequence[str] | None = None,
         bag: str | Path | None = None,
-        patience: float = PATIENCE,
+        patience: float = LONGEST_WAIT,
     ) -> None:
         self.scene = load_scene(scene, overrides=overrides)
         self._movable = {each.name: pose_key(each) for each in self.scene.handles if is_commanded(each)}
@@ -202,7 +202,7 @@ class Simulator:
         topics = [f"{self.name}/{key}" for key in self._awaited]
         deadlock = Deadlock(self._node, self.name, topics, node, silence=silence)
 
-        def take(state: PublishedState) -> None:
+        def store(state: PublishedState) -> None:
             deadlock.progress()
             states.append(state)
 
@@ -213,14 +213,14 @@ class Simulator:
                 raise GdfeError(f"{len(states)} of {steps} steps were made: {reason}")
             return len(states) >= steps
 
-        self._listeners.append(take)
+        self._listeners.append(store)
         self._spinning = True
         self._client.executor.add_node(node)
         try:
             self._wait(has_ended, f"{steps} steps")
         finally:
             self._client.executor.remove_node(node)
-            self._listeners.remove(take)
+            self._listeners.remove(store)
             self._spinning = False
             deadlock.close()
         return states[:steps]

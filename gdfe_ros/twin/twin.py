@@ -52,7 +52,7 @@ class Twin:
             increases the standard deviation of a measurement.
         table: path of a CSV file of all measured and simulated positions; None: none is written.
         bag: path of an MCAP file (`TwinBag`); None: none is written.
-        told: function that is called with the view of each step, in the stepping thread.
+        on_view: function that is called with the view of each step, in the stepping thread.
         warn: function that receives texts for the user.
 
     Attributes:
@@ -76,11 +76,11 @@ class Twin:
         window: float = 0.3,
         table: Path | None = None,
         bag: Path | None = None,
-        told: Callable[[View], None] = lambda view: None,
+        on_view: Callable[[View], None] = lambda view: None,
         warn: Callable[[str], None] = lambda text: None,
     ) -> None:
         _require(simulation, moduli)
-        self._names, self._told, self._warn = tuple(moduli), told, warn
+        self._names, self._on_view, self._warn = tuple(moduli), on_view, warn
         self._throttle = Throttle()
         self._noise, self._delay = noise, delay
         self._estimator, self._comparison = ModulusEstimator(len(self._names)), ProbeComparison(dt, window)
@@ -96,7 +96,7 @@ class Twin:
             self._table.writerow((*_HEAD, *(f"{name} [Pa]" for name in self._names)))
         self.latest: dict[str, Deviation] = {}
         self.compared, self._idle = 0, True
-        self.session = LiveSession(simulation, dt=dt, told=self._take, warn=warn)
+        self.session = LiveSession(simulation, dt=dt, on_view=self._add_view, warn=warn)
 
     def start(self) -> None:
         """Start the stepping thread."""
@@ -160,7 +160,7 @@ class Twin:
         self._adapt(now)
         return found
 
-    def _take(self, view: View) -> None:
+    def _add_view(self, view: View) -> None:
         """Store the state of a step with its derivatives; called in the stepping thread."""
         simulation = self.session.simulation
         places = {name: point.at(view.positions)[0] for name, point in simulation.scene.probes.items()}
@@ -170,7 +170,7 @@ class Twin:
             self._idle = simulation.settled
         if self._bag is not None:
             self._bag.write_at(sample.stamp, self.session.last)
-        self._told(view)
+        self._on_view(view)
 
     def _derivatives(self, simulation: Simulation) -> dict[str, NDArray[np.float64]] | None:
         """Return the derivatives of the probes with respect to the logarithms of the moduli."""

@@ -77,7 +77,7 @@ def test_results_survive_workers_that_end_late(monkeypatch: pytest.MonkeyPatch, 
 
 def test_tasks_without_workers_end(monkeypatch: pytest.MonkeyPatch) -> None:
     """Tasks without any worker end with an error after a limited wait."""
-    monkeypatch.setattr(workers, "PATIENCE", 2.0)
+    monkeypatch.setattr(workers, "LONGEST_ABSENCE", 2.0)
     with connect(None, 0) as client, pytest.raises(GdfeError, match="there has been no worker for 2 s"):
         map_tasks(client, math.sqrt, [1.0, 4.0])
 

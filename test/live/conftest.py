@@ -48,7 +48,7 @@ class Live:
 
     def __init__(self, scene: Scene, **options: Any) -> None:
         self.page = Page(host="127.0.0.1", port=8600, frames=30.0)
-        self.session = LiveSession(Simulation(scene), told=self.page.take, warn=self.page.say, **options)
+        self.session = LiveSession(Simulation(scene), on_view=self.page.show_view, warn=self.page.say, **options)
         self.page.show(self.session)
         self.session.start()
         self.viewers: list[Viewer] = []

@@ -411,7 +411,7 @@ def test_the_body_is_seen_before_it_can_move(bar: str) -> None:
                 viewer.drag("tip", np.add(viewer.place("tip"), [0.0, 0.0, height]))
             viewer.wait(lambda: viewer.notes, "a note")
             assert viewer.notes == ["the body is being built"]
-            session = LiveSession(Simulation(scene), told=page.take, warn=page.say)
+            session = LiveSession(Simulation(scene), on_view=page.show_view, warn=page.say)
             page.show(session)
             session.start()
             viewer.wait(lambda: "converged" in viewer.text() and "lower, tension [N]" in viewer.controls, "the run")

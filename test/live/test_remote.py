@@ -42,7 +42,7 @@ class Shown:
         self.session = NodeSession("gdfe_sim", patience=120.0)
         self.page = Page(host="127.0.0.1", port=8650, frames=30.0)
         self.page.show(self.session)
-        self.session.start(told=self.page.take, warn=self.page.say)
+        self.session.start(on_view=self.page.show_view, warn=self.page.say)
         self.viewer = Viewer(self.page.address())
         self.viewer.wait(lambda: self.viewer.frames and "converged" in self.viewer.text(), "the page")
 
@@ -126,7 +126,7 @@ def test_what_others_command_is_shown(shown: Callable[..., Shown]) -> None:
     viewer = page.viewer
     uuid = viewer.controls["left, tension [N]"]["uuid"]
     with NodeSession("gdfe_sim", patience=60.0) as other:
-        other.start(told=lambda view: None, warn=print)
+        other.start(on_view=lambda view: None, warn=print)
         viewer.wait(other._commander._actuation.get_subscription_count, "the node to listen")
         other.command("left", ActuatorOrder({"left": 0.75}))
         viewer.wait(lambda: viewer.values[uuid] == 0.75, "the slider")
@@ -249,7 +249,7 @@ def test_moduli_of_a_node_are_its_parameters(shown: Callable[..., Shown], tmp_pa
     viewer.wait(lambda: session.state.wrenches["tip"][2] < weight + 0.6 * (before - weight), "half the force")
     with NodeSession("gdfe_sim", patience=60.0) as other:
         assert other.moduli == {"rubber": 0.25e6}
-        other.start(told=lambda view: None, warn=print)
+        other.start(on_view=lambda view: None, warn=print)
         viewer.wait(other._commander._parameters.services_are_ready, "the node to listen")
         other.set_moduli({"rubber": 0.75e6}).result(60.0)
     uuid = viewer.controls["rubber [Pa]"]["uuid"]
@@ -336,7 +336,7 @@ def test_a_node_that_is_not_active_is_shown_at_rest() -> None:
         with NodeSession("gdfe_sim", patience=60.0) as session:
             page = Page(host="127.0.0.1", port=8650, frames=30.0)
             page.show(session)
-            session.start(told=page.take, warn=page.say)
+            session.start(on_view=page.show_view, warn=page.say)
             with Viewer(page.address()) as viewer:
                 viewer.wait(lambda: "inactive" in viewer.text() and "/handles/tip" in viewer.nodes, "the page")
                 link.transition("activate")

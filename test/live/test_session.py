@@ -35,7 +35,7 @@ def test_a_rate_limit_holds_after_a_rest(bar: str) -> None:
     text = bar.replace("left: {cable: {", "left: {cable: {rate: 1.0, ")
     simulation = Simulation(scene_from_text(text, origin="of a test"))
     steps: list[Any] = []
-    session = LiveSession(simulation, told=steps.append)
+    session = LiveSession(simulation, on_view=steps.append)
     session.start()
     session.stepper.post(lambda: None).result()
     session.command("left", ActuatorOrder({"left": 2.0}))

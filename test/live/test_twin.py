@@ -38,7 +38,7 @@ def twin(tmp_path: Path) -> Iterator[Callable[..., Twin]]:
 
     def start(*, page: Page | None = None, **options: Any) -> Twin:
         files = {"table": tmp_path / "twin.csv", "bag": tmp_path / "twin.mcap"}
-        shown = {} if page is None else {"told": page.take}
+        shown = {} if page is None else {"on_view": page.show_view}
         made.append(Twin(Simulation(scene_from_text(ARM)), **files, **shown, **options))
         if page is not None:
             page.show(made[-1].session)

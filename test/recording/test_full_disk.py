@@ -16,7 +16,7 @@ from std_srvs.srv import SetBool
 from gdfe_ros.recording.reader import BagReader
 from gdfe_ros.recording.step import StepRecord
 from gdfe_ros.testing import NodeProcess
-from gdfe_ros.testing.client import PATIENCE, STATE_QOS, Client
+from gdfe_ros.testing.client import LONGEST_WAIT, STATE_QOS, Client
 
 PARAMETERS = {
     "scene": "bend5",
@@ -38,7 +38,7 @@ class Watcher(Client):
     """
 
     def __init__(self, process: NodeProcess) -> None:
-        super().__init__(process, "/gdfe_sim", "watcher", patience=PATIENCE)
+        super().__init__(process, "/gdfe_sim", "watcher", patience=LONGEST_WAIT)
         self.step, self.report = -1, ["", "", ""]
         self._record = self.node.create_client(SetBool, "/gdfe_sim/record")
         self.node.create_subscription(String, "/gdfe_sim/step_record", self._see, STATE_QOS)

@@ -23,7 +23,7 @@ from gdfe_ros.node.messages import pose_stamped
 from gdfe_ros.recording.step import Begin
 from gdfe_ros.simulation import Command
 from gdfe_ros.testing import NodeProcess, Simulator
-from gdfe_ros.testing.client import PATIENCE, NodeConnection
+from gdfe_ros.testing.client import LONGEST_WAIT, NodeConnection
 from gdfe_ros.testing.node_replay import NodeReplay
 
 COARSE = {"mesh.bar.cells": "[20, 2, 2]", "solver.tolerance": "1e-8"}
@@ -111,7 +111,7 @@ def _linked(namespace: str, topics: dict[str, type], **parameters: Any) -> Itera
     """Give an active node and a connection that publishes on its topics."""
     with (
         NodeProcess({**parameters, "autostart": False}, namespace=namespace) as process,
-        NodeConnection(process, f"{namespace}/gdfe_sim", topics, patience=PATIENCE) as link,
+        NodeConnection(process, f"{namespace}/gdfe_sim", topics, patience=LONGEST_WAIT) as link,
     ):
         link.meet()
         link.transition("configure")

@@ -23,7 +23,7 @@ from gdfe_ros.node.middleware.ros_types import interface_class, is_installed
 from gdfe_ros.untrusted.bounded_text import load_json_object, shorten
 from gdfe_ros.untrusted.spelling import did_you_mean
 
-PATIENCE = 10.0
+LONGEST_SEARCH = 10.0
 """Longest wait until a topic or service is found, and until subscribers acknowledge a message [s]."""
 SETTLING = 0.2
 """Longest time until a node has discovered a new subscription [s]."""
@@ -46,7 +46,7 @@ class Peer(LoneNode):
 
     def __init__(self) -> None:
         super().__init__(f"gdfe_terminal_{os.getpid()}")
-        self._domain, self._patience = self.context.get_domain_id(), PATIENCE
+        self._domain, self._patience = self.context.get_domain_id(), LONGEST_SEARCH
 
     def publish(self, topic: str, values: object) -> tuple[int, list[str]]:
         """Publish one message; once each subscriber has received it, wait for refusals.
@@ -204,7 +204,7 @@ class Peer(LoneNode):
         return self._await_settled(entries)
 
     def _await_settled(self, look: Callable[[], list[Any]]) -> list[Any]:
-        """Return a list of the graph once it has been constant for `WHOLE`, or after `PATIENCE` at the latest.
+        """Return a list of the graph once it has been constant for `WHOLE`, or after `LONGEST_SEARCH` at the latest.
 
         Raises:
             GdfeError: there is no other node.

@@ -30,7 +30,7 @@ from gdfe_ros.scene.loader import scene_from_text
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.testing.published_state import PublishedState
 
-PATIENCE = 5.0
+LONGEST_WAIT = 5.0
 """Longest wait for a node's scene [s]."""
 _SILENT = 3.5
 """A node counts as silent after this time [s] without a report; it reports once a second."""
@@ -54,7 +54,7 @@ class NodeSession(ShownRun):
     """
 
     def __init__(
-        self, name: str, *, patience: float = PATIENCE, say: Callable[[str], None] = lambda text: None
+        self, name: str, *, patience: float = LONGEST_WAIT, say: Callable[[str], None] = lambda text: None
     ) -> None:
         self.name = full_name(name)
         self.failure: Exception | None = None
@@ -121,17 +121,17 @@ class NodeSession(ShownRun):
         """Path of the bag that the node writes, or None."""
         return self._report.bag
 
-    def start(self, *, told: Callable[[View], None], warn: Callable[[str], None]) -> None:
+    def start(self, *, on_view: Callable[[View], None], warn: Callable[[str], None]) -> None:
         """Begin to receive steps.
 
         Args:
-            told: function that is called with the view of each shown step, in a separate thread.
+            on_view: function that is called with the view of each shown step, in a separate thread.
             warn: function that receives texts for the user.
         """
-        self._told, self._warn, self._heard = told, warn, time.monotonic()
+        self._on_view, self._warn, self._heard = on_view, warn, time.monotonic()
         node, name = self._node, self.name
         subscribe(node, topics.DIAGNOSTICS, self._hear_report)
-        self._steps = Steps(node, name, self._scene, consumed=self._keep, told=self._take, failed=self._fail)
+        self._steps = Steps(node, name, self._scene, consumed=self._keep, on_step=self._show_step, failed=self._fail)
         self._thread = threading.Thread(target=self._spin, name="gdfe-ros", daemon=True)
         self._thread.start()
 
@@ -242,10 +242,10 @@ class NodeSession(ShownRun):
         self._commanded = {**self._commanded, **record.actuators, **record.loads, **record.joints}
         self._led = {**self._led, **record.handles}
 
-    def _take(self, state: PublishedState) -> None:
+    def _show_step(self, state: PublishedState) -> None:
         """Store a received state, and show it on the page."""
         self.state = state
-        self._told(view_of(state, self._scene))
+        self._on_view(view_of(state, self._scene))
 
     def _note_pause(self, paused: bool) -> None:
         """Store at once whether the node is paused; the node's own report comes up to a second later."""

@@ -61,7 +61,7 @@ class Waiting:
     """
 
     def __init__(self, node: Node, name: str, say: Callable[[str], None]) -> None:
-        self._name, self._say, self._told = name, say, ""
+        self._name, self._say, self._on_step = name, say, ""
         self._client = node.create_client(GetState, f"{name}/get_state")
         self._answer: Any = None
         self._asked = 0.0
@@ -73,8 +73,8 @@ class Waiting:
                 self._answer, self._asked = self._client.call_async(GetState.Request()), time.monotonic()
         elif self._answer.done():
             state, self._answer = self._answer.result().current_state, None
-            if state.label != self._told:
-                self._told = state.label
+            if state.label != self._on_step:
+                self._on_step = state.label
                 bare = state.id == State.PRIMARY_STATE_UNCONFIGURED
                 remedy = f"; it publishes its scene after: {configuring(self._name)}" if bare else ""
                 self._say(f"the node {self._name} is {state.label}{remedy}")
@@ -168,7 +168,7 @@ class Steps:
         name: full name of the simulation's node.
         scene: scene of the simulation.
         consumed: function that is called with the record of each step, shown or not.
-        told: function that is called with each shown step, in a separate thread.
+        on_step: function that is called with each shown step, in a separate thread.
         failed: function that is called in the separate thread with the exception that ended it.
     """
 
@@ -179,10 +179,10 @@ class Steps:
         scene: Scene,
         *,
         consumed: Callable[[StepRecord], None],
-        told: Callable[[PublishedState], None],
+        on_step: Callable[[PublishedState], None],
         failed: Callable[[Exception], None],
     ) -> None:
-        self._scene, self._consumed, self._told, self._failed = scene, consumed, told, failed
+        self._scene, self._consumed, self._on_step, self._failed = scene, consumed, on_step, failed
         self._specs, self._node, self._name = state_topics(scene), node, name
         self._subscriptions: list[Subscription] = []
         self._parts = StepMessages(self._specs, most=_MOST)
@@ -227,7 +227,7 @@ class Steps:
                 self._come.clear()
                 newest, self._newest = self._newest, None
                 if newest is not None:
-                    self._told(unpack(self._scene, newest))
+                    self._on_step(unpack(self._scene, newest))
                 self._ending.wait(_INTERVAL)
         except Exception as error:
             self._failed(error)

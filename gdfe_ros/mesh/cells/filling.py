@@ -32,7 +32,7 @@ NEWTON_STEPS = 25
 """Largest number of Newton steps for a point's reference coordinates; in a parallelepiped the first step is exact."""
 
 
-FARTHEST = 4.0
+LARGEST_COORDINATE = 4.0
 """Largest magnitude of a reference coordinate in Newton's method."""
 
 
@@ -58,8 +58,8 @@ def reference_coordinates(
 ) -> NDArray[np.float64]:
     """Return the reference coordinates (k, 3) of points (k, 3), or of one point (3,), in cells with corners (k, 8, 3).
 
-    Newton's method inverts the trilinear map. Coordinates are limited to -`FARTHEST` .. `FARTHEST`. The iteration ends
-    for a point when none of its coordinates changes by more than ``within``.
+    Newton's method inverts the trilinear map. Magnitudes of coordinates are at most `LARGEST_COORDINATE`. The iteration
+    ends for a point when none of its coordinates changes by more than ``within``.
     """
     reference, sought = np.zeros((len(corners), 3)), np.arange(len(corners))
     points = np.broadcast_to(points, reference.shape)
@@ -70,8 +70,8 @@ def reference_coordinates(
         adjugate = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=1)
         with np.errstate(divide="ignore", invalid="ignore"):  # the map may be singular far outside of a tapered cell
             step = np.einsum("kij,kj->ki", adjugate, gap) / np.einsum("ki,ki->k", a, adjugate[:, 0])[:, None]
-        moved = np.clip(last + np.clip(step, -1.0, 1.0), -FARTHEST, FARTHEST)
-        reference[sought] = np.where(np.isnan(moved), FARTHEST, moved)
+        moved = np.clip(last + np.clip(step, -1.0, 1.0), -LARGEST_COORDINATE, LARGEST_COORDINATE)
+        reference[sought] = np.where(np.isnan(moved), LARGEST_COORDINATE, moved)
         sought = sought[np.abs(reference[sought] - last).max(axis=1) > within]
         if len(sought) == 0:
             break

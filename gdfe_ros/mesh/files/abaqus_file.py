@@ -69,7 +69,7 @@ def read_abaqus(path: Path, heading: str) -> RawMesh:
     """
     reader = _Reader(heading)
     for block in read_blocks(path, heading):
-        reader.take(block)
+        reader.add(block)
     return reader.mesh()
 
 
@@ -85,7 +85,7 @@ class _Reader:
         self._current: list[_Part] = [self._flat]
         self._remarks: list[str] = []
 
-    def take(self, block: Block) -> None:
+    def add(self, block: Block) -> None:
         """Read one block."""
         try:
             self._take(block)

@@ -24,7 +24,7 @@ from gdfe_ros.constraints import Pose, nearest_turn
 from gdfe_ros.errors import CommandError
 from gdfe_ros.node.refusals import Reason, Refusal, require_finite
 
-FARTHEST = 10.0
+LARGEST_TARGET = 10.0
 """Largest distance of a target from rest, and largest displacement in a second, in multiples of the body's size."""
 
 
@@ -262,14 +262,14 @@ def require_near(translation: tuple[float, float, float], size: float) -> None:
     """Check that a target is not too far from rest for a body of this size [m].
 
     Raises:
-        Refusal: the distance exceeds `FARTHEST` times the size.
+        Refusal: the distance exceeds `LARGEST_TARGET` times the size.
     """
     distance = math.hypot(*translation)
-    if not distance <= FARTHEST * size:
+    if not distance <= LARGEST_TARGET * size:
         raise Refusal(
             Reason.TOO_FAR,
-            f"position {translation} is {distance:.3g} m from rest; allowed: {FARTHEST * size:.3g} m, "
-            f"{FARTHEST:g} times the body's size",
+            f"position {translation} is {distance:.3g} m from rest; allowed: {LARGEST_TARGET * size:.3g} m, "
+            f"{LARGEST_TARGET:g} times the body's size",
         )
 
 
@@ -350,7 +350,7 @@ class Inbox:
         """Return the inputs of the command set that have no command yet, sorted. Needs the lock."""
         return sorted(name for name in self._set if not self._waiting.get(name))
 
-    def take(self) -> list[Order]:
+    def remove_next(self) -> list[Order]:
         """Remove and return the orders that the next step consumes, in the order received. Needs the lock."""
         if not self._queued:
             latest, self._latest = self._latest, []

@@ -200,7 +200,7 @@ class SteppingThread:
             GdfeError: the step failed.
         """
         with self.changed:
-            orders = self._inbox.take()
+            orders = self._inbox.remove_next()
             self._pace.restart()
         self._step(orders, dt=self._run.parameters["dt"])
 
@@ -292,7 +292,7 @@ class SteppingThread:
     def _turn(self) -> None:
         """Make the step that is due. With dynamics, an extra step first covers the idle time before new orders."""
         with self.changed:
-            orders, dt = self._inbox.take(), self._pace.begin()
+            orders, dt = self._inbox.remove_next(), self._pace.begin()
         last = self._run.parameters["dt"]
         if orders and self._simulation.scene.dynamics and dt > 1.5 * last:
             self._step((), dt=dt - last, early=last)
@@ -359,8 +359,8 @@ class SteppingThread:
         self._retries = 0 if orders or result.converged or record.cut else self._retries + 1
         log_time = self._origin + to_nanoseconds(result.time)
         stored = self._store is not None and result.wall_time > _LONG
-        told = {"log_time": log_time, "first": first, "stored": stored}
-        run.last = Step(record=record, result=result, **told, **observe(simulation))
+        times = {"log_time": log_time, "first": first, "stored": stored}
+        run.last = Step(record=record, result=result, **times, **observe(simulation))
         run.log_time = log_time
         self.initial = first and (self.begin is Begin.REST or (self.initial and self.begin is Begin.LAST))
         self.count, self.begin = self.count + 1, Begin.LAST

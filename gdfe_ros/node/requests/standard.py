@@ -182,11 +182,11 @@ class StandardServices:
     def _step(self, request: Any, response: Any) -> Future[str]:
         return self._walk(request.steps)
 
-    def _walk(self, steps: int, told: Callable[[int], None] | None = None) -> Future[str]:
+    def _walk(self, steps: int, on_step: Callable[[int], None] | None = None) -> Future[str]:
         session = self._node.active()
         if steps < 1:
             raise GdfeError(f"steps is {steps}; allowed: 1 or more")
-        return session.take_steps(steps, told)
+        return session.take_steps(steps, on_step)
 
     def _cancel(self, goal: Any) -> None:
         if self._node.session is not None:
@@ -354,7 +354,7 @@ def _feedback(
         for point in points:
             point.time_from_start.sec, point.time_from_start.nanosec = divmod(round(1e9 * elapsed), 10**9)
         head = header(session.run.last.record.stamp, session.run.frames.frame_id)
-        told = dict(zip(("desired", "actual", "error"), points, strict=True))
-        goal.publish_feedback(kind.Feedback(header=head, joint_names=list(names), **told))
+        values = dict(zip(("desired", "actual", "error"), points, strict=True))
+        goal.publish_feedback(kind.Feedback(header=head, joint_names=list(names), **values))
 
     return tell

@@ -16,7 +16,7 @@ import numpy as np
 from gdfe_ros.compiled import internal, kernel
 from gdfe_ros.mesh.triples import corner, dot
 from gdfe_ros.solver.contact.complementarity import HALF, row_product, solve_laws
-from gdfe_ros.solver.contact.compliance import find_compliance, turn_direction
+from gdfe_ros.solver.contact.compliance import add_inertia, find_compliance, turn_direction
 from gdfe_ros.solver.contact.contact_term import MARGIN
 from gdfe_ros.solver.contact.field import differentiate, project
 from gdfe_ros.solver.contact.stencil import add_load, find_stencils, turn_shear
@@ -272,10 +272,8 @@ def find_forces(problem, work, metric, field, known, tally, size, target):
             if not find_compliance(work, metric, field, known, t.count, t.exact and t.rounds == 0):
                 return False
             ready = t.count + (len(field.owner) + 1) * status.wild
-            for c in range(t.count if t.inertia > 0.0 else 0):
-                for k in range(3 * c, 3 * c + 3):
-                    if known.w[k, k] > 0.0:  # the point can move along this axis
-                        known.w[k, k] += t.inertia / field.stencils.scale[field.chosen[c]]
+            if t.inertia > 0.0:
+                add_inertia(field, known, t.count, t.inertia)
         given = known, t.count, size, target, t.allowed, t.faint
         t.rounds += 1
         t.left, chose, changed, entered = settle(problem, work, metric, field, *given)
@@ -328,7 +326,7 @@ def evaluate_first(problem, work, tally):
 @internal
 def end_answer(work, field, known, tally, touching):
     """Store the direction for `find_newest`, and shorten the step if forces change from step to step."""
-    known.aim[:] = work.direction
+    known.last_direction[:] = work.direction
     known.pairs[1], known.pairs[2] = work.status[0].head, work.status[0].count if tally[0].count else -1
     if touching and tally[0].swings:
         shorten(work, field, tally)

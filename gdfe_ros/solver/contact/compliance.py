@@ -122,7 +122,7 @@ class PointCompliance(NamedTuple):
             s . y (memory,), which is NaN if z is not known.
         pairs: (3,) row of the oldest pair to which the products belong, and the row of the next pair and the number of
             pairs at the last step; the number is -1 if M has changed since that step.
-        aim: (3 r,) direction of the last step.
+        last_direction: (3 r,) direction of the last step.
         wild: (1,) whether the constant matrix replaces the tangent for this minimisation only.
         scale: (1,) factor of the inverse of the constant matrix while it replaces the tangent, otherwise 1.
         valid: (1,) whether `joined` is J M^-1 J^T of points with the derivatives `rows`, `blocks` and `used`.
@@ -137,7 +137,7 @@ class PointCompliance(NamedTuple):
     products: NDArray[np.float64]
     curvature: NDArray[np.float64]
     pairs: NDArray[np.int64]
-    aim: NDArray[np.float64]
+    last_direction: NDArray[np.float64]
     wild: NDArray[np.int64]
     scale: NDArray[np.float64]
     valid: NDArray[np.bool_]
@@ -219,6 +219,14 @@ def find_compliance(work, metric, field, known, count, turned):
 
 
 @internal
+def add_inertia(field, known, count, inertia):
+    """Resist motions of the points along each axis in which they can move."""
+    for k in range(3 * count):
+        if known.w[k, k] > 0.0:
+            known.w[k, k] += inertia / field.stencils.scale[field.chosen[k // 3]]
+
+
+@internal
 def find_products(work, metric, known, turned):
     """Find the products z = H y of all pairs of L-BFGS that are not known yet; ``turned``: see `find_compliance`."""
     status, memory, first = work.status[0], len(known.curvature), 0
@@ -261,8 +269,8 @@ def find_newest(work, known, at):
     s, y, z, gradient = work.steps[at], work.changes[at], known.products[at], work.gradient
     along = inner(s, gradient) / work.curvature[at]
     for n in range(len(z)):
-        z[n] = known.aim[n] - work.direction[n]
-    if not 1.0 - along > NEGLIGIBLE or not largest(z) > NEGLIGIBLE * largest(known.aim):
+        z[n] = known.last_direction[n] - work.direction[n]
+    if not 1.0 - along > NEGLIGIBLE or not largest(z) > NEGLIGIBLE * largest(known.last_direction):
         return False
     c = along + (along * inner(z, y) - inner(z, gradient)) / (work.curvature[at] * (1.0 - along))
     for n in range(len(z)):

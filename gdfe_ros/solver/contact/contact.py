@@ -115,7 +115,7 @@ class Contact(ContactTerm):
         for vertices in own:
             self._held_fast |= np.isin(carriers, vertices).all(axis=1)
 
-    def aim(self, poses: Mapping[str, Pose], last: State) -> None:
+    def set_targets(self, poses: Mapping[str, Pose], last: State) -> None:
         """Set the commanded pose of the obstacle and the state at the end of the last step."""
         self._pose, self._last = poses[self._touched.name], last
 

@@ -22,7 +22,7 @@ from gdfe_ros.solver.contact.answer import (
 )
 from gdfe_ros.solver.contact.complementarity import find_violations
 from gdfe_ros.solver.contact.compliance import Compliance
-from gdfe_ros.solver.contact.contact_term import FAINT, ROUNDING
+from gdfe_ros.solver.contact.contact_term import FAINT, SLIP_MARGIN
 from gdfe_ros.solver.contact.field import HeldLoads, PointField, project, pull
 from gdfe_ros.solver.contact.stencil import PLANES
 from gdfe_ros.solver.descent.lbfgs_workspace import Problem, Workspace
@@ -198,7 +198,7 @@ class ContactForces:
         look_again(problem, work, field, self._rows, 0.0)
         held, given = field.stencils.held, (field.rows, field.blocks, field.used)
         press, shear = held[:, 0], np.linalg.norm(held[:, 1:], axis=1)
-        sticks = (press > 0.0) & (shear < (1.0 - ROUNDING) * field.friction * press)
+        sticks = (press > 0.0) & (shear < (1.0 - SLIP_MARGIN) * field.friction * press)
         springs = field.stencils.scale[:, None] * np.column_stack([press > 0.0, sticks, sticks])
 
         def multiply(direction: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -20,7 +20,7 @@ MARGIN = 1e-3
 """A point takes part in a step's complementarity problem if its gap, divided by the body's size, would be below this
 after a step at constant forces. Other points that would enter are added in further rounds.
 """
-ROUNDING = 1e-9
+SLIP_MARGIN = 1e-9
 """A point slips if its friction force is below Coulomb's limit by less than this fraction."""
 
 SLIP = 3e-7
@@ -156,7 +156,7 @@ class ContactTerm(Term):
             return {**self._free, "lost": saved["lost"]}
         chosen, press, shear = self._chosen, self.stencils.held[:, 0], self.stencils.shears
         slips = ~(press > 0.0)
-        slips |= np.linalg.norm(shear, axis=1) >= (1.0 - ROUNDING) * self.friction * press
+        slips |= np.linalg.norm(shear, axis=1) >= (1.0 - SLIP_MARGIN) * self.friction * press
         kept = {name: array.copy() for name, array in self._free.items()}
         kept["press"][chosen], kept["slips"][chosen], kept["shear"][chosen] = press, slips, self.to_stored_axes(shear)
         self.keep_places(kept)

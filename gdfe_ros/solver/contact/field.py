@@ -224,7 +224,7 @@ class HeldLoads(Term):
             find_stencils(positions, field.surfaces, field.faces, field.owner, field.stencils)
         return field
 
-    def take(self, positions: NDArray[np.float64]) -> None:
+    def set_loads(self, positions: NDArray[np.float64]) -> None:
         """Set the dead loads to the forces of all contacts, with zero energy at ``positions`` (n, 3) [m]."""
         field = self.look(positions)
         self.integers[0] = field.stencils.held.any()

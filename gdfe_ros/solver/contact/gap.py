@@ -117,9 +117,12 @@ def nearness(x, quads, gauss, frame, form, kind, out):
         if math.sqrt(dot(normal, normal)) < 4.0 * SMOOTH:
             continue
         for p in range(4):
-            place, told = (0.0, 0.0, 0.0), 0.0
+            place, distance = (0.0, 0.0, 0.0), 0.0
             for a in range(4):
-                place, told = along(1.0, place, SHAPE[p, a], corner(x, quads[q, a])), told + SHAPE[p, a] * away[a]
-            nearer = gauss[q, p] * (told - distance_at(kind, frame, form, place[0], place[1], place[2])[0])
+                place, distance = (
+                    along(1.0, place, SHAPE[p, a], corner(x, quads[q, a])),
+                    distance + SHAPE[p, a] * away[a],
+                )
+            nearer = gauss[q, p] * (distance - distance_at(kind, frame, form, place[0], place[1], place[2])[0])
             for a in range(4):
                 out[quads[q, a]] += SHAPE[p, a] * nearer

@@ -24,7 +24,7 @@ MOST_BLOCKED = 4
 """The body counts as running away if the energy at the full step is infinite in more than this number of successive
 iterations.
 """
-ROUNDING = 1e-13
+ENERGY_ROUNDING = 1e-13
 """Changes of the energy below this fraction of the sum of its terms are rounding errors in double precision."""
 
 
@@ -82,7 +82,7 @@ def search(problem, work, first):
     """
     status = work.status[0]
     slope, energy = status.slope, status.energy
-    flat = status.grain + ROUNDING * (status.absolute + status.outside)
+    flat = status.grain + ENERGY_ROUNDING * (status.absolute + status.outside)
     length = 0.0 if first else 1.0
     for n in range(len(work.u)):
         work.old[n] = work.gradient[n]

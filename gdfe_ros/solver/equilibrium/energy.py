@@ -107,7 +107,7 @@ class EquilibriumSolver:
         if not len(unknowns.free):
             return
         task = Solve.at(self.model, self.at_rest()).evaluate()
-        tangent = level.take(task.problem, work.u, work.x)
+        tangent = level.factor_tangent(task.problem, work.u, work.x)
         if tangent.shift > 0.0:
             return
         load = np.random.default_rng(0).standard_normal(3 * unknowns.rows)

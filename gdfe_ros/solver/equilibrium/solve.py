@@ -10,7 +10,7 @@ import numpy as np
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.descent.active_set import ActiveSet
 from gdfe_ros.solver.descent.lbfgs_workspace import Problem, history, load_history
-from gdfe_ros.solver.descent.search import ROUNDING
+from gdfe_ros.solver.descent.search import ENERGY_ROUNDING
 from gdfe_ros.solver.elements.barrier import tell_flat
 from gdfe_ros.solver.elements.measures import LEAST_SCALE, MOST_SCALE, update_hourglass_scales
 from gdfe_ros.solver.elements.response import Watch
@@ -100,7 +100,7 @@ class Solve:
         self._actuation.begin(problem.commands, start.terms, *given, ratio=ratio)
 
     @property
-    def aim(self) -> float:
+    def final_tolerance(self) -> float:
         """Tolerance of the final minimisation."""
         return self.problem.tolerance if self._moving else min(self.problem.tolerance, self.LINEAR)
 
@@ -168,16 +168,19 @@ class Solve:
             load_history(active.workspace, self._resumed.steps, self._resumed.changes)
         task = self._set_start()
         updates = bool(len(active.carried) or len(active.softening) or self._actuation.updates)
-        self._present, self._finest = self._first_tolerance(updates=updates), self.aim
+        self._present, self._finest = self._first_tolerance(updates=updates), self.final_tolerance
         self._settled, self._exact, self.iterations, self._cut = not updates, 0, 0, False
         for _ in range(self.MOST_UPDATES):
             confirms = updates and self._settled
-            aim, left = self.aim if confirms else self._present, limit - self.iterations
-            went = self._minimiser.descend(task, tolerance=aim, limit=left, proven=confirms)
+            aimed, left = self.final_tolerance if confirms else self._present, limit - self.iterations
+            went = self._minimiser.descend(task, tolerance=aimed, limit=left, proven=confirms)
             self.iterations, self._cut = self.iterations + went, active.ended is Outcome.CUT
             if not updates or self._has_failed():
                 break
-            if self._balance(aim <= self._present <= self.aim, still=went == 0) or self._actuation.wanders:
+            if (
+                self._balance(aimed <= self._present <= self.final_tolerance, still=went == 0)
+                or self._actuation.wanders
+            ):
                 break
             self._present = max(self._finest, self.TIGHTEN * self._present)
             if self.iterations >= limit or (self.iterations and past(self.problem.deadline)):
@@ -188,8 +191,12 @@ class Solve:
     def _first_tolerance(self, *, updates: bool) -> float:
         """Return the tolerance of the first minimisation; a resumed solve uses that of the interrupted one."""
         if self._resumed is not None:
-            return max(self._resumed.tolerance, self.aim)
-        return max(self.FIRST_TOLERANCE, self.aim) if updates and not self._predicted.ratio else self.aim
+            return max(self._resumed.tolerance, self.final_tolerance)
+        return (
+            max(self.FIRST_TOLERANCE, self.final_tolerance)
+            if updates and not self._predicted.ratio
+            else self.final_tolerance
+        )
 
     def _has_failed(self) -> bool:
         """Return whether the last minimisation failed, so that updates of multipliers are useless."""
@@ -304,7 +311,7 @@ class Solve:
         """Return the outcome of the solve (`Outcome.NEAR` at an equilibrium), and the error estimate."""
         active, tolerance = self._active, self.problem.tolerance
         estimate, forces = self._minimiser.error_estimate(active), self._minimiser.contact_forces
-        drowned = ROUNDING * float(active.status["outside"])
+        drowned = ENERGY_ROUNDING * float(active.status["outside"])
         left, settled = (forces.left, forces.settled) if forces else (0.0, True)
         cases = (
             (drowned > self._body.strain_energy_scale, Outcome.TOO_STRONG),

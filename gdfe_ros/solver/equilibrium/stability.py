@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gdfe_ros.solver.descent.loop import UNPROVEN
-from gdfe_ros.solver.descent.search import ROUNDING
+from gdfe_ros.solver.descent.search import ENERGY_ROUNDING
 from gdfe_ros.solver.equilibrium.solve import Model, Solve
 from gdfe_ros.solver.minimise.curvature import Lanczos, Lowest, TangentProducts
 from gdfe_ros.solver.minimise.minimiser import Minimiser, Task
@@ -130,7 +130,7 @@ class Stability:
         for count in range(self.ROUNDS):
             proof = self._factor(task)
             found = replace_fields(found, state=found.state.with_(tangent=self._minimiser.tangent))
-            near = proof.distance <= self._nearest * solve.aim
+            near = proof.distance <= self._nearest * solve.final_tolerance
             late = past(solve.problem.deadline) or found.iterations >= solve.problem.limit
             if late or (near and proof.counts):
                 return _tell(found, stable=proof.stable, distance=proof.distance)
@@ -143,7 +143,7 @@ class Stability:
             if not (again.converged and again.min_det > 0.0):
                 return _tell(replace_fields(found, iterations=total), stable=proof.stable)
             found = replace_fields(again, iterations=total, began=found.began)
-            lasting = proof.distance <= Minimiser.SHARE * solve.aim and again.iterations <= self.NEAR
+            lasting = proof.distance <= Minimiser.SHARE * solve.final_tolerance and again.iterations <= self.NEAR
             if proof.stable and lasting:
                 return _tell(found, stable=True)
             task = solve.task_at(found.state)
@@ -174,7 +174,7 @@ class Stability:
         if not (seen.known and seen.value > self.SURE):
             return None
         distance, _ = minimiser.newton_step(task)
-        near = distance <= min(Minimiser.SHARE, seen.value) * solve.aim
+        near = distance <= min(Minimiser.SHARE, seen.value) * solve.final_tolerance
         return _tell(found, stable=True, distance=distance / seen.value) if near else None
 
     def _leave(self, solve: Solve, found: Solution, task: Task, direction: Array) -> bool:
@@ -223,7 +223,7 @@ class Stability:
         sign = -1.0 if float(work.gradient @ direction) > 0.0 else 1.0
         longest = largest(direction)
         unit, length, best, found = sign / longest * direction, min(self.FIRST * self._size, longest), np.inf, None
-        noise = float(status["grain"] + ROUNDING * (status["absolute"] + status["outside"]))
+        noise = float(status["grain"] + ENERGY_ROUNDING * (status["absolute"] + status["outside"]))
         least = float(status["energy"]) - self.SEEN * noise
         self._product.begin(task)
         for _ in range(self.SHORTENINGS + self.DOUBLINGS):

@@ -132,16 +132,16 @@ class Actuation:
         """Prepare all terms for a solve with the arguments of `Term.begin`; ``saved`` is a dict from term name.
 
         If ``poses`` of handles and obstacles are given, they and the previous state ``last`` are first passed to
-        `Term.aim`.
+        `Term.set_targets`.
         """
         for term in self.terms:
             if poses is not None:
-                term.aim(poses, last)
+                term.set_targets(poses, last)
             if self.grips and isinstance(term, Contact):  # grips come before contacts
                 term.leave_out([pair for grip in self.grips for pair in grip.pairs])
             term.begin(commands, saved[term.name], positions, ratio)
         if self.contacts:
-            self.held.take(positions)
+            self.held.set_loads(positions)
 
     def update(self, positions: Array) -> float:
         """Update the multipliers; return the largest error of a constraint, divided by the body's size."""

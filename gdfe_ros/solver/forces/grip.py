@@ -166,7 +166,7 @@ class GripTerm(UpdatedTerm):
         start = {"hold": np.zeros(1), "command": np.zeros(1), "weights": np.zeros((len(none), 4))}
         return {**start, "places": none, "pull": none, "before": none}
 
-    def aim(self, poses: Mapping[str, Pose], last: State) -> None:
+    def set_targets(self, poses: Mapping[str, Pose], last: State) -> None:
         """Store the commanded poses, and the state whose positions a closing grip keeps."""
         self._poses, self._last = poses, last
 

@@ -117,7 +117,7 @@ class TangentLevel:
         """Whether a factor and the elements' tangents fit into half of the free memory."""
         return self.memory <= 0.5 * os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
 
-    def take(self, problem: Problem, u: Array, x: Array, *, definite: bool = False) -> Tangent | None:
+    def factor_tangent(self, problem: Problem, u: Array, x: Array, *, definite: bool = False) -> Tangent | None:
         """Evaluate and factor the tangent at unknowns ``u`` (3 r,) and positions ``x`` (n, 3) [m].
 
         Beyond a buckling load, for example, the tangent is indefinite. A growing multiple of the constant matrix is

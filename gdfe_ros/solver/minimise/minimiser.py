@@ -17,7 +17,7 @@ from gdfe_ros.solver.descent.active_set import ActiveSet
 from gdfe_ros.solver.descent.arc import follow_arc_once
 from gdfe_ros.solver.descent.lbfgs_workspace import Problem, Workspace
 from gdfe_ros.solver.descent.loop import ENDLESS, Metric, descend, precondition
-from gdfe_ros.solver.descent.search import ROUNDING, advance
+from gdfe_ros.solver.descent.search import ENERGY_ROUNDING, advance
 from gdfe_ros.solver.matrix.substitution import Kept
 from gdfe_ros.solver.matrix.tangent_assembly import Tangent
 from gdfe_ros.solver.minimise.level import TangentLevel
@@ -167,7 +167,7 @@ class Minimiser:
         """Evaluate a new tangent if the stage of a term has changed; otherwise update the springs of the old one."""
         work = task.active.workspace
         if self.level.is_outdated(self.tangent) and (self.tangent is not None or self.level.fits):
-            self._adopt(task, self.level.take(task.problem, work.u, work.x))
+            self._adopt(task, self.level.factor_tangent(task.problem, work.u, work.x))
         elif self.tangent is not None:
             self.tangent = self.level.reconnect(self.tangent, work.x)
 
@@ -200,7 +200,7 @@ class Minimiser:
         if self.tangent is None and not self.level.affordable:
             return False
         before, work = self.tangent, task.active.workspace
-        taken = self.level.take(task.problem, work.u, work.x, definite=True)
+        taken = self.level.factor_tangent(task.problem, work.u, work.x, definite=True)
         if taken is None:
             if before is not None:
                 self.level.load(before)
@@ -267,7 +267,7 @@ class Minimiser:
         if self.tangent is None and not self.level.fits:
             return False
         work = task.active.workspace
-        self._adopt(task, self.level.take(task.problem, work.u, work.x))
+        self._adopt(task, self.level.factor_tangent(task.problem, work.u, work.x))
         if self.tangent.shift > 0.0 and task.runs_away is not None and task.runs_away(work.x):
             task.active.status["ended"] = Outcome.GIVEN_UP
             return False
@@ -276,5 +276,5 @@ class Minimiser:
     def _show(self, work: Workspace, *, begins: bool) -> None:
         if self.observer is not None:
             status = work.status[0]
-            size = float(status["absolute"] + status["outside"]) + self._grain / ROUNDING
+            size = float(status["absolute"] + status["outside"]) + self._grain / ENERGY_ROUNDING
             self.observer(float(status["energy"]), size, begins)

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from gdfe_ros.solver import outcome
 from gdfe_ros.solver.contact.complementarity import solve_laws
 from gdfe_ros.solver.contact.compliance import join
-from gdfe_ros.solver.contact.contact_term import ROUNDING, ContactTerm
+from gdfe_ros.solver.contact.contact_term import SLIP_MARGIN, ContactTerm
 from gdfe_ros.solver.contact.field import HeldLoads, project, pull
 from gdfe_ros.solver.contact.stencil import add_loads, find_pressing
 from gdfe_ros.solver.motion.inertia import NAME, FreeMass
@@ -173,7 +173,7 @@ class ContactImpulses:
         impulse is the body's mass times the mean of these changes.
         """
         friction, mass, axes, push = contact.friction, contact.held_mass, part.axes[own], impulses[:, 0]
-        if not mass or (np.linalg.norm(impulses[:, 1:], axis=1) < (1.0 - ROUNDING) * friction * push).any():
+        if not mass or (np.linalg.norm(impulses[:, 1:], axis=1) < (1.0 - SLIP_MARGIN) * friction * push).any():
             return ""
         if not np.linalg.norm(push @ axes[:, 0]) < self.OPPOSED * push.sum():
             return ""

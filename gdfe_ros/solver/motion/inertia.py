@@ -310,11 +310,11 @@ class Inertia(Term):
         rule = Rule.of(self._dynamics, self._h, now)
         velocity, acceleration = self._follow(positions, now)
         factor = rule.kappa + damping * rule.theta
-        resisted = rule.kappa * rule.aim + damping * (rule.theta * rule.drift - rule.lag)
+        resisted = rule.kappa * rule.x_hat + damping * (rule.theta * rule.drift - rule.lag)
         driven = factor * positions - acceleration - damping * velocity
         self.reals[0] = factor
-        aim = self.reals[1 : 1 + positions.size].reshape(-1, 3)
-        aim[...] = np.where(self._driven, driven, resisted) / factor
+        x_hat = self.reals[1 : 1 + positions.size].reshape(-1, 3)
+        x_hat[...] = np.where(self._driven, driven, resisted) / factor
         self._rule = rule
 
     def finish(self, saved: Saved, positions: Array) -> Saved:

@@ -144,5 +144,5 @@ def tell_excess(state: State, excess: float, h: float, scheme: Scheme) -> State:
         f"an internal step of {h:.3g} s gained {excess:.3g} J of energy without a source; remedy: a smaller "
         "dynamics.step, a start outside of all obstacles"
     ) + ("" if scheme == Scheme.BDF2 else ", or dynamics.scheme: bdf2")
-    told = state.with_flaw(join(state.summary.message, text))
-    return told.with_(ledger=replace_fields(state.ledger, bound=None))
+    flawed = state.with_flaw(join(state.summary.message, text))
+    return flawed.with_(ledger=replace_fields(state.ledger, bound=None))

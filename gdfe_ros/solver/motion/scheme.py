@@ -104,7 +104,7 @@ class Rule(NamedTuple):
         kappa_a: da/dx [1/s^2].
         rest: x_a (n, 3) [m].
         kappa: df/dx [1/s^2].
-        aim: x_hat (n, 3) [m].
+        x_hat: predicted positions (n, 3) [m].
         lag: (n, 3) [m/s] difference between the velocity and theta (x - x_v) at vertices that contacts hold: the
             impulse of a step changes the velocity by more than theta times the displacement. Damping relative to the
             world includes this difference.
@@ -115,7 +115,7 @@ class Rule(NamedTuple):
     kappa_a: float
     rest: Array
     kappa: float
-    aim: Array
+    x_hat: Array
     lag: Array | float = 0.0
 
     @classmethod
@@ -142,7 +142,7 @@ class Rule(NamedTuple):
 
     def find_force(self, x: Array) -> Array:
         """Return f (n, 3) [m/s^2] at new positions."""
-        return self.kappa * (x - self.aim)
+        return self.kappa * (x - self.x_hat)
 
 
 def stiffness(dynamics: Dynamics, h: float) -> tuple[float, float]:
@@ -155,13 +155,13 @@ def stiffness(dynamics: Dynamics, h: float) -> tuple[float, float]:
 def _bdf2(h: float, now: Kinematics) -> Rule:
     x = now.positions
     if now.first:  # backward Euler: an assumed previous step may have far more energy than the body
-        aim = x + h * now.velocity
-        return Rule(theta=1.0 / h, drift=x, kappa_a=1.0 / h**2, rest=aim, kappa=1.0 / h**2, aim=aim)
+        x_hat = x + h * now.velocity
+        return Rule(theta=1.0 / h, drift=x, kappa_a=1.0 / h**2, rest=x_hat, kappa=1.0 / h**2, x_hat=x_hat)
     theta = 1.5 / h
     drift = (4.0 * x - now.before) / 3.0
-    aim = drift + (4.0 * now.velocity - now.velocity_before) / (3.0 * theta)
+    x_hat = drift + (4.0 * now.velocity - now.velocity_before) / (3.0 * theta)
     kappa = theta * theta
-    return Rule(theta=theta, drift=drift, kappa_a=kappa, rest=aim, kappa=kappa, aim=aim, lag=_lag(theta, h, now))
+    return Rule(theta=theta, drift=drift, kappa_a=kappa, rest=x_hat, kappa=kappa, x_hat=x_hat, lag=_lag(theta, h, now))
 
 
 def _generalised_alpha(rho: float, h: float, now: Kinematics) -> Rule:
@@ -178,8 +178,8 @@ def _generalised_alpha(rho: float, h: float, now: Kinematics) -> Rule:
     if rho == 1.0:  # the same without the large accelerations of light bodies
         drift = x + 0.5 * h * now.velocity
     kappa = kappa_a * (1.0 - am) / (1.0 - af)
-    aim = rest - (am * acceleration - af * now.balanced) / (kappa * (1.0 - af))
-    return Rule(theta=theta, drift=drift, kappa_a=kappa_a, rest=rest, kappa=kappa, aim=aim, lag=_lag(theta, h, now))
+    x_hat = rest - (am * acceleration - af * now.balanced) / (kappa * (1.0 - af))
+    return Rule(theta=theta, drift=drift, kappa_a=kappa_a, rest=rest, kappa=kappa, x_hat=x_hat, lag=_lag(theta, h, now))
 
 
 def _lag(theta: float, h: float, now: Kinematics) -> Array:

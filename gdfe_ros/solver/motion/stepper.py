@@ -31,7 +31,7 @@ from gdfe_ros.solver.motion.time_path import (
 from gdfe_ros.solver.motion.viscosity import Viscosity, unrelaxed
 from gdfe_ros.solver.outcome import Deadline, past
 from gdfe_ros.solver.settings import BackwardEuler, Dynamics, Scheme, Skip, SolverSettings
-from gdfe_ros.solver.solution import Increment, March, Solution
+from gdfe_ros.solver.solution import Increment, PathResult, Solution
 from gdfe_ros.solver.state import State, replace_fields
 from gdfe_ros.solver.stepping.path import Verdict
 from gdfe_ros.solver.stepping.stepper import place
@@ -152,7 +152,7 @@ class MotionStepper:
         duration: float,
         deadline: Deadline | None = None,
         observer: Callable[[InternalStep], None] | None = None,
-    ) -> March:
+    ) -> PathResult:
         """Return the outcome of ``duration`` [s]; the commands change linearly from those of ``state`` to the new ones.
 
         ``state`` is not modified. A duration that is too short for a step is added to the next duration. A deadline
@@ -164,25 +164,27 @@ class MotionStepper:
         due = owed + duration
         if due < self.SHORTEST * step:
             noted = state.with_(ledger=replace_fields(state.ledger, owed=due))
-            return March(state=noted, reached=True, simulated=duration, skipped={Skip.SOLVE.value: 1})
+            return PathResult(state=noted, completed=True, simulated=duration, skipped={Skip.SOLVE.value: 1})
         began = self.start_motion(state, commands)
         if observer is not None and began is not state:
             observer(InternalStep(before=state, after=began, h=step))
         given = {"tolerance": self.settings.tolerance, "limit": self.settings.max_iterations, "deadline": deadline}
         goal = Increment(poses=targets, commands=commands, **given)
         count = max(1, math.ceil(due / step - NEGLIGIBLE))
-        march = self._follow(TimePath.over(began, goal, count, duration=due), observer)
+        result = self._follow(TimePath.over(began, goal, count, duration=due), observer)
         # An earlier step has already reported the owed time.
-        ledger = replace_fields(march.state.ledger, owed=max(0.0, owed - march.simulated))
-        return replace_fields(march, state=march.state.with_(ledger=ledger), simulated=max(0.0, march.simulated - owed))
+        ledger = replace_fields(result.state.ledger, owed=max(0.0, owed - result.simulated))
+        return replace_fields(
+            result, state=result.state.with_(ledger=ledger), simulated=max(0.0, result.simulated - owed)
+        )
 
-    def _follow(self, path: TimePath, observer: Callable[[InternalStep], None] | None) -> March:
+    def _follow(self, path: TimePath, observer: Callable[[InternalStep], None] | None) -> PathResult:
         """Return the outcome of a path."""
         failure = path.state.ledger.failure if Skip.SOLVE in self.settings.skip else None
         if failure is not None and path.repeats(failure):
-            return replace_fields(path, flaw=failure.reason).march({Skip.SOLVE.value: 1})
+            return replace_fields(path, flaw=failure.reason).result({Skip.SOLVE.value: 1})
         deadline = path.goal.deadline
-        while not path.arrived:
+        while not path.completed:
             trial = self._try(path, self._dynamics)
             path, verdict = trial.path, trial.verdict
             if verdict is Verdict.WITHDRAW:
@@ -196,10 +198,10 @@ class MotionStepper:
             if observer is not None:
                 observer(trial.step)
             path = path.advance(trial.step.after)
-            if not path.arrived and past(deadline):
+            if not path.completed and past(deadline):
                 path = replace_fields(path, flaw=path.flaw or deadline.reason)
                 break
-        return path.march(self.equilibrium.count_skipped())
+        return path.result(self.equilibrium.count_skipped())
 
     def _try(self, path: TimePath, dynamics: Dynamics) -> Trial:
         """Solve the next internal step; repeat it with the Euler scheme if it created energy."""
@@ -227,7 +229,7 @@ class MotionStepper:
 
     def _solve(self, path: TimePath, dynamics: Dynamics, interruption: Deadline | None) -> Solution:
         """Return the solution of the next internal step of ``path``."""
-        state, h, (poses, commands) = path.state, path.length, path.aim
+        state, h, (poses, commands) = path.state, path.length, path.next_place
         now = Kinematics.of(state.terms[inertia.NAME])
         bent, moved = h * h * largest(now.acceleration.ravel()), h * largest(now.velocity.ravel())
         size, tolerance = self.body.size, self.settings.tolerance

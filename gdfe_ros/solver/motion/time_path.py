@@ -17,7 +17,7 @@ from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.motion import inertia
 from gdfe_ros.solver.motion.scheme import Kinematics
 from gdfe_ros.solver.settings import Dynamics
-from gdfe_ros.solver.solution import March, Solution
+from gdfe_ros.solver.solution import PathResult, Solution
 from gdfe_ros.solver.state import Failure, State, replace_fields
 from gdfe_ros.solver.stepping.path import Path, Verdict
 from gdfe_ros.solver.vectors import Array
@@ -72,7 +72,7 @@ class TimePath(Path):
     @property
     def driven(self) -> bool:
         """Whether a handle or a command moves in the next internal step."""
-        return self.aim != (self.state.poses, self.state.commands)
+        return self.next_place != (self.state.poses, self.state.commands)
 
     def endures(self, solution: Solution) -> bool:
         """Return whether the simulation accepts a solution with folded elements, as not converged, and continues.
@@ -88,15 +88,15 @@ class TimePath(Path):
         size = min(self.WHOLE, self.size * 2) if gone.done % (2 * self.size) == 0 else self.size
         return replace_fields(gone, size=size, flaw=self.flaw or ("" if summary.converged else summary.message))
 
-    def march(self, skipped: dict[str, int]) -> March:
+    def result(self, skipped: dict[str, int]) -> PathResult:
         """Return the outcome of the step so far."""
         flaw, simulated = self.flaw, self.duration * self.covered
-        if not self.arrived:
+        if not self.completed:
             flaw = f"simulated {simulated:.6g} of {self.duration:.6g} s: {flaw or self.state.summary.message}"
-        told = replace_fields(self, state=self.state.with_flaw(flaw)) if flaw else self
-        return super(TimePath, told).march(skipped, simulated=simulated)
+        flawed = replace_fields(self, state=self.state.with_flaw(flaw)) if flaw else self
+        return super(TimePath, flawed).result(skipped, simulated=simulated)
 
-    def withdraw(self, solution: Solution, skipped: dict[str, int], *, hurried: bool) -> March:
+    def withdraw(self, solution: Solution, skipped: dict[str, int], *, hurried: bool) -> PathResult:
         """Return the outcome at the state before a failed internal step.
 
         If the first internal step fails at its shortest length, the failure is recorded for later steps, unless the
@@ -115,7 +115,7 @@ class TimePath(Path):
             asked = {"poses": self.goal.poses, "commands": self.goal.commands}
             failure = Failure(**asked, duration=self.duration, length=self.longest, reason=text)
         state = self.state.with_(ledger=replace_fields(self.state.ledger, failure=failure))
-        return replace_fields(self, state=state.with_flaw(text, error_estimate=math.inf), flaw=text).march(skipped)
+        return replace_fields(self, state=state.with_flaw(text, error_estimate=math.inf), flaw=text).result(skipped)
 
 
 class MotionPredictor(Predictor):

@@ -156,7 +156,7 @@ class Column:
         solve = self._solve
         for term in solve.actuation.terms:
             own = side.terms.get(term.name, term)
-            own.aim(side.poses, side.start)
+            own.set_targets(side.poses, side.start)
             own.vary(side.commands, side.start.terms[term.name], x)
             if own is not term:
                 term.reals[...] = own.reals

@@ -197,7 +197,7 @@ class Linearised:
         self.volumes, self.scale = Volumes(self.x, *given), end.elements.hourglass_scale
         tables = {"table": self.volumes.table, "pressure": self.volumes.pressures(self.volumes.table)}
         problem = task.problem._replace(blocks=end.operators.blocks, scale=self.scale, **tables)
-        tangent = level.take(problem, self.u, self.x)
+        tangent = level.factor_tangent(problem, self.u, self.x)
         pressed = any(end.terms[contact.name]["press"].any() for contact in self.actuation.contacts)
         if tangent.shift > 0.0 and not pressed:  # contact may hold a body that is unstable alone
             raise GdfeError(
@@ -217,7 +217,7 @@ class Linearised:
     def _resume_terms(self) -> None:
         start, end = self._start, self.end
         for term in self.actuation.terms:
-            term.aim(end.poses, start)
+            term.set_targets(end.poses, start)
             term.resume(end.commands, start.terms[term.name], end.terms[term.name], self.x)
 
     def term_forces(self, x: Array) -> Array:
@@ -233,7 +233,7 @@ class Linearised:
         for contact in self.actuation.contacts:
             contact.look(x)
         if self.actuation.contacts:
-            self.actuation.held.take(x)
+            self.actuation.held.set_loads(x)
 
     def element_forces(
         self, table: MaterialTable, *, operators: Operators | None = None, scale: Array | None = None

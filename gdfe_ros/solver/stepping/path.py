@@ -17,7 +17,7 @@ from gdfe_ros.solver.forces.actuation import tell_limit_point
 from gdfe_ros.solver.handle_motions import HandleMotions, find_deviation
 from gdfe_ros.solver.matrix.rotation import apply_left_jacobian
 from gdfe_ros.solver.outcome import Outcome, join, tell
-from gdfe_ros.solver.solution import Increment, March, Solution
+from gdfe_ros.solver.solution import Increment, PathResult, Solution
 from gdfe_ros.solver.state import State, replace_fields
 from gdfe_ros.solver.vectors import Array, largest_distance
 
@@ -109,7 +109,7 @@ class Path:
         return cls(began=state, state=state, goal=goal, total=cls.WHOLE * count, size=cls.WHOLE, **more)
 
     @property
-    def arrived(self) -> bool:
+    def completed(self) -> bool:
         """Whether the whole path is completed."""
         return self.done >= self.total
 
@@ -124,7 +124,7 @@ class Path:
         return (self.done + self.size) / self.total
 
     @property
-    def aim(self) -> Place:
+    def next_place(self) -> Place:
         """Poses and commands at the end of the next attempt."""
         began, goal = ((each.poses, each.commands) for each in (self.began, self.goal))
         return on_path(began, goal, self.next, self.centres)
@@ -142,10 +142,10 @@ class Path:
         """Return the path after an attempt that led to ``state``."""
         return replace_fields(self, state=state, done=self.done + self.size)
 
-    def march(self, skipped: dict[str, int], **more: object) -> March:
+    def result(self, skipped: dict[str, int], **more: object) -> PathResult:
         """Return the outcome of the path so far."""
         counts = {"iterations": self.iterations, "increments": self.attempts}
-        return March(state=self.state, reached=self.arrived, skipped=skipped, **counts, **more)
+        return PathResult(state=self.state, completed=self.completed, skipped=skipped, **counts, **more)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -273,7 +273,7 @@ class Attempt:
         """The reason why the step returns to the last sound state."""
         path, message = self.path, self.solution.message
         if path.unstable:
-            return tell_limit_point(path.unstable, path.state.commands, path.aim[1])
+            return tell_limit_point(path.unstable, path.state.commands, path.next_place[1])
         if self.solution.diverged and not path.folded:
             return message
         enters = self.solution.entered and self.solution.min_det > 0.0

@@ -17,7 +17,7 @@ from gdfe_ros.solver.forces.actuation import Actuation, past_limit
 from gdfe_ros.solver.handle_motions import HandleMotions
 from gdfe_ros.solver.outcome import REMEDY_OF_FOLDS, Deadline, Outcome, join, past, tell
 from gdfe_ros.solver.settings import Skip, SolverSettings
-from gdfe_ros.solver.solution import Increment, March, Solution, is_crumpled
+from gdfe_ros.solver.solution import Increment, PathResult, Solution, is_crumpled
 from gdfe_ros.solver.state import State, replace_fields
 from gdfe_ros.solver.stepping.path import Attempt, LoadPath, Verdict, count_increments, has_jumped
 from gdfe_ros.solver.vectors import Array
@@ -114,7 +114,7 @@ class Stepper:
         duration: float = 0.0,
         tolerance: float | None = None,
         deadline: Deadline | None = None,
-    ) -> March:
+    ) -> PathResult:
         """Return the outcome of following the load path from ``state`` to the commands.
 
         Args:
@@ -126,31 +126,31 @@ class Stepper:
             deadline: once it has passed, the step ends with the state that it has reached.
         """
         tolerance = tolerance or self.settings.tolerance * (self.FINER if self.equilibrium.handles.turn else 1.0)
-        aim, limit = {"poses": dict(targets), "commands": dict(commands)}, self.settings.max_iterations
-        goal = Increment(**aim, tolerance=tolerance, limit=limit, deadline=deadline)
+        wanted, limit = {"poses": dict(targets), "commands": dict(commands)}, self.settings.max_iterations
+        goal = Increment(**wanted, tolerance=tolerance, limit=limit, deadline=deadline)
         if unreachable := self._unreachable(state, goal):
-            return March(state=state.with_flaw(unreachable), reached=False)
-        march, suspect = self._rescue(self._march(state, goal), goal, state), state.suspect
+            return PathResult(state=state.with_flaw(unreachable), completed=False)
+        result, suspect = self._rescue(self._follow(state, goal), goal, state), state.suspect
         if suspect and not past(deadline):
-            march, suspect = self._better_from_rest(march, goal), False
-        if march.inverted:
-            march = march.with_message(join(march.message, REMEDY_OF_FOLDS), converged=False)
-        return replace_fields(march, state=march.state.with_(suspect=suspect))
+            result, suspect = self._better_from_rest(result, goal), False
+        if result.inverted:
+            result = result.with_message(join(result.message, REMEDY_OF_FOLDS), converged=False)
+        return replace_fields(result, state=result.state.with_(suspect=suspect))
 
-    def _rescue(self, march: March, goal: Increment, state: State) -> March:
-        """Return ``march``, the outcome from ``state``, or a better outcome of a retry if it failed or is doubtful."""
-        unfinished, deadline = march.state.unfinished, goal.deadline
-        given_up = unfinished is None or max(march.iterations, unfinished.iterations) >= self.equilibrium.patience
-        doubtful = is_crumpled(state) or is_crumpled(march.state) or not march.sound
+    def _rescue(self, result: PathResult, goal: Increment, state: State) -> PathResult:
+        """Return ``result``, the outcome from ``state``, or a better outcome of a retry if it failed or is doubtful."""
+        unfinished, deadline = result.state.unfinished, goal.deadline
+        given_up = unfinished is None or max(result.iterations, unfinished.iterations) >= self.equilibrium.patience
+        doubtful = is_crumpled(state) or is_crumpled(result.state) or not result.sound
         if given_up and state.anchor is not None and doubtful and not past(deadline):
             # The state of an unfinished solve leads to a failure, or is crumpled and leads to higher energy.
             # Try again from the last equilibrium.
-            again = self._march(state.anchor, goal)
-            lower = not march.sound or self._energy(again.state) < self._energy(march.state)
-            march = again.counting(march) if again.sound and lower else march.counting(again)
-        if given_up and not (march.sound or (march.snapped and march.reached) or past(deadline)):
-            march = self._let_go(march, goal, state)
-        return march
+            again = self._follow(state.anchor, goal)
+            lower = not result.sound or self._energy(again.state) < self._energy(result.state)
+            result = again.counting(result) if again.sound and lower else result.counting(again)
+        if given_up and not (result.sound or (result.snapped and result.completed) or past(deadline)):
+            result = self._let_go(result, goal, state)
+        return result
 
     def place(self, state: State, positions: Array) -> State:
         """Return a state at ``positions`` (n, 3) [m]; the handles stay at their commanded poses.
@@ -180,7 +180,7 @@ class Stepper:
         base = self.equilibrium.handles.base(goal.poses, state.poses, state.base)
         return self.actuation.unreachable(base, goal.commands)
 
-    def _march(self, state: State, goal: Increment) -> March:
+    def _follow(self, state: State, goal: Increment) -> PathResult:
         """Return the outcome of the load path from ``state`` to a goal; failed attempts halve the increment."""
         centres = self.equilibrium.handles.centres_together(state.poses, goal.poses)
         together = () if self.actuation.contacts else centres  # nothing is in the way
@@ -201,10 +201,10 @@ class Stepper:
 
     def _attempt(self, path: LoadPath) -> Attempt:
         """Solve the next increment of a load path; return the attempt."""
-        (poses, commands), state, goal, patience = path.aim, path.state, path.goal, self.equilibrium.patience
+        (poses, commands), state, goal, patience = path.next_place, path.state, path.goal, self.equilibrium.patience
         limit = path.left if path.shortest else min(path.left, patience)
-        aim = {"poses": poses, "commands": commands, "limit": limit, "begins": path.covered}
-        solution = self.equilibrium.solve(replace_fields(goal, **aim, divisible=not path.shortest), state)
+        wanted = {"poses": poses, "commands": commands, "limit": limit, "begins": path.covered}
+        solution = self.equilibrium.solve(replace_fields(goal, **wanted, divisible=not path.shortest), state)
         sound = solution.min_det > 0.0
         pressed = not sound or (solution.min_det < THRESHOLD and not solution.converged)
         jumps = path.moves and has_jumped(state, solution, self.equilibrium.handles, self.body.size)
@@ -244,39 +244,39 @@ class Stepper:
         fails = accepted.unfinished is not None or (stops and attempt.path.next < 1.0 and is_crumpled(accepted))
         anchor = state.anchor or next(iter(before), None) if fails else None
         if attempt.snapped:
-            remedy = past_limit(self.actuation.actuators, state.commands, attempt.path.aim[1])
+            remedy = past_limit(self.actuation.actuators, state.commands, attempt.path.next_place[1])
             accepted = accepted.with_flaw(join(tell(Outcome.SNAPPED), remedy, accepted.summary.message))
         return accepted.with_(sound=attempt.sound, anchor=anchor)
 
-    def _end(self, path: LoadPath, *, snapped: bool = False) -> March:
+    def _end(self, path: LoadPath, *, snapped: bool = False) -> PathResult:
         """Return the outcome of a load path that has ended, with the reason if it ended before its command."""
         state, deadline = path.state, path.goal.deadline
-        if not path.arrived and state.summary.converged:
+        if not path.completed and state.summary.converged:
             ended = deadline.reason if past(deadline) else f"{path.iterations} iterations are spent"
             state = state.with_flaw(tell(Outcome.STOPPED, reason=ended, done=path.covered))
         message = state.summary.message
         if path.folded and not state.summary.converged and tell(Outcome.FOLDED) not in message:
             state = state.with_flaw(join(message, tell(Outcome.PRESSED)))
-        return replace_fields(path, state=state).march(self.equilibrium.count_skipped(), snapped=snapped)
+        return replace_fields(path, state=state).result(self.equilibrium.count_skipped(), snapped=snapped)
 
-    def _let_go(self, march: March, goal: Increment, start: State) -> March:
+    def _let_go(self, result: PathResult, goal: Increment, start: State) -> PathResult:
         """Retry with the moving obstacles at their targets and without contact forces; return the accepted outcome.
 
-        The first attempt starts from the state of ``march``, the second from the undeformed body. A result is accepted
+        The first attempt starts from the state of ``result``, the second from the undeformed body. A result is accepted
         only if these obstacles do not touch the body there: otherwise an obstacle might have passed through the body.
-        If no result is accepted, ``march`` is returned.
+        If no result is accepted, ``result`` is returned.
         """
-        flaw, touched = march.message, [contact.name for contact in self.actuation.contacts if contact.on_body]
-        touched = [name for name in touched if march.state.terms[name]["press"].any()]
+        flaw, touched = result.message, [contact.name for contact in self.actuation.contacts if contact.on_body]
+        touched = [name for name in touched if result.state.terms[name]["press"].any()]
         names = [name for name in touched if start.poses[name] != goal.poses[name]]
-        for begin in (march.state, self.at_rest()) if names else ():
-            found = self._march(self._drop_forces(begin, march.state, names, goal), goal)
+        for begin in (result.state, self.at_rest()) if names else ():
+            found = self._follow(self._drop_forces(begin, result.state, names, goal), goal)
             free = found.sound and not any(found.state.terms[name]["press"].any() for name in names)
-            march = found.counting(march) if free else march.counting(found)
+            result = found.counting(result) if free else result.counting(found)
             if free:
                 text = tell(Outcome.LET_GO, names=", ".join(names), flaw=flaw)
-                return replace_fields(march.with_message(text, converged=True), restarts=1)
-        return march
+                return replace_fields(result.with_message(text, converged=True), restarts=1)
+        return result
 
     def _drop_forces(self, begin: State, last: State, names: Sequence[str], goal: Increment) -> State:
         """Return ``begin`` with the obstacles ``names`` at their targets, without contact forces."""
@@ -286,16 +286,16 @@ class Stepper:
         poses = {**begin.poses, **{name: goal.poses[name] for name in names}}
         return there.with_(poses=poses, terms={**there.terms, **lost})
 
-    def _better_from_rest(self, march: March, goal: Increment) -> March:
-        """Return the better of ``march`` and the outcome from the undeformed body; a message marks the latter."""
-        again = self._march(self.at_rest(), goal)
-        gain = self._energy(march.state) - self._energy(again.state)
-        if not again.is_better(march, March.NEAR * goal.tolerance * self.body.size, gain=gain):
-            return march.counting(again)
-        told = again.with_message(
-            join(tell(Outcome.RESTARTED, flaw=march.flaw), again.message), converged=again.converged
+    def _better_from_rest(self, result: PathResult, goal: Increment) -> PathResult:
+        """Return the better of ``result`` and the outcome from the undeformed body; a message marks the latter."""
+        again = self._follow(self.at_rest(), goal)
+        gain = self._energy(result.state) - self._energy(again.state)
+        if not again.is_better(result, PathResult.NEAR * goal.tolerance * self.body.size, gain=gain):
+            return result.counting(again)
+        described = again.with_message(
+            join(tell(Outcome.RESTARTED, flaw=result.flaw), again.message), converged=again.converged
         )
-        return replace_fields(told.counting(march), restarts=1)
+        return replace_fields(described.counting(result), restarts=1)
 
     def _energy(self, state: State) -> float:
         """Return the energy of the body plus the potential of the terms [J], which an equilibrium minimises."""

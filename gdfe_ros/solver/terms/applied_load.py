@@ -134,7 +134,7 @@ class PressureTerm(UpdatedTerm):
         """Return the stored state before the first solve: no swept volume."""
         return {"swept": np.zeros(1), "edge": np.zeros_like(self.own_multipliers)}
 
-    def aim(self, poses: Mapping[str, Pose], last: State) -> None:
+    def set_targets(self, poses: Mapping[str, Pose], last: State) -> None:
         """Store the previous positions, from which the swept volume is counted."""
         self._last = self._rest if last is None else last.positions
 

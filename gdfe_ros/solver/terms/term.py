@@ -165,7 +165,7 @@ class Term:
         """Return the initial stored state."""
         return {}
 
-    def aim(self, poses: Mapping[str, Pose], last: State) -> None:
+    def set_targets(self, poses: Mapping[str, Pose], last: State) -> None:
         """Store the commanded poses of handles and obstacles, and the previous state, before a solve begins."""
 
     def begin(self, commands: Mapping[str, float], saved: Saved, positions: Array, ratio: float) -> None:

@@ -29,7 +29,7 @@ def _taken(*orders: Order) -> list[Order]:
     inbox = _inbox(queued=False)
     for order in orders:
         inbox.put("in", order)
-    taken = inbox.take()
+    taken = inbox.remove_next()
     assert not inbox.ready()
     return taken
 
@@ -39,7 +39,7 @@ def test_the_latest_command_of_each_actuator_counts_whoever_sent_it() -> None:
     inbox = _inbox(queued=False)
     for name, values in (("x", {"a": 1, "b": 1}), ("y", {"a": 2}), ("x", {"b": 3}), ("x", {})):
         inbox.put(name, ActuatorOrder(values))
-    assert [order.values for order in inbox.take()] == [{"a": 2}, {"b": 3}]
+    assert [order.values for order in inbox.remove_next()] == [{"a": 2}, {"b": 3}]
     assert not inbox.ready()
 
 
@@ -66,8 +66,8 @@ def test_lockstep_takes_one_order_a_step_in_the_order_received() -> None:
     inbox = _inbox(queued=True)
     for name, value in (("a", 1), ("b", 2), ("a", 3)):
         inbox.put(name, _order(value))
-    assert [_values(inbox.take()) for _ in range(3)] == [[1], [2], [3]]
-    assert inbox.take() == []
+    assert [_values(inbox.remove_next()) for _ in range(3)] == [[1], [2], [3]]
+    assert inbox.remove_next() == []
 
 
 def test_a_command_set_waits_until_it_is_whole() -> None:
@@ -80,7 +80,7 @@ def test_a_command_set_waits_until_it_is_whole() -> None:
     assert inbox.missing() == ["b"]
     inbox.put("b", _order(4))
     assert inbox.ready()
-    assert _values(inbox.take()) == [1, 3, 4]
+    assert _values(inbox.remove_next()) == [1, 3, 4]
     assert not inbox.ready()
 
 
@@ -92,7 +92,7 @@ def test_a_flood_is_refused_not_stored() -> None:
     with pytest.raises(Refusal) as refusal:
         inbox.put("a", _order(0))
     assert refusal.value.reason is Reason.QUEUE_FULL
-    inbox.take()
+    inbox.remove_next()
     inbox.put("a", _order(0))
     inbox.clear()
     assert not inbox.ready()

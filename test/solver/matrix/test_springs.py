@@ -42,7 +42,7 @@ def drawn() -> SimpleNamespace:
     level = TangentLevel(equilibrium.body, equilibrium.matrix.assembled, equilibrium.actuation.terms)
     products, work = TangentProducts(equilibrium.body), task.active.workspace
     products.begin(task)
-    tangent = level.take(task.problem, work.u, work.x)
+    tangent = level.factor_tangent(task.problem, work.u, work.x)
     return SimpleNamespace(terms=equilibrium.actuation.terms, level=level, tangent=tangent, x=work.x, products=products)
 
 

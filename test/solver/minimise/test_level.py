@@ -45,7 +45,7 @@ def _level(tip: str, stretch: float, *, power: int = 2) -> Levels:
     products.begin(task)
     free = np.ones(body.unknowns.rows * 3)
     free[3 * len(body.unknowns.free) :] = _free_rows(body.unknowns)
-    return level, level.take(task.problem, work.u, work.x), products, free
+    return level, level.factor_tangent(task.problem, work.u, work.x), products, free
 
 
 def _free_rows(unknowns: tuple) -> NDArray[np.float64]:
@@ -94,7 +94,9 @@ def test_a_tangent_that_is_not_finite_is_replaced(value: float, monkeypatch: pyt
     monkeypatch.setattr(level, "_stiffen", lambda *_: stiffness)
     u, x = np.zeros(3 * level._unknowns.rows), level._body.rest
     with np.errstate(all="ignore"):
-        taken = level.take(SimpleNamespace(frame=None), u, x)  # what is not finite is known to be; 1e300 is tried
+        taken = level.factor_tangent(
+            SimpleNamespace(frame=None), u, x
+        )  # what is not finite is known to be; 1e300 is tried
     assert np.array_equal(taken.blocks, level._constant)
     found = np.empty_like(u)
     level.solve(np.ones_like(u), found)

@@ -32,7 +32,7 @@ def swing(dynamics: Dynamics, h: float, count: int) -> np.ndarray:
     path = []
     for _ in range(count):
         rule = Rule.of(dynamics, h, now)
-        now = moved(now, rule, rule.kappa * rule.aim / (rule.kappa + FREQUENCY**2), h)
+        now = moved(now, rule, rule.kappa * rule.x_hat / (rule.kappa + FREQUENCY**2), h)
         path.append(now.positions[0, 0])
     return np.array(path)
 
@@ -44,7 +44,7 @@ def test_constant_acceleration_is_exact(scheme: Scheme) -> None:
     now = Kinematics.start(np.zeros((1, 3)), velocity, pull, h)
     for t in (h, 2 * h, 3 * h):
         rule = Rule.of(Dynamics(scheme=scheme), h, now)
-        now = moved(now, rule, rule.aim + pull / rule.kappa, h)
+        now = moved(now, rule, rule.x_hat + pull / rule.kappa, h)
         np.testing.assert_allclose(now.positions, velocity * t + 0.5 * pull * t * t, atol=1e-14)
         np.testing.assert_allclose(now.velocity, velocity + pull * t, atol=1e-13)
         np.testing.assert_allclose(now.acceleration, pull, atol=1e-11)

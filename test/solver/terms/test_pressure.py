@@ -113,7 +113,7 @@ def test_forces_are_the_gradient_of_the_energy(mesh: Mesh) -> None:
     moved = body.rest + 1e-3 * np.random.default_rng(1).standard_normal(body.rest.shape)
     for faces, closed in ((boundary, True), (boundary[: len(boundary) // 3], False)):
         term = PressureTerm(PressureLoad(name="p", quads=reverse(faces), pressure=1.0), body)
-        term.aim({}, None)
+        term.set_targets({}, None)
         term.begin({"p": 1.0}, term.neutral(), moved, 0.0)
         forces = term._sum_forces(moved, 0.0, 1.0)
         np.testing.assert_allclose(-force_of(moved, TermTable.of(term)), forces, atol=1e-15)

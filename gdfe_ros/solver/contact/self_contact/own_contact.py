@@ -23,7 +23,7 @@ from gdfe_ros.solver.contact.touch import NOTHING, Touch
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.state import Saved, State
 
-REACH, FARTHEST = 0.02, 0.25
+REACH, FARTHEST_PAIR = 0.02, 0.25
 """The search distance for faces is the first number times the body's size, plus twice the step's largest displacement
 relative to the surface's mean displacement. The second number times the body's size limits this sum.
 """
@@ -72,7 +72,7 @@ class OwnContact(ContactTerm):
         """Set the points' compliances from the constant matrix' diagonal; vertices that handles drive have none."""
         self._yielding = self.points.compliance(self._body, matrix.assembled.diagonal())
 
-    def aim(self, poses: Mapping[str, Pose], last: State) -> None:
+    def set_targets(self, poses: Mapping[str, Pose], last: State) -> None:
         """Set the state from which pairs are searched: the anchor of ``last`` if it has one, else ``last`` itself."""
         self._last = last if last is None else last.anchor or last
 
@@ -219,7 +219,7 @@ class OwnContact(ContactTerm):
     def _set_reach(self, x: NDArray[np.float64], deepest: float) -> None:
         """Set the search distance for points ``x`` (n + p, 3) [m]; ``deepest`` [m] is the last penetration depth."""
         size = self._body.size
-        reach = min(REACH * size + 2.0 * self.pairs.motion(x, self._seen), FARTHEST * size)
+        reach = min(REACH * size + 2.0 * self.pairs.motion(x, self._seen), FARTHEST_PAIR * size)
         self._reach, self._seen = max(reach, CLEAR * max(deepest, self._least)), x
 
     def _find_sunk(self) -> None:
