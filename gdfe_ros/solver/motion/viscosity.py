@@ -262,8 +262,8 @@ class Viscosity(Term):
     def finish(self, saved: Saved, positions: Array) -> Saved:
         """Return the state to store: strains, branches, their elastic energy and the dissipated energy so far [J]."""
         now, new, h = saved["strain"], self._strains(positions), self._h
-        rate = 1.5 / h * (new - (4.0 * now - self._before(saved)) / 3.0)
-        power = self._dynamics.damping.viscosity * self._square(rate)
+        # The mean rate: that of the stress, a backward difference, overshoots where a handle's velocity jumps.
+        power = self._dynamics.damping.viscosity * self._square((new - now) / h)
         branches, stored = [], 0.0
         for branch, held in zip(self._dynamics.prony, saved["branches"], strict=True):
             ratio = 0.5 * h / branch.time
