@@ -104,21 +104,19 @@ def edges_at(points, shape, e, c):
     return shape.corner_ratio[e, c] * dot(a, cross(b, d)), a, b, d
 
 
-@internal
-def least_corners(x, shape, elements, out):
-    """Write the least volume ratio det F over the corners of each of ``elements`` (k,) to ``out`` (m,).
+@inlined
+def corner_ratios_at(x, shape, e, points):
+    """Return the least and the mean volume ratio det F at the corners of element ``e``; ``points`` (n, 3) is scratch.
 
-    The value is NaN if one of the ratios is NaN. A folded corner does not show in the mean deformation gradient,
+    The least one is NaN if one of the ratios is NaN. A folded corner does not show in the mean deformation gradient,
     because hourglass patterns do not contribute to this gradient.
     """
-    points = np.empty((shape.cells.shape[1], 3))
-    for e in elements:
-        load_points(x, shape, e, points)
-        least, total = math.inf, 0.0
-        for c in range(shape.corner_ratio.shape[1]):
-            ratio = edges_at(points, shape, e, c)[0]
-            least, total = min(least, ratio), total + ratio
-        out[e] = least if math.isfinite(total) else math.nan
+    load_points(x, shape, e, points)
+    least, total, corners = math.inf, 0.0, shape.corner_ratio.shape[1]
+    for c in range(corners):
+        ratio = edges_at(points, shape, e, c)[0]
+        least, total = min(least, ratio), total + ratio
+    return least if math.isfinite(total) else math.nan, total / corners
 
 
 @inlined

@@ -12,7 +12,7 @@ from gdfe_ros.materials.material import Law
 from gdfe_ros.materials.stress import curve_state
 from gdfe_ros.materials.table import BULK, CARRIED, PENALTY, POISSON, SHEAR
 from gdfe_ros.materials.tensor import NEWTON_STEPS, cofactor, determinant, squared_norm, stretch_sum
-from gdfe_ros.solver.elements.barrier import least_corners
+from gdfe_ros.solver.elements.barrier import corner_ratios_at
 from gdfe_ros.solver.elements.cell_type import volume_ratio
 from gdfe_ros.solver.elements.corners import mean_gradient
 
@@ -30,8 +30,9 @@ With 0.8 no corner folds (0.26 after 211 iterations).
 @kernel
 def corner_ratios(x, shape):
     """Return the least volume ratio (m,) at a corner of each element at ``x`` (n, 3) [m]; NaN if one ratio is NaN."""
-    ratios = np.empty(len(shape.cells))
-    least_corners(x, shape, np.arange(len(ratios)), ratios)
+    ratios, points = np.empty(len(shape.cells)), np.empty((shape.cells.shape[1], 3))
+    for e in range(len(ratios)):
+        ratios[e] = corner_ratios_at(x, shape, e, points)[0]
     return ratios
 
 

@@ -83,6 +83,10 @@ class Solve:
     """Largest number of updates of pressures, multipliers and scales in one solve. Confined, incompressible bodies need
     most updates.
     """
+    COARSE = 0.01
+    """Excess volume at the corners of hexahedra, divided by the volume of the body, above which a message says that the
+    cells are too long. It is at most 0.004 in the shipped scenes, and 0.05 in a bar that twists because of it.
+    """
 
     def __init__(self, model: Model, problem: Increment, start: State, predicted: Prediction) -> None:
         self._minimiser, self._body, self._actuation = model.minimiser, model.body, model.actuation
@@ -234,12 +238,12 @@ class Solve:
             return Solution(state=state, iterations=self.iterations, **ended)
         work, stored, least = active.workspace, np.zeros(len(body.material)), np.ones(len(body.material))
         given = work.x, active.elements, self._operators.shape, body.material, self.pressures.table
-        store_energies(*given, self.pressures.values, work.energies, stored, least, True)
+        excess = store_energies(*given, self.pressures.values, work.energies, stored, least, True)
         positions, (slides, turns) = work.x.copy(), active.rigid_motion()
         outcome, estimate = self._judge()
         flaw, message = self._actuation.flaw(positions), self._explain(outcome, estimate)
         converged = outcome is Outcome.NEAR and not flaw and bool(least.min() > 0.0)
-        message = join(flaw, message, "" if converged else tell_flat(least))
+        message = join(flaw, message, self._tell_coarse(excess) if converged else tell_flat(least))
         terms = self._actuation.finish(start.terms, positions, moving=self._moving)  # before contacts give reactions
         outside = work.outside if self._actuation.terms else None
         others = self._actuation.contacts, self._actuation.grips
@@ -337,6 +341,17 @@ class Solve:
             far=float(self._active.status["step"]) / self._body.size,
             updates=self.MOST_UPDATES,
             where=self._minimiser.contact_forces.tell_worst() if outcome is Outcome.PUSHED else "",
+        )
+
+    def _tell_coarse(self, excess: float) -> str:
+        """Return a message if the hexahedra do not follow their corners, which have an ``excess`` volume [m^3]."""
+        share = excess / self._operators.shape.volume.sum() if self._body.cell_type.softens else 0.0
+        if share <= self.COARSE:
+            return ""
+        return (
+            f"the cells are too long for this stretch: their corners have {100.0 * share:.2g} % more volume than their "
+            "mean deformation gradients, and the body may twist; remedy: cells along the stretch of at most a quarter "
+            "of the section's width, or tetrahedra"
         )
 
     def _keep_unfinished(self) -> Unfinished:

@@ -12,7 +12,7 @@ from gdfe_ros.materials.stress import logarithmic_volume
 from gdfe_ros.materials.table import BULK, CARRIED, PENALTY, SHEAR, MaterialTable
 from gdfe_ros.mesh.cells.operators import ShapeOperators
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.elements.barrier import least_corners
+from gdfe_ros.solver.elements.barrier import corner_ratios_at
 from gdfe_ros.solver.elements.cell_type import volume_ratio
 from gdfe_ros.solver.elements.measures import update_pressures, volume_at
 from gdfe_ros.solver.state import ElementState
@@ -140,13 +140,15 @@ def store_energies(x, elements, shape, material, table, pressure, energies, stor
 
     The least volume ratio at a corner of each element is written to ``least`` (m,). For elements with a pressure, the
     kernels' ``energies`` (m,) [J] contain V (p_e (J - 1) + kappa/2 (J - 1)^2) instead. ``solved`` states whether the
-    pressures are the result of a solve (see `uncounted_energy`).
+    pressures are the result of a solve (see `uncounted_energy`). Return by how much [m^3] the volume at the elements'
+    corners exceeds that of their mean deformation gradients.
     """
-    least_corners(x, shape, elements, least)
+    excess, points = 0.0, np.empty((shape.cells.shape[1], 3))
     for e in elements:
-        k = material[e]
+        least[e], mean = corner_ratios_at(x, shape, e, points)
+        j, k = volume_ratio(x, shape, e), material[e]
+        excess += shape.volume[e] * (mean - j)
         stored[e] = energies[e]
-        if table.parameters[k, CARRIED] == 0.0:
-            continue
-        j = volume_ratio(x, shape, e)
-        stored[e] += uncounted_energy(j, pressure[e], shape.volume[e], table, k, solved)
+        if table.parameters[k, CARRIED] != 0.0:
+            stored[e] += uncounted_energy(j, pressure[e], shape.volume[e], table, k, solved)
+    return excess
