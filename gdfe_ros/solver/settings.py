@@ -127,9 +127,19 @@ _RHO = Quantity(
     most=1.0,
 )
 _PRONY = Meaning("branches of a Prony series; the sum of their shares is less than 1")
-_VELOCITY = Quantity("velocity of every vertex at the start [x, y, z]", "m/s", least=-1e4, most=1e4, count=3)
+_VELOCITY = Quantity(
+    "velocity of all soft bodies at the start [x, y, z]; axes that a handle holds are at rest",
+    "m/s",
+    least=-1e4,
+    most=1e4,
+    count=3,
+)
 _SPIN = Quantity(
-    "angular velocity about the centre of mass at the start [x, y, z]", "rad/s", least=-1e4, most=1e4, count=3
+    "angular velocity of all soft bodies about their common centre of mass at the start [x, y, z]",
+    "rad/s",
+    least=-1e4,
+    most=1e4,
+    count=3,
 )
 
 

@@ -63,13 +63,20 @@ class Accounts:
         return replace_fields(ledger, bound=ledger.bound and ledger.bound.allow(swing))
 
     def velocity_at_start(self, positions: Array) -> Array:
-        """Return the initial velocity (n, 3) [m/s] of the scene at ``positions`` (n, 3) [m]; zero for handles."""
+        """Return the initial velocity (n, 3) [m/s] at ``positions`` (n, 3) [m]; held axes of handles are at rest."""
         own = slice(self._body.count)
         weights = np.asarray(self._mass.sum(axis=0)).ravel()[own]
         centre = weights @ positions[own] / weights.sum()
-        velocity = np.array(self._dynamics.velocity) + np.cross(self._dynamics.spin, positions - centre)
+        linear, spin = np.array(self._dynamics.velocity), np.array(self._dynamics.spin)
+        velocity = linear + np.cross(spin, positions - centre)
         for handle in self._body.handles:
-            velocity[handle.vertices] = 0.0
+            if handle.slide is not None:
+                velocity[handle.vertices] *= handle.slide
+            elif len(handle.vertices):
+                arms = positions[handle.vertices] - (middle := handle.centre(positions))
+                slides, turns = (np.isin(range(3), axes) for axes in (handle.free, handle.turning))
+                middle_velocity = slides * (linear + np.cross(spin, middle - centre))
+                velocity[handle.vertices] = middle_velocity + np.cross(turns * spin, arms)
         return velocity
 
     def kinematics(self, state: State) -> Kinematics:

@@ -40,6 +40,34 @@ def test_a_thrown_body_flies_a_parabola(moving: Callable, scheme: str) -> None:
     assert energy == pytest.approx(0.5 * MASS * 5.0, rel=1e-9)
 
 
+@pytest.mark.parametrize(
+    "handle",
+    [
+        {"where": {"face": "y-"}, "slide": ["x", "z"]},
+        {"where": {"face": "x-"}, "free": ["x"]},
+        {"where": {"box": {"x": [0.0, 0.05]}}, "free": ["x", "y", "z", "rx", "ry", "rz"]},
+    ],
+)
+def test_the_initial_velocity_moves_handles_along_free_axes(moving: Callable, handle: dict) -> None:
+    """A body that starts along the free axis of rollers or of a handle keeps its velocity, and is not strained.
+
+    Vertices of handles started at rest: with half of the body in a free handle, it moved half as far.
+    """
+    slid = moving(handles={"guide": handle}, dynamics__velocity=[0.5, 0.0, 0.0], dynamics__scheme="newmark")
+    result = advance(slid, count=50)
+    assert result.positions[:, 0] - slid.mesh.vertices[:, 0] == pytest.approx(0.5 * result.time, rel=1e-5)
+    assert result.energies["elastic"] < 1e-9
+
+
+def test_a_hinge_starts_with_its_part_of_the_spin(moving: Callable) -> None:
+    """A body that spins about the axis of its hinge keeps its angular momentum, about this axis, to 0.1 %."""
+    hinge = {"hinge": {"where": {"box": {"x": [0.04, 0.06]}}, "free": ["rz"]}}
+    spun = moving(handles=hinge, dynamics__spin=[0.0, 0.0, 5.0], dynamics__step=0.001)
+    mass = mass_matrix(spun.mesh.vertices, spun.mesh.cells, np.full(spun.mesh.n_cells, 1000.0))
+    advance(spun, count=100)
+    assert momenta(spun, mass)[1][2] == pytest.approx(MASS * (0.1**2 + 0.02**2) / 12.0 * 5.0, rel=1e-3)
+
+
 def test_the_first_step_of_bdf2_costs_its_parabola_once(moving: Callable) -> None:
     """A body dropped by `bdf2` has only the position error of its first step, which is made by backward Euler."""
     dropped = moving(handles={}, loads={"weight": {"gravity": [0, 0, -9.81]}}, dynamics__scheme="bdf2")
