@@ -83,7 +83,7 @@ class Solve:
     """Largest number of updates of pressures, multipliers and scales in one solve. Confined, incompressible bodies need
     most updates.
     """
-    COARSE = 0.01
+    COARSE = 0.02
     """Excess volume at the corners of hexahedra, divided by the volume of the body, above which a message says that the
     cells are too long. It is at most 0.004 in the shipped scenes, and 0.05 in a bar that twists because of it.
     """

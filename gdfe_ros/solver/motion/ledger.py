@@ -77,6 +77,7 @@ class Accounts:
                 slides, turns = (np.isin(range(3), axes) for axes in (handle.free, handle.turning))
                 middle_velocity = slides * (linear + np.cross(spin, middle - centre))
                 velocity[handle.vertices] = middle_velocity + np.cross(turns * spin, arms)
+        velocity[self._body.count :] = 0.0  # rigid bodies
         return velocity
 
     def kinematics(self, state: State) -> Kinematics:
