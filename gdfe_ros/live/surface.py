@@ -243,7 +243,7 @@ def fields_of(scene: Scene) -> dict[str, Field]:
     found = [
         of_cells("equivalent strain [1]", "eps_eq"),
         of_vertices("displacement [m]", lambda view: view.positions - scene.mesh.vertices),
-        of_cells("volume ratio [1]", "J"),
+        of_cells("elastic volume ratio [1]", "J"),
         of_cells("energy density [J/m^3]", "energy_density"),
         of_cells("tangent modulus [Pa]", "tangent"),
         of_cells("shape factor [1]", "omega"),

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Element fields for publication: equivalent strain, volume ratio, moduli, shape factor, energy density."""
+"""Element fields for publication: equivalent strain, elastic volume ratio, moduli, shape factor, energy density."""
 
 from __future__ import annotations
 
@@ -22,15 +22,17 @@ from gdfe_ros.solver.vectors import Array
 
 @dataclass(frozen=True)
 class ElementFields:
-    """Fields with one value for each element, float64 (m,).
+    """Fields with one value for each element, float64 (m,). With growth, F is the elastic part F G^-1.
 
     Attributes:
         centroids: (m, 3) current centroids [m].
         eps_eq: equivalent strain of Eq. 5 with nu = 0.5; the linear law uses the element's own nu.
-        J: determinant of the mean deformation gradient.
+        J: elastic volume ratio, the determinant of the mean F; with growth, the present volume is J det G times the
+            undeformed one.
         secant: secant modulus Phi'/eps_eq of the material's uniaxial curve [Pa].
         tangent: tangent modulus of the same curve [Pa].
-        energy_density: strain energy, hourglass part included, divided by the undeformed volume [J/m^3].
+        energy_density: strain energy, hourglass part included, divided by the undeformed volume, without growth
+            [J/m^3].
         omega: shape factor. For the ``energy`` policy it is the secant modulus divided by the body's largest secant
             modulus.
     """
@@ -72,7 +74,7 @@ def element_fields(
     none, every, material = np.zeros(count), np.arange(count, dtype=np.int32), body.material
     given = positions, shape, (operators or body).blocks, material, none, scale, body.table, every
     evaluate(*given, force, energies, None)
-    density = (energies + missing) / shape.volume
+    density = (energies + missing) / body.shape.volume
     return ElementFields(centroids + origin, strain, volume_ratio, secant, tangent, density, np.asarray(omega))
 
 

@@ -29,8 +29,8 @@ class StepResult:
         estimated: whether ``error_estimate`` is only an estimate, because the body's tangent is too expensive to be
             factored, and the constant matrix takes its place.
         energy: strain energy [J].
-        min_det: least volume ratio det F at a corner of an element; for a cut cell, of the whole box. Not positive if
-            an element is folded or inverted.
+        min_det: least elastic volume ratio det F at a corner of an element, with growth det(F G^-1); for a cut cell, of
+            the whole box. Not positive if an element is folded or inverted.
         reactions: dict from handle or obstacle name to the wrench (6,) float64 on the body: force [N], then moment
             [N m] about the handle's deformed centre or the obstacle's origin.
         contacts: mapping from obstacle name to the vertices that touch the obstacle and their contact forces, which are

@@ -10,13 +10,14 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from gdfe_ros.actuators import Growth, Mode
 from gdfe_ros.materials import Curve, CurveData, Law, Linear, Material, NeoHookean, preset
 from gdfe_ros.materials.table import PENALTY
 from gdfe_ros.mesh import HexMesh, bar
 from gdfe_ros.mesh.cells.filling import CORNERS, Filling
 from gdfe_ros.mesh.cells.operators import shape_operators
 from gdfe_ros.results.element_fields import corner_forces, element_fields, strain_energies, volume_pressures
-from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.body import Body, Growths
 from gdfe_ros.solver.elements.measures import least_volume_ratio, update_pressures
 
 MakeBody = Callable[..., Body]
@@ -133,6 +134,19 @@ def test_linear_field_costs_what_the_law_says_on_any_mesh(
     density = strain_energies(make_body(cube, law), cube.vertices @ GRADIENT.T)[0]
     fields = element_fields(make_body(distorted, law), distorted.vertices @ GRADIENT.T)
     np.testing.assert_allclose(fields.energy_density, density, rtol=1e-9)
+
+
+def test_fields_of_a_grown_body_are_per_undeformed_volume(
+    make_body: MakeBody, distorted: HexMesh, law: Material
+) -> None:
+    """With growth, the energy density is det G W(F G^-1), per undeformed volume, and J is det F / det G."""
+    stretch, body = np.diag([1.2, 1.0, 0.8]), make_body(distorted, law)
+    growths = Growths(body, [Growth(name="g", mode=Mode.GROWTH, cells=np.arange(distorted.n_cells), stretch=stretch)])
+    operators = growths.at({"g": 1.0}, growths.ungrown)
+    grown = element_fields(body, distorted.vertices @ GRADIENT.T, operators=operators)
+    elastic = element_fields(body, distorted.vertices @ (GRADIENT @ np.linalg.inv(stretch)).T)
+    np.testing.assert_allclose(grown.energy_density, 0.96 * elastic.energy_density, rtol=1e-8)
+    np.testing.assert_allclose(grown.J, np.linalg.det(GRADIENT) / 0.96, rtol=1e-8)
 
 
 def test_sign_patterns_equal_the_general_operators(make_body: MakeBody, law: Material) -> None:

@@ -116,7 +116,7 @@ BUDGET = 12 << 20
 """Limit of the size of all frames [B], before base64 adds a third."""
 LABELS = {
     "eps_eq": "equivalent strain",
-    "J": "volume ratio J",
+    "J": "elastic volume ratio J",
     "omega": "shape factor",
     "tangent": "tangent modulus",
     "energy_density": "energy density",

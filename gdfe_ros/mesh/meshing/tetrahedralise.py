@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import itertools
 import sys
 from functools import lru_cache
 from pathlib import Path
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 
 from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh.assembly import keep_cells
+from gdfe_ros.mesh.cells.faces import corners_of
 from gdfe_ros.mesh.cells.tetrahedra import EDGES
 from gdfe_ros.mesh.contact_skin import out_of_material
 from gdfe_ros.mesh.files.mesh_input import require_file, run_mesher
@@ -20,7 +22,8 @@ from gdfe_ros.mesh.files.stored_mesh import keep, key_of, mesh_arrays, mesh_of, 
 from gdfe_ros.mesh.meshing.voxels import examine_surface
 from gdfe_ros.mesh.meshing.walls import Walls, find_solid_walls, find_walls, wall_sizes
 from gdfe_ros.mesh.overlap import find_self_cuts
-from gdfe_ros.mesh.surfaces.shells import cone_volumes, doubled_areas, shells
+from gdfe_ros.mesh.selection import FACE_SLACK
+from gdfe_ros.mesh.surfaces.shells import BoxTree, cone_volumes, doubled_areas, shells
 from gdfe_ros.mesh.surfaces.surface_edges import is_closed, winding_defects
 from gdfe_ros.mesh.tetmesh import TetMesh, elevate, scaled_jacobians
 
@@ -110,6 +113,8 @@ NARROW = 0.1
 """Largest distance between fTetWild's surface and the file's surface, divided by the size of the cells. The smaller of
 this limit and that of `ENVELOPE` applies.
 """
+SQUEEZED = 0.1
+"""A cell keeps its corners if their move into a plane would leave less than this fraction of its volume."""
 STRAIGHTENED = 0.1
 """The curved edges of a cell with a scaled Jacobian below this are straightened."""
 
@@ -148,7 +153,7 @@ def from_surface(
     The surface may be open or intersect itself; a point is inside if the surface winds around it. In a closed surface
     that does not intersect itself, nested shells of any orientation are cavities. The distance between the mesh's
     surface and the file's surface is at most a thousandth of the body's diagonal, and at most a tenth of ``size``, or
-    of ``least_size`` if it is given.
+    of ``least_size`` if it is given. Flat faces at the ends of the bounding box stay flat (`_flatten`).
 
     Args:
         surface: an STL, OBJ, PLY or OFF file.
@@ -189,8 +194,50 @@ def from_surface(
     raw = run_mesher("surface", request, heading)
     if len(raw["cells"]) == 0:
         raise MeshError(heading, [_nothing_inside(vertices, triangles, request["epsilon"] * diagonal, closed)])
-    mesh = elevate(raw["vertices"], raw["cells"])
+    mesh = _flatten(raw["vertices"], raw["cells"], vertices, triangles, request["epsilon"] * diagonal)
     return _keep_mesh(key, keep_cells(mesh, np.ones(mesh.n_cells, dtype=bool)))
+
+
+def _flatten(
+    points: NDArray[np.float64],
+    cells: NDArray[np.integer],
+    vertices: NDArray[np.float64],
+    triangles: NDArray[np.int64],
+    envelope: float,
+) -> TetMesh:
+    """Return the quadratic mesh of linear tetrahedra, with ends as flat as those of the surface.
+
+    fTetWild leaves some corners of flat faces up to ``envelope`` [m] off their plane, where the selection ``face``
+    would miss them. Such corners are moved into the plane, but not those of a cell that would become flat (`SQUEEZED`).
+
+    Args:
+        points: corners (n, 3) [m] of the tetrahedra.
+        cells: (m, 4) indices of ``points``.
+        vertices: vertices (k, 3) [m] of the surface.
+        triangles: triangles (t, 3) of the surface.
+        envelope: largest distance [m] between both surfaces.
+    """
+    from gdfe_ros.mesh.surfaces.triangle_kernels import nearest_distances  # loads numba
+
+    outer = np.unique(corners_of(elevate(points, cells).surface()))
+    moved, away, corners = points.copy(), np.empty(len(outer)), vertices[triangles]
+    for axis, end in itertools.product(range(3), (np.min, np.max)):
+        plane = end(corners[..., axis])
+        flat = (np.abs(corners[..., axis] - plane) <= FACE_SLACK * np.ptp(vertices, axis=0).max()).all(axis=1)
+        tree = BoxTree.of(vertices, triangles[flat]) if flat.any() else None
+        if tree is None or len(tree.order) == 0:
+            continue
+        nearest_distances(points[outer], tree.corners, tree.boxes, away)
+        moved[outer[away <= envelope], axis] = plane
+    while (squeezed := cells[_volumes(moved, cells) < SQUEEZED * _volumes(points, cells)]).size:
+        moved[squeezed] = points[squeezed]
+    return elevate(moved, cells)
+
+
+def _volumes(points: NDArray[np.float64], cells: NDArray[np.integer]) -> NDArray[np.float64]:
+    """Return six times the volume (m,) [m^3] of linear tetrahedra."""
+    corners = points[cells]
+    return np.linalg.det(corners[:, 1:] - corners[:, :1])
 
 
 def _nothing_inside(vertices: NDArray[np.float64], triangles: NDArray[np.int64], envelope: float, closed: bool) -> str:

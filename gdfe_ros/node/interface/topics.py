@@ -116,8 +116,8 @@ FOLLOWED = TopicSpec(
 MESH = _cloud("~/mesh", "position x, y, z and displacement ux, uy, uz of each vertex [m], float32")
 STRAIN = _cloud(
     "~/strain",
-    "of each cell: centroid x, y, z [m], equivalent strain eps_eq, volume ratio J, shape factor omega, tangent modulus "
-    "tangent [Pa], energy_density [J/m^3], float32",
+    "of each cell: centroid x, y, z [m], equivalent strain eps_eq, elastic volume ratio J (without growth), shape "
+    "factor omega, tangent modulus tangent [Pa], energy_density per undeformed volume [J/m^3], float32",
 )
 VERTEX_VELOCITY = _cloud(
     "~/velocity",

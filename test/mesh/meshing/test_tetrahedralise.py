@@ -9,13 +9,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from numpy.typing import NDArray
 
 from gdfe_ros.errors import MeshError
-from gdfe_ros.mesh import TetMesh, check_mesh
+from gdfe_ros.mesh import HexMesh, TetMesh, bar, check_mesh
 from gdfe_ros.mesh.cavities import find_cavities
+from gdfe_ros.mesh.cells.faces import corners_of
 from gdfe_ros.mesh.cells.tetrahedra import EDGES
+from gdfe_ros.mesh.generators import grid
 from gdfe_ros.mesh.meshing import tetrahedralise
 from gdfe_ros.mesh.meshing.tetrahedralise import from_step, from_surface, step_surface
+from gdfe_ros.mesh.selection import Side, Where, at_end, select_faces
+from gdfe_ros.mesh.tetmesh import divide
 
 BOX, BALL = trimesh.creation.box((0.1, 0.06, 0.04)), trimesh.creation.icosphere(subdivisions=2, radius=0.012)
 
@@ -61,6 +66,48 @@ def test_a_surface_with_a_cavity_is_filled(tmp_path: Path, monkeypatch: pytest.M
     assert check_mesh(mesh).volume == pytest.approx(BOX.volume - BALL.volume, rel=0.01)
     (cavity,) = find_cavities(mesh)
     assert cavity.volume == pytest.approx(BALL.volume, rel=0.05)
+
+
+def _fill(monkeypatch: pytest.MonkeyPatch, block: HexMesh, points: NDArray[np.float64]) -> None:
+    """Replace the mesher by one that returns the tetrahedra of a block of hexahedra, with corners at ``points``."""
+    found = {"vertices": points, "cells": divide(block).cells[:, :4]}
+    monkeypatch.setattr(tetrahedralise, "run_mesher", lambda *_: found)
+
+
+@pytest.mark.parametrize("off", [-1e-4, 1e-4])
+@pytest.mark.parametrize("side", Side)
+def test_corners_off_a_flat_face_are_moved_into_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, side: Side, off: float
+) -> None:
+    """Corners that the mesher leaves 0.1 mm off a flat face are in it, so that `face` selects the whole face."""
+    BOX.export(tmp_path / "box.stl")
+    block, axis = bar(BOX.extents, [4, 3, 2]), "xyz".index(side.value[0])
+    points = block.vertices - [0.5 * BOX.extents[0], 0.0, 0.0]
+    points[np.flatnonzero(at_end(points, side, 1e-9))[[0, 5]], axis] += off
+    _fill(monkeypatch, block, points)
+    mesh = from_surface(tmp_path / "box.stl", size=0.03)
+    assert check_mesh(mesh).volume == pytest.approx(BOX.volume, rel=1e-6)
+    a, b, c = np.moveaxis(mesh.vertices[corners_of(select_faces(mesh, Where(face=side)))], 1, 0)
+    area = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()
+    assert area == pytest.approx(BOX.volume / BOX.extents[axis], rel=1e-6)
+
+
+def test_no_cell_is_flattened_into_a_face(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A layer of cells beyond a flat face keeps its corners, because their move would make the cells flat."""
+    BOX.export(tmp_path / "box.stl")
+    block = grid([-0.05, 0.0, 0.05, 0.05005], [-0.03, 0.03], [-0.02, 0.02])
+    _fill(monkeypatch, block, block.vertices)
+    mesh = from_surface(tmp_path / "box.stl", size=0.03)
+    assert check_mesh(mesh).defects == []
+    assert mesh.vertices[:, 0].max() == 0.05005
+
+
+def test_a_round_end_is_not_flattened(tmp_path: Path) -> None:
+    """A ball, which touches its bounding box only at points, keeps its volume and gets no face at an end."""
+    BALL.export(tmp_path / "ball.stl")
+    mesh = from_surface(tmp_path / "ball.stl", size=0.01)
+    assert check_mesh(mesh).volume == pytest.approx(BALL.volume, rel=0.01)
+    assert all(len(select_faces(mesh, Where(face=side))) == 0 for side in Side)
 
 
 def test_what_cannot_be_filled_is_refused_at_once(tmp_path: Path, step: Path) -> None:
