@@ -229,7 +229,8 @@ def _flatten(
             continue
         nearest_distances(points[outer], tree.corners, tree.boxes, away)
         moved[outer[away <= envelope], axis] = plane
-    while (squeezed := cells[_volumes(moved, cells) < SQUEEZED * _volumes(points, cells)]).size:
+    before = _volumes(points, cells)
+    while (squeezed := cells[np.sign(before) * _volumes(moved, cells) < SQUEEZED * np.abs(before)]).size:
         moved[squeezed] = points[squeezed]
     return elevate(moved, cells)
 
