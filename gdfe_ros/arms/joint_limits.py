@@ -25,7 +25,7 @@ class JointMotion(NamedTuple):
     Attributes:
         goals: commanded positions [rad] or [m].
         positions: present positions [rad] or [m].
-        velocities: mean velocities in the last step [rad/s] or [m/s].
+        velocities: mean velocities in the last step [rad/s] or [m/s]; 0 for joints that stopped at their goals in it.
         accelerations: changes of the velocities divided by the duration of the step [rad/s^2] or [m/s^2].
     """
 
@@ -58,12 +58,13 @@ class JointLimits:
 
     A joint follows a moving goal if the goal's velocity is within the limits. It stops at a goal that does not move,
     without overshoot. Let e be the distance to the goal [rad] or [m], h the time step [s] and a the largest
-    acceleration. A joint that changes its velocity by -a h in each step can stop at the goal if its velocity is at most
+    acceleration. Whatever the lengths of the later steps, a joint can stop within the distance that is left after the
+    step, e - u h, if this is the distance u^2 / (2 a) of steady braking. Its velocity in the step is therefore at most
 
-        u(e) = min(a (sqrt(h^2 / 4 + 2 |e| / a) - h / 2), |e| / h).
+        u(e) = a (sqrt(h^2 + 2 |e| / a) - h) = 2 |e| / (h + sqrt(h^2 + 2 |e| / a)).
 
-    The second bound applies in the last step. The velocity v of the step is sign(e) u(e) plus the goal's velocity. It
-    is limited to +-v_max, and to the previous velocity +-a h. The position advances by v h.
+    The velocity v of the step is sign(e) u(e) plus the goal's velocity. It is limited to +-v_max, and to the previous
+    velocity +-a h. The position advances by v h. As soon as a joint can stop at a goal within the step, it does.
 
     Args:
         limits: limits of each joint.
@@ -88,25 +89,34 @@ class JointLimits:
         left = goals - last.positions
         wanted = left / dt
         eager = np.clip(own + self._braking(left - own * dt, dt), -self._velocity, self._velocity)
-        low, high = last.velocities - self._acceleration * dt, last.velocities + self._acceleration * dt
-        velocity = np.clip(eager, low, high)
-        there = np.abs(velocity - wanted) <= SHORTFALL * np.abs(wanted)
+        change = self._acceleration * dt
+        velocity = np.clip(eager, last.velocities - change, last.velocities + change)
+        stops = (own == 0.0) & self._can_stop(last.velocities, left, dt)
+        there = stops | (np.abs(velocity - wanted) <= SHORTFALL * np.abs(wanted))
         positions = np.where(there, goals, last.positions + velocity * dt)
         positions = np.clip(positions, self.lower, self.upper)
-        velocity = (positions - last.positions) / dt
+        velocity = np.where(stops, 0.0, (positions - last.positions) / dt)
         found = JointMotion(goals.copy(), positions, velocity, (velocity - last.velocities) / dt)
+        most = np.clip(wanted, -self._velocity, self._velocity)
         return found, Cut(
             ~there & (np.abs(velocity) >= (1.0 - SHORTFALL) * self._velocity),
-            ~there & ((velocity <= low + SHORTFALL * np.abs(low)) | (velocity >= high - SHORTFALL * np.abs(high))),
+            ~there & (np.abs(velocity - most) > SHORTFALL * np.abs(most)),
         )
 
     def _braking(self, left: Vector, dt: float) -> Vector:
         """Return the velocities sign(e) u(e) (n,) from which joints can stop within the distances e, ``left`` (n,)."""
-        reach, a = np.abs(left), self._acceleration
-        with np.errstate(invalid="ignore"):
-            braked = a * (np.sqrt(0.25 * dt**2 + 2.0 * reach / a) - 0.5 * dt)
-        at_once = reach / dt
-        return np.sign(left) * np.where(np.isfinite(a), np.minimum(braked, at_once), at_once)
+        return 2.0 * left / (dt + np.sqrt(dt**2 + 2.0 * np.abs(left) / self._acceleration))
+
+    def _can_stop(self, velocity: Vector, left: Vector, dt: float) -> NDArray[np.bool_]:
+        """Return whether joints (n,) with a ``velocity`` (n,) can be at rest at the distance ``left`` after ``dt`` [s].
+
+        The shortest distance is that of steady braking. For the longest one, the joint speeds up before it brakes.
+        """
+        change = self._acceleration * dt
+        speed, far = np.where(left < 0.0, -velocity, velocity) / change, np.abs(left) / (change * dt)
+        long_enough, short_enough = (1.0 - SHORTFALL) * speed**2 <= 2.0 * far, 4.0 * far <= 1.0 + 2.0 * speed - speed**2
+        slow = (speed >= 0.0) & (speed <= 1.0) & (np.abs(left) <= self._velocity * dt)
+        return slow & long_enough & short_enough
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

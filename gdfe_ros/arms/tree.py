@@ -57,16 +57,27 @@ def _cycles(joints: Sequence[Joint]) -> list[str]:
 
 def mimic_defects(joints: Mapping[str, Joint]) -> list[str]:
     """Return messages about joints that mimic a missing or fixed joint, or a joint that itself mimics another one."""
-    found = []
+    found, leaders = [], [joint.name for joint in joints.values() if joint.moves and joint.mimic is None]
     for joint in joints.values():
         if joint.mimic is None:
             continue
-        source = joints.get(joint.mimic.joint)
+        name, source = joint.mimic.joint, joints.get(joint.mimic.joint)
         if source is None or not source.moves:
-            hint = did_you_mean(joint.mimic.joint, list(joints))
-            text = f"joint {joint.name!r} mimics {joint.mimic.joint!r}, which is no joint that moves; {hint}"
-            found.append(text.rstrip("; "))
+            hint = did_you_mean(name, leaders)
+            text = f"mimics {name!r}, which is no joint that moves; {hint}joints: {', '.join(leaders) or 'none'}"
+            found.append(f"joint {joint.name!r} {text}")
         elif source.mimic is not None:
-            text = f"joint {joint.name!r} mimics {source.name!r}, which mimics {source.mimic.joint!r} itself"
-            found.append(f"{text}; remedy: let it mimic {source.mimic.joint!r}")
+            leader = _end_of_chain(joint, joints)
+            remedy = f"let it mimic {leader!r}" if leader in leaders else "remove its <mimic>"
+            text = "itself" if source is joint else f"{name!r}, which mimics {source.mimic.joint!r}"
+            found.append(f"joint {joint.name!r} mimics {text}; remedy: {remedy}")
     return found
+
+
+def _end_of_chain(joint: Joint, joints: Mapping[str, Joint]) -> str:
+    """Return the name of the last joint of a chain in which each joint mimics the next one; any joint of a loop."""
+    name = joint.name
+    for _ in joints:
+        own = joints.get(name)
+        name = name if own is None or own.mimic is None else own.mimic.joint
+    return name

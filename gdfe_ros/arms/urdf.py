@@ -33,6 +33,9 @@ _MACROS = "it has xacro macros; remedy: `xacro arm.urdf.xacro > arm.urdf`, and g
 _FORMS = {"box": Box, "cylinder": Cylinder, "sphere": Sphere, "mesh": None}
 """Dict from XML element to the class of its shape, whose fields are the element's attributes; None for a mesh file."""
 
+_SLACK = 1e-6
+"""Excess [rad, m, rad/s, m/s] over limits of a joint that mimics another one, up to which there is no remark."""
+
 
 def parse_urdf(
     text: str,
@@ -113,18 +116,26 @@ class _Reader:
         by_name = {joint.name: joint for joint in joints}
         root, loops = root_of({link.name for link in links}, joints)
         self._defects += loops + mimic_defects(by_name)
-        movable = [joint.name for joint in joints if joint.moves]
+        self._check_limits(by_name)
+        if self._defects:
+            raise ArmError(self._where, self._defects)
+        self._remarks += [text for item in robot.findall("joint") if (text := _exceeded(item, by_name))]
+        text = ElementTree.tostring(robot, encoding="unicode")
+        given = {"links": {link.name: link for link in links}, "joints": by_name, "remarks": tuple(self._remarks)}
+        return Description(name=robot.get("name", "arm"), text=text, root=root, **given)
+
+    def _check_limits(self, joints: Mapping[str, Joint]) -> None:
+        """Add a defect for each limit of the scene whose joint is missing, fixed or mimics another one."""
+        movable = [joint.name for joint in joints.values() if joint.moves and joint.mimic is None]
         for name in self._limits:
-            if name not in movable:
+            if name in joints and (mimic := joints[name].mimic) is not None:
+                text = f"joint {name!r} follows {mimic.joint!r} (mimic), whose limits hold for both"
+                self._add(f"limits: {text}; remedy: limits of {mimic.joint!r} instead")
+            elif name not in movable:
                 hint = did_you_mean(name, movable)
                 self._add(
                     f"limits: there is no joint {name!r} that moves; {hint}joints: {', '.join(movable) or 'none'}"
                 )
-        if self._defects:
-            raise ArmError(self._where, self._defects)
-        text = ElementTree.tostring(robot, encoding="unicode")
-        given = {"links": {link.name: link for link in links}, "joints": by_name, "remarks": tuple(self._remarks)}
-        return Description(name=robot.get("name", "arm"), text=text, root=root, **given)
 
     def _add(self, defect: str) -> None:
         self._defects.append(defect)
@@ -289,6 +300,25 @@ class _Reader:
             self._add(f"{where}: {name} is {text!r}; allowed: three finite numbers")
             return default or (math.nan, math.nan, math.nan)
         return values
+
+
+def _exceeded(item: Element, joints: Mapping[str, Joint]) -> str:
+    """Return a remark if a joint that mimics another one can exceed its <limit>, which is ignored; otherwise ''."""
+    joint, limit = joints[item.get("name")], item.find("limit")
+    if joint.mimic is None or limit is None:
+        return ""
+    lead, factor = joints[joint.mimic.joint].limits, joint.mimic.multiplier
+    low, high = sorted(factor * end + joint.mimic.offset for end in (lead.lower, lead.upper))
+    speed, found = abs(factor) * lead.velocity, []
+    for part, reached, sign in (("lower", low, -1.0), ("upper", high, 1.0), ("velocity", speed, 1.0)):
+        try:
+            own = float(limit.get(part, ""))
+        except ValueError:
+            continue
+        if sign * (reached - own) > _SLACK and (part != "velocity" or own > 0.0):
+            found.append(f"{part} {own:g} (it reaches {reached:g})")
+    text = f"joint {joint.name!r} follows {joint.mimic.joint!r} (mimic) beyond its ignored <limit>: {', '.join(found)}"
+    return f"{text}; remedy: `limits` of {joint.mimic.joint} in the scene" if found else ""
 
 
 def _colour(material: Element) -> tuple[float, float, float] | None:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.solver.motion.scheme import Kinematics, Rule
-from gdfe_ros.solver.settings import Dynamics
+from gdfe_ros.solver.settings import Dynamics, Scheme
 
 Vector = NDArray[np.float64]
 
@@ -41,7 +41,13 @@ class LinkMotion(NamedTuple):
         return cls(positions, none, none, none, positions, none, np.zeros(1))
 
     def rule(self, dynamics: Dynamics, h: float) -> Rule:
-        """Return the rule of the body's time scheme for a step of ``h`` [s]."""
+        """Return the rule of the body's time scheme for a step of ``h`` [s].
+
+        Without a previous step, the accelerations at the beginning are not known. `bdf2` does not need them. With the
+        other schemes, the accelerations are constant in this step: those by the forces at its end.
+        """
+        if not self.step[0] and dynamics.scheme is not Scheme.BDF2:
+            return Rule.steady(h, self.positions, self.velocities)
         now = Kinematics(
             positions=self.positions,
             velocity=self.velocities,

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from scipy.optimize import fsolve
 from scipy.signal import find_peaks
 
@@ -114,6 +115,29 @@ def test_a_released_arm_swings_at_its_frequency(yielding: Callable, scheme: str)
     late = (2.0 * np.pi * 0.0025 / period) ** 2 / (3.0 if scheme == "bdf2" else 12.0)
     assert np.diff(peaks).mean() * 0.0025 == pytest.approx(period * (1.0 + late), rel=2e-3)
     assert angles.max() == pytest.approx(2.0 * 8.9458 / 400.0, rel=5e-3)
+
+
+@pytest.mark.parametrize("scheme", ["bdf2", "generalised_alpha", "newmark"])
+def test_a_released_arm_falls_with_errors_of_second_order(yielding: Callable, scheme: str) -> None:
+    """Half the step has at most a third of the error of a released arm's motion, also in the first steps."""
+    motion, worst = f"dynamics: {{scheme: {scheme}, step: 0.02}}\n", []
+    simulation = yielding("{lift: {stiffness: 400}}, links: []", motion)
+    arm, lever = simulation.scene.arms[0], 2.0 * 0.2 + 1.0 * 0.5 + BLOCK * 0.62
+    inertia = arm.dynamics.mass_matrix(arm.start)[0, 0] + BLOCK * (0.62**2 + (0.04**2 + 0.02**2) / 12.0)
+
+    def fall(_: float, y: np.ndarray) -> list[float]:
+        return [y[1], (9.81 * lever * np.cos(y[0]) - 400.0 * y[0]) / inertia]
+
+    for count in (12, 24):
+        simulation.reset()
+        times = np.linspace(0.0, 0.12, count + 1)
+        exact = solve_ivp(fall, (0.0, 0.12), [0.0, 0.0], t_eval=times, rtol=1e-9, atol=1e-12).y[0]
+        gaps = []
+        for expected in exact[1:]:
+            assert simulation.step(dt=0.12 / count).converged
+            gaps.append(simulation.joint_positions["lift"] - np.pi / 2.0 - expected)
+        worst.append(np.abs(gaps).max())
+    assert worst[1] < worst[0] / 3.0
 
 
 def _vertex(values: np.ndarray, i: int) -> float:

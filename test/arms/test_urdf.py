@@ -71,6 +71,7 @@ LIMIT = '<limit lower="-2" upper="2" velocity="1.5" effort="20"/>'
         ('<box size="0.05 0.05 0.3"/>', '<box size="0.05 0.3"/>', "size is '0.05 0.3'; allowed: three finite numbers"),
         ('<box size="0.05 0.05 0.3"/>', "<capsule/>", "has <capsule>; allowed: <box>, <cylinder>"),
         (LIMIT, LIMIT + '<mimic joint="left"/>', "mimics 'left', which is no joint that moves; did you mean 'lift'?"),
+        (LIMIT, LIMIT + '<mimic joint="bend"/>', "joint 'bend' mimics itself; remedy: remove its <mimic>"),
         ('name="two">\n    <in', 'name="one">\n    <in', "link 'one' is there 2 times"),
     ],
 )  # fmt: skip
@@ -80,6 +81,34 @@ def test_defects_are_named(old: str, new: str, told: str) -> None:
     with pytest.raises(ArmError) as error:
         parse_urdf(TWO_LINKS.replace(old, new, 1))
     assert told in str(error.value)
+
+
+LIFT = LIMIT.replace('"20"', '"40"')
+
+
+@pytest.mark.parametrize(
+    ("lift", "bend", "told"),
+    [
+        ("bend", "lift", "joint 'lift' mimics 'bend', which mimics 'lift'; remedy: remove its <mimic>"),
+        ("left", "lift", "joint 'lift' mimics 'left', which is no joint that moves; joints: none"),
+    ],
+)
+def test_remedies_name_no_joint_that_mimics(lift: str, bend: str, told: str) -> None:
+    """A joint in a loop is not advised to mimic itself, and a misspelt joint is not taken for one that mimics."""
+    text = TWO_LINKS.replace(LIMIT, f'<mimic joint="{bend}"/>').replace(LIFT, f'<mimic joint="{lift}"/>')
+    with pytest.raises(ArmError) as error:
+        parse_urdf(text)
+    assert told in str(error.value)
+
+
+def test_limits_of_a_mimic_joint_are_those_of_its_leader() -> None:
+    """The scene gives limits to the leader only; a <limit> that the follower can exceed is remarked on."""
+    text = TWO_LINKS.replace(LIMIT, LIMIT + '<mimic joint="lift" multiplier="-1" offset="0.5"/>')
+    with pytest.raises(ArmError, match=r"'bend' follows 'lift' .* remedy: limits of 'lift' instead"):
+        parse_urdf(text, limits={"bend": {"upper": 0.1}})
+    remark = "joint 'bend' follows 'lift' (mimic) beyond its ignored <limit>: upper 2 (it reaches 2.5); remedy"
+    assert [each.startswith(remark) for each in parse_urdf(text).remarks] == [True]
+    assert parse_urdf(text, limits={"lift": {"lower": -1.5}}).remarks == ()
 
 
 def test_a_scene_may_give_limits_that_the_urdf_lacks() -> None:

@@ -132,6 +132,12 @@ class Rule(NamedTuple):
             return _bdf2(h, now)
         return _generalised_alpha(1.0 if anew else dynamics.radius, h, now)
 
+    @classmethod
+    def steady(cls, h: float, x: Array, v: Array) -> Rule:
+        """Return the rule of a step of length ``h`` [s] with a constant acceleration, from positions and velocities."""
+        ahead, kappa = x + h * v, 2.0 / h**2
+        return cls(theta=2.0 / h, drift=x + 0.5 * h * v, kappa_a=kappa, rest=ahead, kappa=kappa, x_hat=ahead)
+
     def velocity(self, x: Array) -> Array:
         """Return the velocity (n, 3) [m/s] at new positions."""
         return self.theta * (x - self.drift)
