@@ -117,14 +117,15 @@ class FeedbackControl:
             commands: dict from actuator to the command in force at the measurement; None: the last returned commands.
 
         Raises:
-            CommandError: the shape is wrong, a value is not finite, or a command is missing.
+            CommandError: the shape is wrong, a value is not finite, or a command is missing or outside of its range;
+                nothing has changed.
         """
         measured, given = self._stack.check_goals(values, "measured values"), self._sent
         if commands is not None:
             missing = [name for name in self.names if not np.isfinite(commands.get(name, np.nan))]
             if missing:
                 raise CommandError(f"no finite command in force of {', '.join(missing)}; give one of each actuator")
-            given = np.array([commands[name] for name in self.names])
+            given = self._limits.require(commands)
         self._known = given, measured
         change, moved = given - self._base[0], self._stack.errors(measured, self._base[1])
         foretold, scaled = self._rows @ change, self._costs * change
@@ -138,8 +139,8 @@ class FeedbackControl:
     def command(self, goals: ArrayLike, dt: float) -> Reach:
         """Return the commands that approach goals (t, 3) within the next ``dt`` [s], limited by ranges and rates.
 
-        The returned distances are those of the last measurement. The message names the goals that are probably not
-        reached with these commands, and the reason.
+        The returned distances are those of the last measurement. Until all goals are reached, the message names the
+        goals that are probably not reached with these commands either, and the reason.
 
         Raises:
             CommandError: goals or time are not allowed; nothing has changed.
@@ -154,12 +155,12 @@ class FeedbackControl:
         given = {"least": DAMPING, "costs": self._limits.costs(self._rows)}
         change = least_squares(self._rows, fraction * error, low + behind, high + behind, **given)
         self._sent = np.clip(self._limits.apply_change(commands, change), self._sent + low, self._sent + high)
-        left = error - self._rows @ (self._sent - commands)
+        left, reached = error - self._rows @ (self._sent - commands), stack.has_reached(error)
         return Reach(
             commands=self.sent,
             distances=stack.distances(error),
-            reached=stack.has_reached(error),
-            message=stack.message(left, values, self._limits.list_limited(self._sent)),
+            reached=reached,
+            message="" if reached else stack.message(left, values, self._limits.list_limited(self._sent)),
         )
 
     def _judge(self, measured: Array, foretold: Array) -> None:

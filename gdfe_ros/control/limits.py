@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,10 +11,13 @@ from numpy.typing import NDArray
 from gdfe_ros.actuators import Cable, Mode
 from gdfe_ros.errors import CommandError, DependencyError, require_named
 from gdfe_ros.scene.scene import Scene
+from gdfe_ros.untrusted.real_number import require_command
 
 Array = NDArray[np.float64]
 COMMAND_ROUNDING = 1e-9
 """Largest error of a command, divided by its change, that counts as rounding."""
+SINGLE = 1e-6
+"""Largest part of a command in force by which it may be outside of its range: the rounding of a message in float32."""
 
 
 class CommandLimits:
@@ -42,7 +45,8 @@ class CommandLimits:
             raise CommandError(f"actuators named twice: {', '.join(names)}; give each name once")
         if not names:
             raise CommandError(f"inverse control needs an actuator; actuators of {scene.name!r}: {', '.join(known)}")
-        self._names, actuators = list(names), [known[name] for name in names]
+        self._names, self._actuators = list(names), [known[name] for name in names]
+        actuators = self._actuators
         pulls = [isinstance(each, Cable) and each.mode is Mode.TENSION for each in actuators]
         self.low = np.maximum([each.low for each in actuators], np.where(pulls, 0.0, -np.inf))
         self.high = np.array([each.high for each in actuators])
@@ -64,6 +68,22 @@ class CommandLimits:
         """Return the least and largest change (n,) of commands ``now`` (n,) in ``dt`` [s]; None ignores the rates."""
         reach = np.full(len(now), np.inf) if dt is None else self.rates * dt
         return np.maximum(self.low - now, -reach), np.minimum(self.high - now, reach)
+
+    def require(self, commands: Mapping[str, float]) -> Array:
+        """Return the commands in force (n,), without the rounding (`SINGLE`) that is outside of the ranges.
+
+        Raises:
+            CommandError: a command is outside of the scene's range.
+        """
+        remedy, found = "give the command that was sent, in SI units, or extend the key `range` of the scene", []
+        for each in self._actuators:
+            given = commands[each.name]
+            near = min(max(given, each.low), each.high)
+            if abs(near - given) > SINGLE * abs(given):
+                what = f"command in force: actuator {each.name!r}: {each.mode.value}"
+                require_command(what, given, low=each.low, high=each.high, unit=each.mode.unit, remedy=remedy)
+            found.append(near)
+        return np.array(found)
 
     def apply_change(self, now: Array, change: Array) -> Array:
         """Return ``now + change`` (n,), clipped to the ranges, and set to an end within `COMMAND_ROUNDING` of it."""

@@ -17,9 +17,11 @@ from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.scene.scene import Scene
 
 _KEPT = 600
-"""Largest number of stored states, and of measurements that wait for a state of the same time."""
+"""Largest number of stored states, and of stored measurements of each probe."""
 LATEST = 5.0
 """A measurement is dropped after this time [s] if the simulation has no state of the same time."""
+_MOTION = 4.0
+"""A measured motion counts if it is larger than this number of its standard deviations."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -31,11 +33,13 @@ class Sample:
         places: dict from probe to its position (3,) [m].
         derivatives: dict from probe to the derivatives (3, n) [m] with respect to the logarithms of the moduli; None
             if this state has no derivatives.
+        duration: time that the step to this state took [s]; before, the simulation did not know its last commands.
     """
 
     stamp: float
     places: Mapping[str, NDArray[np.float64]]
     derivatives: Mapping[str, NDArray[np.float64]] | None
+    duration: float = 0.0
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -47,8 +51,9 @@ class Deviation:
         probe: name of the probe.
         measured, simulated: positions (3,) [m].
         spread: largest distance [m] by which the simulated probe moves away from ``simulated`` within the uncertainty
-            of the times.
-        derivatives: derivatives of the simulated position, as in `Sample`; None if there are none.
+            of the times, or the measured motion in this time if it is larger.
+        derivatives: derivatives of the simulated position, as in `Sample`; None if there are none, and if the robot
+            moves while the simulation is at rest: its commands then do not explain its position.
     """
 
     stamp: float
@@ -67,21 +72,28 @@ class Deviation:
 class ProbeComparison:
     """Pairs measurements with simulated states of the same time; states are interpolated in time.
 
-    A simulation at rest makes no steps. Its last state then holds for later times.
+    A simulation at rest makes no steps. Its last state then holds for later times. A measurement waits until the
+    motions before and after it, within the window, are known.
 
     Args:
         step: time between two states while the simulation moves [s].
         window: uncertainty of the times of commands and measurements [s].
+        noise: standard deviation of the measured positions along an axis [m].
     """
 
-    def __init__(self, step: float, window: float) -> None:
-        self._step, self._window = step, window
+    def __init__(self, step: float, window: float, noise: float = 0.0) -> None:
+        self._step, self._window, self._noise = step, window, noise
         self._samples: deque[Sample] = deque(maxlen=_KEPT)
-        self._waiting: deque[tuple[float, str, NDArray[np.float64]]] = deque(maxlen=_KEPT)
+        self._waiting: deque[tuple[float, str, NDArray[np.float64]]] = deque()
+        self._measured: dict[str, deque[tuple[float, NDArray[np.float64]]]] = {}
 
     def measure(self, stamp: float, probe: str, place: NDArray[np.float64]) -> None:
         """Add a measured position (3,) [m] of a probe at a time [s]."""
+        measured = self._measured.setdefault(probe, deque(maxlen=_KEPT))
+        measured.append((stamp, place))
         self._waiting.append((stamp, probe, place))
+        if len(self._waiting) > _KEPT * len(self._measured):
+            self._waiting.popleft()
 
     def add(self, sample: Sample) -> None:
         """Add a state of the simulation, later than all earlier ones."""
@@ -97,9 +109,11 @@ class ProbeComparison:
         ``idle`` is whether the simulation has been at rest since its last state.
         """
         first, last = (self._samples[0].stamp, self._samples[-1].stamp) if self._samples else (np.inf, np.inf)
-        last = max(now, last) if idle else last
+        # No state follows the last one within a step.
+        known = now if idle else min(now, last + self._step)
+        first, last = first + self._window, min(now if idle else last, known - self._window)
         waiting = [item for item in self._waiting if now - item[0] <= LATEST]
-        self._waiting = deque((item for item in waiting if not first <= item[0] <= last), maxlen=_KEPT)
+        self._waiting = deque(item for item in waiting if not first <= item[0] <= last)
         return [self._pair(*item) for item in waiting if first <= item[0] <= last]
 
     def _pair(self, stamp: float, probe: str, place: NDArray[np.float64]) -> Deviation:
@@ -109,20 +123,36 @@ class ProbeComparison:
         # Before the first step after an idle time, the body was at rest: the interval of its motion is one step.
         share = min(1.0, max(0.0, 1.0 - (second.stamp - stamp) / min(span, self._step))) if span > 0.0 else 1.0
         there = (1.0 - share) * first.places[probe] + share * second.places[probe]
+        spread, motion = self._spread(stamp, probe, there), self._motion(stamp, probe)
+        alone = motion > 0.0 and spread <= self._noise
         return Deviation(
             stamp=stamp,
             probe=probe,
             measured=place,
             simulated=there,
-            spread=self._spread(stamp, probe, there),
-            derivatives=None if second.derivatives is None else second.derivatives[probe],
+            spread=max(spread, motion),
+            derivatives=None if alone or second.derivatives is None else second.derivatives[probe],
         )
 
     def _spread(self, stamp: float, probe: str, there: NDArray[np.float64]) -> float:
         """Return the largest distance [m] of the probe from ``there`` within the window around a time."""
         before = [each for each in self._samples if each.stamp < stamp - self._window][-1:]
-        near = [each for each in self._samples if abs(each.stamp - stamp) <= self._window]
+        near = [
+            each
+            for each in self._samples
+            if each.stamp - each.duration - self._window <= stamp <= each.stamp + self._window
+        ]
         return max((float(np.linalg.norm(each.places[probe] - there)) for each in (*before, *near)), default=0.0)
+
+    def _motion(self, stamp: float, probe: str) -> float:
+        """Return the measured motion [m] within the window around a time; 0 if noise can explain it.
+
+        It is the distance between the mean positions before and after this time.
+        """
+        near = [(time, place) for time, place in self._measured[probe] if abs(time - stamp) <= self._window]
+        before, after = [x for time, x in near if time <= stamp], [x for time, x in near if time >= stamp]
+        motion = float(np.linalg.norm(np.mean(after, axis=0) - np.mean(before, axis=0)))
+        return motion if motion > _MOTION * self._noise * np.sqrt(1.0 / len(before) + 1.0 / len(after)) else 0.0
 
 
 SPREAD = 1.0
@@ -139,9 +169,9 @@ class ModulusEstimator:
 
         sum_k w_k |e_k - H_k d|^2 / sigma_k^2 + |d|^2 / SPREAD^2
 
-    over the correction d, with weights w_k that fade in time (`FORGETTING`). Only the sums A = sum w H^T H / sigma^2
-    and b = sum w H^T e / sigma^2 are stored. After the simulation has applied a correction, `settle` linearises about
-    the new moduli.
+    over the correction d, with weights w_k that fade in time (`FORGETTING`). Only the sums A = sum w H^T H / sigma^2,
+    b = sum w H^T e / sigma^2 and c = sum w e^T e / sigma^2 are stored. After the simulation has applied a correction,
+    `settle` linearises about the new moduli.
 
     Args:
         count: number of moduli.
@@ -150,6 +180,7 @@ class ModulusEstimator:
     def __init__(self, count: int) -> None:
         self._prior = np.eye(count) / SPREAD**2
         self._information, self._right = np.zeros((count, count)), np.zeros(count)
+        self._misfit = self._count = 0.0
         self._moved, self._last = np.zeros(count), None
 
     def add(self, time: float, deviation: ArrayLike, derivatives: ArrayLike, sigma: float) -> None:
@@ -163,27 +194,51 @@ class ModulusEstimator:
         """
         rows, e = np.asarray(derivatives, dtype=np.float64), np.asarray(deviation, dtype=np.float64)
         if self._last is not None:
-            kept = np.exp(-max(0.0, time - self._last) / FORGETTING)
-            self._information, self._right = kept * self._information, kept * self._right
+            self._fade(np.exp(-max(0.0, time - self._last) / FORGETTING))
         self._last = time if self._last is None else max(time, self._last)
         self._information = self._information + rows.T @ rows / sigma**2
         self._right = self._right + rows.T @ e / sigma**2
+        self._misfit, self._count = self._misfit + e @ e / sigma**2, self._count + e.size
 
     @property
     def correction(self) -> NDArray[np.float64]:
         """Correction d (n,) to add to the logarithms of the simulation's present moduli."""
-        return np.linalg.solve(self._information + self._prior, self._right - self._prior @ self._moved)
+        return self._solve()[0]
 
     @property
     def deviations(self) -> NDArray[np.float64]:
-        """Relative standard deviations (n,) of the moduli (of their logarithms), if the assumed noise is right."""
-        return np.sqrt(np.diag(np.linalg.inv(self._information + self._prior)))
+        """Relative standard deviations (n,) of the moduli (of their logarithms)."""
+        return np.sqrt(np.diag(np.linalg.inv(self._information / self._solve()[1] + self._prior)))
+
+    def _solve(self) -> tuple[NDArray[np.float64], float]:
+        """Return the correction (n,), and the ratio of the variance of the measurements to the assumed one, at least 1.
+
+        If a correction leaves larger deviations than the assumed noise, the noise counts as larger (Birge 1932).
+        """
+        d = np.linalg.solve(self._information + self._prior, self._right - self._prior @ self._moved)
+        left = self._misfit - 2.0 * self._right @ d + d @ self._information @ d
+        ratio = max(1.0, float(left) / max(1.0, self._count - len(d)))
+        right = self._right / ratio - self._prior @ self._moved
+        return np.linalg.solve(self._information / ratio + self._prior, right), ratio
 
     def settle(self, taken: ArrayLike) -> None:
-        """Linearise about the moduli after a correction ``taken`` (n,), which the simulation has applied."""
+        """Linearise about the moduli after a correction ``taken`` (n,), which the simulation has applied.
+
+        The derivatives of earlier measurements belong to the earlier moduli. Their relative error is about |taken|.
+        The weights of these measurements are reduced so that this error moves the estimate by at most one standard
+        deviation.
+        """
         step = np.asarray(taken, dtype=np.float64)
+        change = self._information @ step
         self._moved = self._moved + step
-        self._right = self._right - self._information @ step
+        self._misfit = self._misfit + step @ (change - 2.0 * self._right)
+        self._right = self._right - change
+        self._fade(1.0 / (1.0 + step @ step * (step @ change)))
+
+    def _fade(self, kept: float) -> None:
+        """Multiply the weights of all measurements so far by ``kept``."""
+        self._information, self._right = kept * self._information, kept * self._right
+        self._misfit, self._count = kept * self._misfit, kept * self._count
 
 
 _LEAST = 1e-9

@@ -48,8 +48,8 @@ class Twin:
         dt: time of a step [s], in simulation time and in real time.
         noise: standard deviation of the measured positions along an axis [m].
         delay: time by which the stamps of measurements are late [s].
-        window: uncertainty of the times of commands and measurements [s]; the simulation's motion within this time
-            increases the standard deviation of a measurement.
+        window: uncertainty of the times of commands and measurements [s]; motions within this time increase the
+            standard deviation of a measurement.
         table: path of a CSV file of all measured and simulated positions; None: none is written.
         bag: path of an MCAP file (`TwinBag`); None: none is written.
         on_view: function that is called with the view of each step, in the stepping thread.
@@ -83,7 +83,7 @@ class Twin:
         self._names, self._on_view, self._warn = tuple(moduli), on_view, warn
         self._throttle = Throttle()
         self._noise, self._delay = noise, delay
-        self._estimator, self._comparison = ModulusEstimator(len(self._names)), ProbeComparison(dt, window)
+        self._estimator, self._comparison = ModulusEstimator(len(self._names)), ProbeComparison(dt, window, noise)
         self._lock, self._changed, self._change = threading.Lock(), 0.0, None
         self._file = None if table is None else table.open("x", newline="", encoding="utf-8")
         self._bag = None
@@ -95,7 +95,7 @@ class Twin:
         if self._table is not None:
             self._table.writerow((*_HEAD, *(f"{name} [Pa]" for name in self._names)))
         self.latest: dict[str, Deviation] = {}
-        self.compared, self._idle = 0, True
+        self.compared, self._idle, self._shown = 0, True, simulation
         self.session = LiveSession(simulation, dt=dt, on_view=self._add_view, warn=warn)
 
     def start(self) -> None:
@@ -117,9 +117,12 @@ class Twin:
 
     @property
     def deviations(self) -> dict[str, float]:
-        """Dict from material to the relative standard deviation of its modulus, if the assumed noise is right."""
+        """Dict from material to the relative standard deviation of its modulus, with corrections not yet applied."""
+        if not self._names:
+            return {}
         with self._lock:
-            return dict(zip(self._names, self._estimator.deviations.tolist(), strict=True)) if self._names else {}
+            found = np.hypot(self._estimator.deviations, self._estimator.correction)
+        return dict(zip(self._names, found.tolist(), strict=True))
 
     def command(self, values: Mapping[str, float]) -> None:
         """Queue commands of the robot for the next step."""
@@ -149,7 +152,7 @@ class Twin:
         """Compare the measurements since the last call with the simulation, and change the moduli when this is due."""
         now = time.time()
         with self._lock:
-            found = self._comparison.pairs(now, idle=self._idle)
+            found = self._comparison.pairs(now, idle=self._idle and not self.session.stepper.stepping)
             for each in found:
                 self.latest[each.probe] = each
                 sigma = float(np.hypot(self._noise, each.spread))
@@ -164,9 +167,13 @@ class Twin:
         """Store the state of a step with its derivatives; called in the stepping thread."""
         simulation = self.session.simulation
         places = {name: point.at(view.positions)[0] for name, point in simulation.scene.probes.items()}
-        sample = Sample(stamp=time.time(), places=places, derivatives=self._derivatives(simulation))
+        derivatives, took = self._derivatives(simulation), self.session.last.result.wall_time
+        sample = Sample(stamp=time.time(), places=places, derivatives=derivatives, duration=took)
         with self._lock:
+            if simulation is not self._shown:
+                self._comparison.forget()
             self._comparison.add(sample)
+            self._shown = simulation
             self._idle = simulation.settled
         if self._bag is not None:
             self._bag.write_at(sample.stamp, self.session.last)
@@ -198,12 +205,11 @@ class Twin:
         if not self._names or self._change is not None or now - self._changed < _PERIOD:
             return
         with self._lock:
-            step = np.clip(self._estimator.correction, -LARGEST, LARGEST)
-        if np.abs(step).max() < SMALLEST:
+            step = self._estimator.correction
+        if (most := float(np.abs(step).max())) < SMALLEST:
             return
+        step = min(1.0, LARGEST / most) * step  # in its direction: the moduli of a combination would drift apart
         wanted = {name: young * float(np.exp(d)) for (name, young), d in zip(self.moduli.items(), step, strict=True)}
-        with self._lock:
-            self._comparison.forget()
         self._changed, self._change = now, (self.session.set_moduli(wanted), step)
 
     def _warn_seldom(self, subject: str, error: BaseException) -> None:

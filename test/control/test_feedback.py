@@ -10,6 +10,7 @@ import pytest
 
 from gdfe_ros import Command, Simulation, load_scene
 from gdfe_ros.control import FeedbackControl, RealTimeControl, Target
+from gdfe_ros.control.limits import CommandLimits
 from gdfe_ros.errors import CommandError, GdfeError
 from test.control.circles import CIRCLES, closed_loop, measured, robot
 
@@ -78,6 +79,11 @@ def test_wrong_measurements_are_refused() -> None:
         ([[np.nan, 0.0, 0.0]], None, r"measured values must be finite and of shape \(1, 3\)"),
         ([0.0, 0.0], None, "measured values must be finite"),
         (goals, {"flexor": 5.0}, "no finite command in force of extensor"),
+        (
+            goals,
+            {"flexor": 100.0, "extensor": 1.0},
+            "actuator 'flexor': tension 100.0; allowed: 0 to 20 N; give the command that was sent",
+        ),
     ):
         with pytest.raises(CommandError, match=said):
             control.observe(values, commands)
@@ -89,6 +95,32 @@ def test_wrong_measurements_are_refused() -> None:
         FeedbackControl(Simulation(load_scene("silicone_beam")), ["tip"])
     with pytest.raises(CommandError, match="the time of a command must be positive"):
         control.command(goals, 0.0)
+
+
+def test_a_reached_goal_has_no_message() -> None:
+    """If the goals are reached at the measurement, the message is empty, although the next commands cannot hold them.
+
+    The command in force is behind the last one; the rate does not let the command return to it in time.
+    """
+    simulation = Simulation(load_scene("tendon_finger", overrides={"actuators.flexor.cable.rate": 1.0}))
+    simulation.step(Command(actuators={"flexor": 1.0}), dt=5.0)
+    control = FeedbackControl(simulation, [TIP], actuators=["flexor"], learning=0.0)
+    start = [simulation.probe_positions()["tip"]]
+    far = control.command(start - np.array([0.02, 0.0, 0.01]), 2.0)
+    assert not far.reached
+    control.observe(start, {"flexor": 1.0})
+    found = control.command(start, 0.01)
+    assert (found.reached, found.message) == (True, "")
+    assert found.commands["flexor"] == pytest.approx(far.commands["flexor"] - 0.01)
+
+
+def test_the_rounding_of_a_message_is_no_command_outside_of_the_range() -> None:
+    """A command in force at the end of its range, in single precision, is accepted and clipped."""
+    scene = load_scene("tendon_finger", overrides={"actuators.flexor.cable.range": [0.0, 20.3]})
+    limits = CommandLimits(scene, ["flexor"])
+    near = float(np.nextafter(np.float32(20.3), np.float32(21.0)))
+    assert near > 20.3
+    assert limits.require({"flexor": near}) == 20.3
 
 
 def test_a_command_waits_for_no_solve() -> None:

@@ -22,7 +22,7 @@ from sensor_msgs.msg import JointState
 
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.scene import scene_from_text
-from gdfe_ros.simulation import Simulation
+from gdfe_ros.simulation import Command, Simulation
 from gdfe_ros.twin.estimator import ModulusEstimator, ProbeComparison, Sample
 from gdfe_ros.twin.remote.robot import Robot
 from gdfe_ros.twin.twin import Twin
@@ -37,6 +37,10 @@ actuators: {tendon: {cable: {points: [[0.0, 0.0, 0.008], [0.12, 0.0, 0.008]], ra
 probes: {middle: [0.06, 0.0, 0.0], tip: [0.12, 0.0, 0.0]}
 """
 """An arm that one tendon bends."""
+ARM_OF_TWO = ARM.replace(
+    "}}\nregions: [", "}, hard: {law: neo_hookean, young: 1.0e5, poisson: 0.45}}\nregions: ["
+).replace("{material: soft}]", "{material: soft}, {material: hard, where: {box: {x: [0.0, 0.06]}}}]")
+"""The arm with another material in its first half."""
 TIP = np.array([0.12, 0.0, 0.0])
 """Where the probe is at rest [m]."""
 REAL = 1.5e5
@@ -130,6 +134,32 @@ def test_least_squares_find_the_logarithms_of_moduli() -> None:
     assert (estimator.deviations < 1e-4).all()
 
 
+def test_measurements_before_a_large_correction_do_not_distort_the_estimate() -> None:
+    """If positions are not linear in the logarithms, the estimate is within three of its standard deviations."""
+    random, truth = np.random.default_rng(2), np.array([0.4, 1.2])
+    estimator, taken = ModulusEstimator(2), np.zeros(2)
+    for number in range(200):
+        weights = random.uniform(0.01, 0.05, (3, 2))
+        deviation = weights @ (np.exp(-truth) - np.exp(-taken)) + random.normal(0.0, 1e-4, 3)
+        estimator.add(0.1 * number, deviation, -weights * np.exp(-taken), 1e-4)
+        if number % 10 == 9:
+            step = estimator.correction
+            step = min(1.0, 0.5 / np.abs(step).max()) * step
+            estimator.settle(step)
+            taken = taken + step
+    assert (np.abs(taken - truth) < 3.0 * estimator.deviations).all()
+    assert (estimator.deviations < 3e-3).all()
+
+
+def test_a_misfit_increases_the_standard_deviation() -> None:
+    """Deviations of ten times the assumed noise that no modulus explains make the standard deviation ten times."""
+    expected, found = ModulusEstimator(1), ModulusEstimator(1)
+    for number in range(100):
+        for estimator, size in ((expected, 0.5e-3), (found, 10e-3)):
+            estimator.add(0.0, [(-1) ** number * size, size, -size], [[0.1], [0.1], [0.1]], 1e-3)
+    assert found.deviations == pytest.approx(10.0 * expected.deviations, rel=0.02)
+
+
 def test_measurements_meet_the_state_of_their_time() -> None:
     """States are interpolated and spread over the window; a measurement waits, and an idle simulation stays."""
     comparison, still = ProbeComparison(0.1, 0.06), np.zeros(3)
@@ -144,6 +174,85 @@ def test_measurements_meet_the_state_of_their_time() -> None:
     assert (second.distance, second.spread) == (pytest.approx(2.0), 0.0)
     comparison.measure(9.0, "tip", still)
     assert comparison.pairs(20.0, idle=True) == []
+
+
+def _comparison(noise: float) -> ProbeComparison:
+    """Return a comparison with a window of 0.3 s and a simulated probe that rests at 0."""
+    comparison = ProbeComparison(0.02, 0.3, noise)
+    comparison.add(Sample(stamp=0.0, places={"tip": np.zeros(3)}, derivatives={"tip": np.ones((3, 1))}))
+    return comparison
+
+
+def _measure(comparison: ProbeComparison, places: dict[float, float]) -> None:
+    for stamp, x in places.items():
+        comparison.measure(stamp, "tip", np.array([x, 0.0, 0.0]))
+
+
+def test_motions_after_a_measurement_count() -> None:
+    """A measurement waits for the window; a step that ends or only begins in the window then counts as a motion."""
+    comparison, moved = _comparison(1e-4), {"tip": np.array([0.01, 0.0, 0.0])}
+    _measure(comparison, {1.0: 0.0, 1.5: 0.0})
+    assert comparison.pairs(1.2, idle=True) == []
+    comparison.add(Sample(stamp=2.0, places=moved, derivatives=None, duration=0.55))
+    assert [each.spread for each in comparison.pairs(2.0, idle=True)] == [0.0, pytest.approx(0.01)]
+
+
+def test_a_measurement_waits_for_the_step_after_it() -> None:
+    """While the simulation moves, measurements after its last state less the window are not compared."""
+    comparison = _comparison(1e-4)
+    _measure(comparison, {0.5: 0.0})
+    assert comparison.pairs(2.0, idle=False) == []
+    comparison.add(Sample(stamp=0.9, places={"tip": np.zeros(3)}, derivatives=None))
+    assert len(comparison.pairs(2.0, idle=False)) == 1
+
+
+def test_a_robot_that_moves_alone_says_nothing_about_its_modulus() -> None:
+    """While only the robot moves, measurements have a spread and no derivatives; noise does not count as motion."""
+    random, comparison = np.random.default_rng(3), _comparison(1e-3)
+    stamps = 1.0 + 0.02 * np.arange(300)
+    slewed = 0.05 * np.clip(stamps - 3.0, 0.0, 1.0) + random.normal(0.0, 1e-3, 300)
+    _measure(comparison, dict(zip(stamps.tolist(), slewed.tolist(), strict=True)))
+    found = comparison.pairs(5.9, idle=True)
+    moving = [each for each in found if 3.05 < each.stamp < 3.95]
+    still = [each for each in found if not 2.7 < each.stamp < 4.3]
+    assert all(each.derivatives is None and each.spread > 1e-3 for each in moving)
+    assert len(moving) == 45
+    assert np.mean([each.derivatives is not None and each.spread == 0.0 for each in still]) > 0.98
+
+
+def test_states_of_earlier_moduli_are_discarded() -> None:
+    """After a change of moduli, no measurement is compared with a state of the earlier moduli."""
+    twin = Twin(Simulation(scene_from_text(ARM)), moduli=["soft"])
+    twin.start()
+    try:
+        twin.session.set_moduli({"soft": 1.2e5}).result(timeout=60.0)
+    finally:
+        twin.stop()
+    assert len(twin._comparison._samples) == 1
+
+
+def test_an_exact_model_finds_the_moduli_within_their_standard_deviations() -> None:
+    """Without noise, a slewed robot in held poses gives both moduli within three of the stated standard deviations."""
+    scene, real = ARM_OF_TWO, {"soft": 1.5e5, "hard": 2.5e5}
+    plant = Simulation(scene_from_text(scene, overrides={f"materials.{name}.young": real[name] for name in real}))
+    twin = Twin(Simulation(scene_from_text(scene)), moduli=list(real), noise=1e-4)
+    twin.start()
+    end, tension = time.monotonic() + 120.0, 0.0
+    try:
+        while max(twin.deviations.values()) > 0.01:
+            assert time.monotonic() < end, (twin.moduli, twin.deviations)
+            start, tension = tension, 1.5 if tension == 0.5 else 0.5
+            twin.command({"tendon": tension})
+            for present in (*np.linspace(start, tension, 8).tolist(), *[tension] * 60):
+                plant.step(Command(actuators={"tendon": present}))
+                for probe, place in plant.probe_positions().items():
+                    twin.measure(time.time(), probe, place)
+                time.sleep(0.02)
+                twin.update()
+    finally:
+        twin.stop()
+    for name, young in twin.moduli.items():
+        assert abs(math.log(young / real[name])) < 3.0 * twin.deviations[name], (twin.moduli, twin.deviations)
 
 
 def test_unsuitable_scenes_are_refused() -> None:
