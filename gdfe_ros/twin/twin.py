@@ -167,8 +167,8 @@ class Twin:
         """Store the state of a step with its derivatives; called in the stepping thread."""
         simulation = self.session.simulation
         places = {name: point.at(view.positions)[0] for name, point in simulation.scene.probes.items()}
-        derivatives, took = self._derivatives(simulation), self.session.last.result.wall_time
-        sample = Sample(stamp=time.time(), places=places, derivatives=derivatives, duration=took)
+        stamp, took = time.time(), self.session.last.result.wall_time
+        sample = Sample(stamp=stamp, places=places, derivatives=self._derivatives(simulation), duration=took)
         with self._lock:
             if simulation is not self._shown:
                 self._comparison.forget()
