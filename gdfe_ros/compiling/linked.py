@@ -12,31 +12,32 @@ version that was not tested, kernels are plain functions of numba, which compile
 
 from __future__ import annotations
 
+import errno
 import hashlib
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from copy import copy
+from functools import lru_cache
 from importlib import import_module
 from typing import Any, NamedTuple
 
 import llvmlite.binding as llvm
 import numba
-from numba.core import cgutils, compiler, config, ir, sigutils
+from numba.core import cgutils, compiler, config, sigutils
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile, NullCache
 from numba.core.ccallback import CFunc
 from numba.core.compiler import CompileResult
 from numba.core.compiler_lock import global_compiler_lock
-from numba.core.compiler_machinery import AnalysisPass, register_pass
 from numba.core.errors import TypingError
 from numba.core.funcdesc import FunctionDescriptor
 from numba.core.imputils import fix_returning_optional, impl_ret_new_ref
 from numba.core.registry import CPUDispatcher
 from numba.core.runtime.nrt import rtsys
 from numba.core.targetconfig import ConfigStack
-from numba.core.typed_passes import AnnotateTypes
 
 from gdfe_ros.compiling.compilations import compilations, lock_file, unlock_file
-from gdfe_ros.compiling.quick_numba import plain, quick
+from gdfe_ros.compiling.quick_numba import ReferencelessCompiler, plain, quick
 from gdfe_ros.entry import without_collection
 
 LARGE = 200
@@ -58,8 +59,6 @@ class CalledKernel(NamedTuple):
 
 FORMAT = "gdfe 5"
 """Mark of cache files with links."""
-PARTS = {"build_tuple", "cast", "exhaust_iter", "getattr", "getiter", "iternext", "pair_first", "pair_second"}
-"""Operations of numba's intermediate code that only unpack or pack their operands, and allocate nothing."""
 _compiling: list[object] = []
 """The functions of this module's caches that are being compiled; numba compiles one at a time."""
 _links: dict[str, CalledKernel] = {}
@@ -212,10 +211,21 @@ class LinkedCache(FunctionCache):
         with self._guard_against_spurious_io_errors():
             found = self._load_overload(signature, context)
         if found is None and self._lock is None:
-            self._impl.locator.ensure_cache_path()
-            self._lock = lock_file(f"{self._cache_file._index_path}.lock")
+            with self._guard_against_spurious_io_errors():
+                self._impl.locator.ensure_cache_path()
+                self._lock = lock_file(f"{self._cache_file._index_path}.lock")
             found = super().load_overload(signature, context)
         return found
+
+    @contextmanager
+    def _guard_against_spurious_io_errors(self) -> Iterator[None]:
+        """Warn if the disk of the cache is full, and go on: the kernel then serves this process only."""
+        try:
+            yield
+        except OSError as error:
+            if error.errno not in (errno.ENOSPC, errno.EDQUOT):
+                raise
+            warn_once(self._cache_path, error.strerror)
 
     def release(self) -> None:
         """Let other processes compile or load the kernel."""
@@ -226,6 +236,13 @@ class LinkedCache(FunctionCache):
     def _index_key(self, signature: Any, codegen: Any) -> tuple[Any, ...]:
         """Return numba's key with a mark, so that files of a plain `FunctionCache` are not read."""
         return *super()._index_key(signature, codegen), FORMAT
+
+
+@lru_cache
+def warn_once(folder: str, defect: str) -> None:
+    """Warn that the folder of a cache cannot be written; each text once in a process."""
+    remedy = "kernels are compiled at each start; remedy: free space, or another NUMBA_CACHE_DIR"
+    warnings.warn(f"cache of kernels, {folder}: {defect}; {remedy}", stacklevel=2)
 
 
 @contextmanager
@@ -252,56 +269,6 @@ def linking(compiled: object) -> Iterator[None]:
             yield
         finally:
             _compiling.pop()
-
-
-@register_pass(mutates_CFG=False, analysis_only=False)
-class LeaveOutReferences(AnalysisPass):
-    """Switches off the counting of references to arrays in functions that make none; compiling takes a tenth less time.
-
-    The caller of such a function holds references to the arrays that it passes, and thus to their parts.
-    """
-
-    _name = "leave_out_references"
-
-    def __init__(self) -> None:
-        super().__init__()
-
-    def run_pass(self, state: Any) -> bool:
-        """Switch the counts off, unless the function returns an array, may make one, or runs in threads."""
-        if state.flags.auto_parallel.enabled:
-            return False
-        instructions = (each for block in state.func_ir.blocks.values() for each in block.body)
-        found = [variable for each in instructions for variable in self._list_allocations(each)]
-        kinds = [state.return_type, *(state.typemap[each.name] for each in found)]
-        models = state.targetctx.data_model_manager
-        if any(models[each].contains_nrt_meminfo() for each in kinds):
-            return False
-        state.flags.nrt, state.targetctx = False, state.targetctx.subtarget(enable_nrt=False)
-        return True
-
-    @staticmethod
-    def _list_allocations(instruction: ir.Inst) -> tuple[ir.Var, ...]:
-        """Return the variables for whose arrays the instruction may need memory."""
-        if isinstance(instruction, (ir.SetItem, ir.StaticSetItem)):
-            return (instruction.value,)
-        if not isinstance(instruction, ir.Assign) or not isinstance(instruction.value, ir.Expr):
-            return ()
-        value = instruction.value
-        if value.op == "getitem":
-            return (value.index,)
-        return () if value.op in PARTS or value.op == "static_getitem" else (instruction.target,)
-
-
-class ReferencelessCompiler(compiler.Compiler):
-    """Numba's compiler, with counts of references only where arrays are made."""
-
-    def define_pipelines(self) -> list[Any]:
-        """Return numba's passes and `LeaveOutReferences`."""
-        pipelines = super().define_pipelines()
-        for each in pipelines:
-            each.add_pass_after(LeaveOutReferences, AnnotateTypes)
-            each.finalize()
-        return pipelines
 
 
 class CountedCompiler(ReferencelessCompiler):

@@ -216,3 +216,19 @@ def test_a_lock_ends_with_its_process(tmp_path: Path) -> None:
         process.wait()
         unlock_file(lock_file(path), path)
     assert not Path(path).exists()
+
+
+def test_a_full_disk_of_the_cache_costs_only_the_cache(tmp_path: Path) -> None:
+    """If kernels cannot be stored because the disk is full, they run all the same, and one warning names the folder."""
+    (tmp_path / "kernels.py").write_text(SOURCE.format(lines=LINES, result="total"))
+    full = "import errno, gdfe_ros.compiling.linked as linked\n" + "\n".join(
+        (
+            "def save(*_):",
+            "    raise OSError(errno.ENOSPC, 'No space left on device')",
+            "linked.LinkedCacheFile.save = save",
+        )
+    )
+    done = run_python(full + USE, NUMBA_CACHE_DIR=tmp_path / "cache", PYTHONPATH=tmp_path)
+    assert done.stdout.split()[1] == "0"
+    assert done.stderr.count("No space left on device") == 1
+    assert str(tmp_path / "cache") in done.stderr
