@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from gdfe_ros.actuators.embedding import embed
 from gdfe_ros.commands.options import require_folder, require_number
+from gdfe_ros.constraints import Handle
 from gdfe_ros.errors import GdfeError, MeshError
 from gdfe_ros.materials.presets import LIBRARY, PRESETS
 from gdfe_ros.mesh.cavities import NO_CAVITY, find_cavities, find_misplaced_cavities
@@ -21,6 +22,8 @@ from gdfe_ros.mesh.mesh import Mesh
 from gdfe_ros.mesh.meshing.tetrahedralise import STEP_SUFFIXES, from_step, from_surface, step_bounds
 from gdfe_ros.mesh.meshing.voxels import SUFFIXES, examine_surface, read_surface
 from gdfe_ros.mesh.meshing.walls import default_size
+from gdfe_ros.mesh.selection import Side, Where, select_vertices
+from gdfe_ros.scene.building.builder import find_unheld, name_piece
 from gdfe_ros.scene.document import write_document
 from gdfe_ros.scene.report import suggest
 from gdfe_ros.scene.schemas.mesh_schema import LEAST_SIZE, SCALE, SIZE
@@ -61,12 +64,31 @@ def run(arguments: argparse.Namespace) -> int:
     arguments.scene.write_text(write_document(scene))
     print(f"{arguments.scene}: {mesh.n_cells} {mesh.noun}, chambers: {len(scene.get('actuators', {}))}")
     written, picture = quote_path(arguments.scene), quote_path(arguments.scene.with_suffix(".png"))
-    if "program" in scene:
+    lacking = []
+    for text in mesh.remarks:
+        print(f"note: {text}")
+    if unheld := _unheld(mesh):
+        print(f"note: no handle holds {'; '.join(unheld)}: parts that do not touch are not bonded")
+        lacking.append("a handle for each of these pieces")
+    if "program" not in scene:
+        print(f"note: {NO_CAVITY}")
+        lacking.append("actuators or loads, and a program")
+    if lacking:
+        print(f"next: add {', '.join(lacking)} (docs/scene.md), then gdfe solve {written}")
+    else:
         print(f"next: gdfe solve {written} --picture {picture}")
-        return 0
-    print(f"note: {NO_CAVITY}")
-    print(f"next: add actuators or loads, and a program (docs/scene.md), then gdfe solve {written}")
     return 0
+
+
+def _unheld(mesh: Mesh) -> list[str]:
+    """Return texts that name the pieces of a mesh that are not held at the lower end of its longest axis."""
+    base = Handle("base", select_vertices(mesh, Where(face=Side(_end(mesh)))), fixed=True)
+    return [name_piece(mesh, vertices) for axis, vertices in find_unheld(mesh, [base]) if axis == "x"]
+
+
+def _end(mesh: Mesh) -> str:
+    """Return the face, e.g. `x-`, at the lower end of the body's longest axis."""
+    return f"{'xyz'[int(np.argmax(np.ptp(mesh.vertices, axis=0)))]}-"
 
 
 def _require_options(arguments: argparse.Namespace) -> None:
@@ -172,7 +194,7 @@ def _scene(name: str, material: str, mesh_entry: dict, mesh: Mesh) -> dict:
         "mesh": mesh_entry,
         "materials": {"body": {"preset": material}},
         "regions": [{"material": "body"}],
-        "handles": {"base": {"where": {"face": f"{'xyz'[axis]}-"}, "fixed": True}},
+        "handles": {"base": {"where": {"face": _end(mesh)}, "fixed": True}},
         "probes": {"tip": _far_end(mesh, axis)},
     }
     if not chambers:

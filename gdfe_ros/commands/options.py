@@ -6,6 +6,7 @@ from __future__ import annotations
 import argparse
 import math
 import sys
+from collections.abc import Sequence
 from contextlib import AbstractContextManager, nullcontext
 from importlib.util import find_spec
 from pathlib import Path
@@ -55,11 +56,18 @@ def require_picture(path: Path | None) -> None:
         return
     from matplotlib.backend_bases import FigureCanvasBase  # matplotlib takes a second to import
 
-    known = FigureCanvasBase.filetypes
-    if path.suffix and path.suffix[1:].lower() not in known:
-        allowed = ", ".join(f".{name}" for name in sorted(known))
-        raise GdfeError(f"--picture {path}: unknown format {path.suffix!r}; allowed: {allowed}")
+    require_ending("--picture", path, [f".{name}" for name in sorted(FigureCanvasBase.filetypes)])
     require_folder("--picture", path)
+
+
+def require_ending(option: str, path: Path | None, endings: Sequence[str]) -> None:
+    """Raise an error if a path has an ending that is not among ``endings``; None and a path without one pass.
+
+    Raises:
+        GdfeError: the error names the option, the file, and the allowed endings.
+    """
+    if path is not None and path.suffix and path.suffix.lower() not in endings:
+        raise GdfeError(f"{option} {path}: unknown format {path.suffix!r}; allowed: {', '.join(endings)}")
 
 
 def require_folder(option: str, path: Path | None) -> None:

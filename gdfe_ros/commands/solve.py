@@ -16,7 +16,7 @@ from rich.table import Table
 
 from gdfe_ros import __version__
 from gdfe_ros.actuators.actuator import Mode
-from gdfe_ros.commands.options import add_overrides, require_folder, require_picture
+from gdfe_ros.commands.options import add_overrides, require_ending, require_folder, require_picture
 from gdfe_ros.commands.waiting import PlayProgress, convergence, print_failures, waiting
 from gdfe_ros.entry import INTERRUPTED
 from gdfe_ros.results.contacts import contact_points, total_forces
@@ -50,6 +50,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     Table, file and picture show the last step that was solved, also after an interrupt.
     """
+    require_ending("--out", arguments.out, [".npz"])
     require_folder("--out", arguments.out)
     require_picture(arguments.picture)
     with waiting(f"loading {arguments.scene}"):

@@ -23,6 +23,7 @@ from gdfe_ros.mesh.meshing.tetrahedralise import (
     solid_facts,
     step_bounds,
     step_facts,
+    step_overlaps,
     step_surface,
 )
 from gdfe_ros.mesh.meshing.voxels import SUFFIXES, examine_surface
@@ -141,11 +142,11 @@ def _solids(path: Path, size: float | None) -> Inspection:
     surface = step_surface(path)
     found = solid_findings(*surface, size=size or default_size(bounds))
     facts += solid_facts(path, *surface)
-    defects = []
+    defects = step_overlaps(path)
+    remarks = [*([] if defects else found.remarks), *_air(facts)]  # advice on volume and shape counts overlaps twice
     if unit_defects(diagonal := float(np.linalg.norm(bounds[1] - bounds[0])), None):
         text = f"the body's diagonal is {diagonal:g} m; usual for a soft robot: {SHORTEST:g} to {LONGEST:g} m"
         defects.append(f"{text}; remedy: export it again, in the unit in which it was drawn")
-    remarks = [*found.remarks, *_air(facts)]
     return Inspection(path, facts + found.facts, defects + found.defects, remarks, surface=found)
 
 

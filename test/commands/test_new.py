@@ -65,6 +65,21 @@ def test_a_body_without_cavity_is_not_called_ready(tmp_path: Path, capsys: pytes
     assert Simulation(load_scene(tmp_path / "bar.yaml")).probe_positions()["tip"] == pytest.approx([0.03, 0, 0])
 
 
+def test_pieces_without_a_handle_are_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The second of two separate blocks, which nothing holds, is named; the file's remarks are printed, too."""
+    first, second = bar([0.03, 0.02, 0.02], [1, 1, 1]), bar([0.03, 0.02, 0.02], [1, 1, 1])
+    vertices = np.concatenate([first.vertices, second.vertices + np.array([0.031, 0, 0])])
+    sets = {"left": [np.array([0]), np.array([])], "right": [np.array([1]), np.array([])]}
+    cells = np.concatenate([first.cells, second.cells + first.n_vertices])
+    blocks = [("hexahedron", cells), ("triangle", [[0, 1, 2]])]
+    meshio.Mesh(vertices, blocks, cell_sets=sets).write(tmp_path / "gap.inp")
+    assert main(["new", str(tmp_path / "gap.yaml"), "--from", str(tmp_path / "gap.inp")]) == 0
+    said = capsys.readouterr().out
+    assert "note: 1 elements of type" in said
+    assert "note: no handle holds the piece right, with the vertices 8, 9, " in said
+    assert "next: add a handle for each of these pieces, actuators or loads, and a program" in said
+
+
 @pytest.mark.parametrize("name", ["my part (1)", "hülle", "-x", "x" * 80])
 def test_any_file_name_gives_a_scene_that_loads(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], name: str

@@ -80,6 +80,13 @@ def test_a_failed_step_ends_the_run(
     assert ("--keep-going" in printed.err) is (not going)
 
 
+def test_an_ending_that_cannot_be_written_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A result named .csv is refused before the scene is solved, with the ending that can be written."""
+    assert main(["solve", _scene(tmp_path, 2000), "--out", str(tmp_path / "last.csv")]) == 2
+    assert "unknown format '.csv'; allowed: .npz" in " ".join(capsys.readouterr().err.split())
+    assert not (tmp_path / "last.csv").exists()
+
+
 def test_an_interrupt_leaves_what_was_solved(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

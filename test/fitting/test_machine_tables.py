@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from pathlib import Path
 
@@ -111,6 +112,44 @@ def test_slack_can_be_given() -> None:
     assert fit_tensile(table.strain, table.stress, law=Law.NEO_HOOKEAN, slack=0.0).notes == ()
     given = fit_tensile(table.strain, table.stress, law=Law.NEO_HOOKEAN, slack=0.02)
     assert given.material.young0 == pytest.approx(YOUNG, rel=1e-3)
+
+
+def slack_table(slack: float, count: int, noise: float = 0.0, step: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+    """Return strains to 1.2 and stresses with a scatter of ``noise`` [Pa], rounded to multiples of ``step`` [Pa]."""
+    strain = np.linspace(0.0, 1.2, count)
+    stress = rubber(np.maximum(strain - slack, 0.0)) + np.random.default_rng(4).normal(0.0, noise, count)
+    return strain, np.round(stress / step) * step if step else stress
+
+
+@pytest.mark.parametrize(
+    ("slack", "count", "noise", "step"),
+    [(0.1, 500, 0, 0), (0.1, 61, 30, 100), (0.1, 80, 50, 0), (0.02, 61, 0, 0), (0.06, 45, 0, 0), (0.15, 31, 100, 0)],
+)
+def test_slack_of_ordinary_tables_is_found(slack: float, count: int, noise: float, step: float) -> None:
+    """Slack of up to 15 % is subtracted from tables of 31 to 500 rows, with scatter and rounded stresses."""
+    fit = fit_tensile(*slack_table(slack, count, noise, step), law=Law.NEO_HOOKEAN)
+    assert fit.material.young0 == pytest.approx(YOUNG, rel=0.01)
+    assert "slack: the specimen is taut from strain" in fit.notes[0]
+
+
+@pytest.mark.parametrize(("slack", "count"), [(0.3, 61), (0.3, 200), (0.25, 9)])
+def test_a_flat_start_that_is_not_subtracted_is_remarked(slack: float, count: int) -> None:
+    """Long slack, and slack of a table with few rows, are not subtracted; `--slack` with the named strain mends it."""
+    table = slack_table(slack, count)
+    fit = fit_tensile(*table, law=Law.NEO_HOOKEAN)
+    assert "the curve is flat up to strain" in fit.notes[0]
+    named = float(re.search(r"`--slack (\S+)`", fit.notes[0])[1])
+    assert fit_tensile(*table, law=Law.NEO_HOOKEAN, slack=named).material.young0 == pytest.approx(YOUNG, rel=0.07)
+
+
+@pytest.mark.parametrize("count", [30, 60, 200])
+@pytest.mark.parametrize("noise", [0.0, 100.0])
+def test_a_curve_that_rises_late_is_not_cut(count: int, noise: float) -> None:
+    """Nothing is subtracted from the J-shaped curve of Ogden's law with the exponent 9."""
+    strain = np.linspace(0.0, 1.0, count)
+    stress = 445.0 * ((1.0 + strain) ** 8 - (1.0 + strain) ** -5.5)
+    stress += np.random.default_rng(1).normal(0.0, noise, count)
+    assert not any("taut" in note for note in fit_tensile(strain, stress, law=Law.OGDEN, terms=1).notes)
 
 
 ROWS = "0,0\n0.1,1\n0.2,2\n0.3,3\n0.4,4\n"

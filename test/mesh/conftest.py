@@ -29,6 +29,11 @@ LAYERED = """
 gmsh.model.occ.addBox(0, 0, 0, 20, 20, 8)
 gmsh.model.occ.addBox(0, 0, 8, 20, 20, 2)
 """
+OVERLAPPING = """
+gmsh.model.occ.addBox(0, 0, 0, 30, 20, 20)
+gmsh.model.occ.addBox(25, 0, 0, 30, 20, 20)
+gmsh.model.occ.addBox(40, 5, 5, 10, 10, 10)
+"""
 HOLLOW = """
 gmsh.model.occ.addBox(0, 0, 0, 20, 20, 20)
 gmsh.model.occ.cut([(3, 1)], [(3, gmsh.model.occ.addBox(5, 5, 5, 10, 10, 10))])
@@ -56,6 +61,12 @@ def walled(tmp_path: Path) -> Path:
 def layered(tmp_path: Path) -> Path:
     """Write the STEP file of two solids: a plate of 20 x 20 x 8 mm, and one of 2 mm on it."""
     return _written(tmp_path / "layered.step", LAYERED)
+
+
+@pytest.fixture
+def overlapping(tmp_path: Path) -> Path:
+    """Write the STEP file of two boxes of 30 x 20 x 20 mm that overlap by 5 mm, and a cube inside the second box."""
+    return _written(tmp_path / "overlapping.step", OVERLAPPING)
 
 
 @pytest.fixture

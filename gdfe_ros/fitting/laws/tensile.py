@@ -134,7 +134,7 @@ def fit_tensile(
     if not SOFTEST < fit.material.young0 < HARDEST:
         raise GdfeError(
             f"the initial modulus is {fit.material.young0:.4g} Pa; expected is {SOFTEST:g} to {HARDEST:g} Pa; remedy: "
-            "give stress in Pa (1 kPa is 1000) and strain without percent"
+            f"{'; '.join(['give stress in Pa (1 kPa is 1000) and strain without percent', *data.remarks])}"
         )
     return fit
 

@@ -17,15 +17,18 @@ BACK = 0.02
 """A point is unloading if its strain is below the largest earlier strain by more than this fraction of the range."""
 OUTLIER = 8.0
 """A point is an outlier if its distance from the curve through its neighbours exceeds this multiple of the scatter."""
-MOST_SLACK = 0.1
-"""Largest strain that counts as slack."""
-FLAT = 0.2
+LEAST_SLACK, MOST_SLACK = 0.002, 0.2
+"""Range of strains that are subtracted as slack; a longer flat part gets a remark."""
+FLAT = 0.1
 """Largest stress of slack grips, as a fraction of the stress that the taut specimen would have."""
 SPIKE = 0.01
 """Least distance of an outlier from the curve through its neighbours, as a fraction of the largest stress."""
-TAUT = (0.01, 0.12)
-"""Range of stresses, divided by the largest stress. The curve in this range is fitted and extrapolated to zero stress.
+TAUT, NEAR = (0.02, 0.3), 0.6
+"""Range of stresses, divided by the largest stress at strains below `NEAR`. The curve in this range is fitted and
+extrapolated to zero stress.
 """
+FOOT = 6
+"""Fewest points that are fitted. In a coarse table, their stresses exceed `TAUT`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,6 +77,9 @@ def prepare(strain: Vector, stress: Vector, *, slack: float | None = None) -> Te
         text = f"{int(bad.sum())} points at the foot have hardly any stress where their neighbours have"
         notes.append(f"{text}; they are left out (`--slack 0` keeps them)")
         strain, stress = strain[~bad], stress[~bad]
+    elif slack is None and (end := _flat_part(strain, stress, scatter)):
+        text = f"the curve is flat up to strain {end:.3g}, which is not subtracted"
+        notes.append(f"{text}; remedy if the specimen was slack: `--slack {end:.3g}`")
     scatter, outlying = _scatter(strain, stress)
     if outlying.any():
         listed = ", ".join(f"{value:.4g}" for value in strain[outlying][:5])
@@ -137,16 +143,22 @@ class _Foot(NamedTuple):
 
 def _foot(strain: Vector, stress: Vector, scatter: float) -> _Foot | None:
     """Fit the start of the curve to the points with stresses in the range `TAUT`; return None if there are too few."""
-    if len(strain) < FEWEST or stress.max() <= abs(stress.min()):
+    near = strain < NEAR
+    if len(strain) < FEWEST or not near.any() or stress.max() <= abs(stress.min()):
         return None
-    low, high = (fraction * stress.max() for fraction in TAUT)
-    used = (stress > max(low, 4.0 * scatter)) & (stress < high) & (strain < 3.0 * MOST_SLACK)
-    if used.sum() < 5:
+    low, high = (fraction * stress[near].max() for fraction in TAUT)
+    above = stress > max(low, 4.0 * scatter)
+    used = np.flatnonzero(above & near & (stress < high))
+    if len(used) < FOOT:
+        used = np.argsort(strain, kind="stable")
+        used = used[above[used]][:FOOT]
+    if len(used) < FOOT:
         return None
+    high = stress[used].max()
     columns = np.vander(stress[used] / high, 3, increasing=True)
     coefficients = np.linalg.lstsq(columns, strain[used], rcond=None)[0]
     misfit = strain[used] - columns @ coefficients
-    variance = (misfit @ misfit) / max(used.sum() - 3, 1)
+    variance = (misfit @ misfit) / (len(used) - 3)
     error = np.sqrt(variance * np.linalg.pinv(columns.T @ columns)[0, 0])
     return _Foot(coefficients, high, float(error))
 
@@ -155,12 +167,35 @@ def _slack(strain: Vector, stress: Vector, scatter: float, foot: _Foot) -> float
     """Return the strain at which slack grips become taut, `_Foot.end`; 0 if the data show no slack."""
     end = foot.end
     before = strain <= end
-    flat = before.any() and np.abs(stress[before]).max() <= max(FLAT * foot.slope * end, 4.0 * scatter)
-    return end if flat and max(0.002, 4.0 * foot.error) < end <= MOST_SLACK else 0.0
+    if not max(LEAST_SLACK, 4.0 * foot.error) < end <= MOST_SLACK or not before.any():
+        return 0.0
+    return end if _is_flat(strain[before], stress[before], scatter, foot.slope) else 0.0
+
+
+def _is_flat(strain: Vector, stress: Vector, scatter: float, slope: float) -> bool:
+    """Return whether points have hardly any stress (`FLAT`) compared with a curve of this slope [Pa]."""
+    square = strain @ strain
+    secant, error = strain @ stress / square, scatter / np.sqrt(square)
+    most = max(FLAT * slope * strain.max(), 4.0 * scatter)
+    return bool(np.abs(stress).max() <= most and max(secant, error) < FLAT * slope)
+
+
+def _flat_part(strain: Vector, stress: Vector, scatter: float) -> float:
+    """Return the strain at which a curve begins to rise after a flat part; 0 if it rises from the start."""
+    order = np.argsort(strain, kind="stable")
+    e, s = strain[order], stress[order]
+    ahead, most = 2 + len(e) // 20, max(TAUT[0] * s.max(initial=0.0), 4.0 * scatter)
+    for k in range(len(e) - 1 - ahead, -1, -1):
+        if e[0] <= 0.0 or e[k] <= LEAST_SLACK or e[k + 1] == e[k + ahead] or np.abs(s[: k + 1]).max() > most:
+            continue
+        slope = (s[k + ahead] - s[k + 1]) / (e[k + ahead] - e[k + 1])
+        if slope * e[k] > 6.0 * scatter and _is_flat(e[: k + 1], s[: k + 1], scatter, slope):
+            return float(np.clip(e[k + 1] - s[k + 1] / slope, e[k], e[k + 1]))
+    return 0.0
 
 
 def _below_foot(strain: Vector, stress: Vector, scatter: float, foot: _Foot) -> NDArray[np.bool_]:
     """Return whether each point at the start of the curve has far less stress (`FLAT`) than the extrapolated curve."""
     expected = foot.slope * (strain - foot.end)
-    early = (strain > foot.end) & (expected < TAUT[1] * stress.max())
+    early = (strain > foot.end) & (expected < foot.high) & (foot.end <= max(LEAST_SLACK, 4.0 * foot.error))
     return early & (np.abs(stress) < FLAT * expected) & (expected - stress > 8.0 * scatter)

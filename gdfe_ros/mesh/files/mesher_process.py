@@ -52,17 +52,17 @@ def too_many(volume: float, size: float) -> str:
 
 
 def facts(request: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Return number and names of solids, number of surfaces, volume [m^3] and bounds [m] of a STEP file."""
+    """Return number and names of solids, number of surfaces, bounds [m], and `_volumes` of a STEP file."""
     import gmsh
 
     solids = _import(gmsh, request)
-    return {
+    found = {
         "solids": np.array(len(solids)),
         "surfaces": np.array(len(gmsh.model.getEntities(2))),
         "names": np.array([gmsh.model.getEntityName(3, tag) for _, tag in solids], dtype=str),
-        "volume": np.array(sum(gmsh.model.occ.getMass(3, tag) for _, tag in solids)),
         "bounds": np.array(gmsh.model.getBoundingBox(-1, -1)).reshape(2, 3),
     }
+    return {**found, **_volumes(gmsh, _unite(gmsh, solids))}
 
 
 def facets(request: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
@@ -81,12 +81,14 @@ def facets(request: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     gmsh.model.mesh.generate(2)
     vertices, number = _nodes(gmsh)
     triangles, solid = [], []
-    for k, (_, entity) in enumerate(solids):
-        gmsh.model.mesh.setOutwardOrientation(entity)
-        for _, surface in gmsh.model.getBoundary([(3, entity)], oriented=False):
-            nodes = gmsh.model.mesh.getElementsByType(_GMSH_TRIANGLE, surface)[1].reshape(-1, 3)
-            triangles.append(number[nodes.astype(np.int64)])
-            solid.append(np.full(len(nodes), k))
+    for k, pieces in enumerate(solids):
+        outer = set(gmsh.model.getBoundary(pieces, oriented=False))
+        for piece in pieces:
+            gmsh.model.mesh.setOutwardOrientation(piece[1])
+            for face in [face for face in gmsh.model.getBoundary([piece], oriented=False) if face in outer]:
+                nodes = gmsh.model.mesh.getElementsByType(_GMSH_TRIANGLE, face[1])[1].reshape(-1, 3)
+                triangles.append(number[nodes.astype(np.int64)])
+                solid.append(np.full(len(nodes), k))
     found = {"triangles": np.concatenate(triangles), "solid": np.concatenate(solid)} if solids else {}
     return {"vertices": vertices, **found}
 
@@ -99,12 +101,30 @@ def _nodes(gmsh) -> tuple[np.ndarray, np.ndarray]:
     return coordinates.reshape(-1, 3), number
 
 
-def _unite(gmsh, solids: list[tuple[int, int]]) -> list[tuple[int, int]]:
-    """Replace the touching faces of solids by common faces; return the (dimension, tag) of each solid."""
-    if len(solids) > 1:
-        gmsh.model.occ.fragment(solids[:1], solids[1:])
-        gmsh.model.occ.synchronize()
-    return gmsh.model.getEntities(3)
+def _unite(gmsh, solids: list[tuple[int, int]]) -> list[list[tuple[int, int]]]:
+    """Divide solids where they touch or overlap; return the (dimension, tag) of the pieces of each solid.
+
+    Pieces have common faces where they touch. A piece in the overlap of several solids belongs to each of them.
+    """
+    if len(solids) < 2:
+        return [[solid] for solid in solids]
+    _, pieces = gmsh.model.occ.fragment(solids[:1], solids[1:])
+    gmsh.model.occ.synchronize()
+    return pieces
+
+
+def _volumes(gmsh, solids: list[list[tuple[int, int]]]) -> dict[str, np.ndarray]:
+    """Return the ``volume`` [m^3] of all pieces of `_unite`, and ``overlaps`` (k, 3): two solids, common volume [m^3].
+
+    Solids are counted from 1.
+    """
+    mass = {piece: gmsh.model.occ.getMass(*piece) for pieces in solids for piece in pieces}
+    overlaps = [
+        (first + 1, second + 1, sum(mass[piece] for piece in common))
+        for first, second in itertools.combinations(range(len(solids)), 2)
+        if (common := set(solids[first]) & set(solids[second]))
+    ]
+    return {"volume": np.array(sum(mass.values())), "overlaps": np.array(overlaps).reshape(-1, 3)}
 
 
 def _import(gmsh, request: dict[str, np.ndarray]) -> list[tuple[int, int]]:
@@ -127,8 +147,9 @@ def from_step(request: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         return {"defect": np.array("there is no solid in it; remedy: export the body as a solid, not as surfaces")}
     low, high = np.split(np.array(gmsh.model.getBoundingBox(-1, -1)), 2)
     diagonal = float(np.linalg.norm(high - low))
-    volume = sum(gmsh.model.occ.getMass(3, tag) for _, tag in solids)
-    if defect := too_many(volume, size):
+    solids = _unite(gmsh, solids)
+    volumes = _volumes(gmsh, solids)
+    if defect := too_many(float(volumes["volume"]), size):
         return {"defect": np.array(defect)}
     if size > diagonal:
         text = f"size = {size:g} m, but the body's diagonal is {diagonal:.3g} m; remedy: a smaller size"
@@ -143,9 +164,8 @@ def from_step(request: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         "HighOrderOptimize": 1,
     }.items():
         gmsh.option.setNumber(f"Mesh.{name}", value)
-    _unite(gmsh, solids)
     gmsh.model.mesh.generate(3)
-    return {**_gmsh_cells(gmsh), "diagonal": np.array(diagonal)}
+    return {**_gmsh_cells(gmsh, solids), "overlaps": volumes["overlaps"]}
 
 
 def _set_background(gmsh, request: dict[str, np.ndarray]) -> None:
@@ -160,27 +180,27 @@ def _set_background(gmsh, request: dict[str, np.ndarray]) -> None:
     gmsh.model.mesh.field.setAsBackgroundMesh(field)
 
 
-def _gmsh_cells(gmsh) -> dict[str, np.ndarray]:
-    """Return the mesh of gmsh's model, with a cell set for each solid and a vertex set for each surface."""
+def _gmsh_cells(gmsh, solids: list[list[tuple[int, int]]]) -> dict[str, np.ndarray]:
+    """Return the mesh of gmsh's model, with a cell set for each solid (`_unite`) and a vertex set for each surface.
+
+    A vertex set has the surface's name in the file without its path, or the name ``surface_`` and the surface's tag.
+    """
     vertices, number = _nodes(gmsh)
-    found, cells, start = {"vertices": vertices}, [], 0
-    for _, entity in gmsh.model.getEntities(3):
-        kinds, _, nodes = gmsh.model.mesh.getElements(3, entity)
+    found, cells, places, start = {"vertices": vertices}, [], {}, 0
+    for piece in gmsh.model.getEntities(3):
+        kinds, _, nodes = gmsh.model.mesh.getElements(*piece)
         own = [part.reshape(-1, 10) for kind, part in zip(kinds, nodes, strict=True) if kind == _GMSH_TET10]
         own = number[np.concatenate(own)][:, _VTK_ORDER]
-        found[f"cell:{_name(gmsh, 3, entity, 'solid')}"] = np.arange(start, start + len(own))
+        places[piece] = np.arange(start, start + len(own))
         cells.append(own)
         start += len(own)
-    for _, entity in gmsh.model.getEntities(2):
-        nodes, _, _ = gmsh.model.mesh.getNodes(2, entity, includeBoundary=True)
-        found[f"vertex:{_name(gmsh, 2, entity, 'surface')}"] = np.unique(number[nodes.astype(np.int64)])
+    for k, pieces in enumerate(solids):
+        found[f"cell:solid_{k + 1}"] = np.sort(np.concatenate([places[piece] for piece in pieces]))
+    for _, surface in gmsh.model.getEntities(2):
+        nodes, _, _ = gmsh.model.mesh.getNodes(2, surface, includeBoundary=True)
+        name = gmsh.model.getEntityName(2, surface).rpartition("/")[2].strip() or f"surface_{surface}"
+        found[f"vertex:{name}"] = np.unique(number[nodes.astype(np.int64)])
     return {**found, "cells": np.concatenate(cells)}
-
-
-def _name(gmsh, dimension: int, entity: int, noun: str) -> str:
-    """Return the name of a set: the surface's name in the file without its path, or ``noun`` and the entity's tag."""
-    given = gmsh.model.getEntityName(dimension, entity).rpartition("/")[2].strip()
-    return given if given and dimension == 2 else f"{noun}_{entity}"
 
 
 def from_surface(request: dict[str, np.ndarray]) -> dict[str, np.ndarray]:

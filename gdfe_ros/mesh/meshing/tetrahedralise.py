@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import itertools
 import sys
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -50,6 +51,21 @@ def step_facts(path: str | Path) -> list[tuple[str, str]]:
         ("solids, surfaces", f"{int(raw['solids'])}, {int(raw['surfaces'])}"),
         ("bounds in metres", show_spans(*raw["bounds"])),
         ("volume", f"{float(raw['volume']):.6g} m^3"),
+    ]
+
+
+def step_overlaps(path: str | Path) -> list[str]:
+    """Return a text about each overlap of two solids of a STEP file, with its volume and a remedy."""
+    return _show_overlaps(_facts(path)["overlaps"])
+
+
+def _show_overlaps(overlaps: NDArray[np.float64]) -> list[str]:
+    """Return a text about each row (first solid, second solid, common volume [m^3]) of ``overlaps`` (k, 3)."""
+    remedy = "remedy: cut one out of the other in the CAD program, or unite them if they are one part"
+    return [
+        f"solids {a:.0f} and {b:.0f} overlap by {volume:.4g} m^3, whose cells belong to both solid_{a:.0f} and "
+        f"solid_{b:.0f}; {remedy}"
+        for a, b, volume in overlaps
     ]
 
 
@@ -123,7 +139,8 @@ def from_step(path: str | Path, *, size: float, least_size: float | None = None)
     """Fill the solids of a STEP file with quadratic tetrahedra; edges on curved surfaces are curved.
 
     Lengths are converted to metres from the unit that the file states. The mesh has a cell set ``solid_1``, ... for
-    each solid and a vertex set for each surface, by its name in the file or as ``surface_1``, ...
+    each solid and a vertex set for each surface, by its name in the file or as ``surface_1``, ... Where solids overlap,
+    cells are in the sets of both, and the mesh's remarks say so.
 
     Args:
         path: a .step or .stp file.
@@ -142,7 +159,8 @@ def from_step(path: str | Path, *, size: float, least_size: float | None = None)
     if least_size is not None:
         walls = find_solid_walls(*step_surface(path), spacing=least_size)
         request |= _refine(walls, step_bounds(path), size, least_size, heading)
-    return _keep_mesh(key, _curve(run_mesher("step", request, heading)))
+    raw = run_mesher("step", request, heading)
+    return _keep_mesh(key, replace(_curve(raw), remarks=tuple(_show_overlaps(raw["overlaps"]))))
 
 
 def from_surface(
@@ -306,10 +324,10 @@ def _curve(raw: dict[str, NDArray]) -> TetMesh:
 def _recall_mesh(key: str) -> TetMesh | None:
     """Return the mesh that is stored under a key; None if there is none."""
     found = recall(key)
-    return None if found is None else mesh_of(found)
+    return None if found is None else replace(mesh_of(found), remarks=tuple(found["remarks"].tolist()))
 
 
 def _keep_mesh(key: str, mesh: TetMesh) -> TetMesh:
     """Store a mesh under a key, and return the mesh."""
-    keep(key, mesh_arrays(mesh))
+    keep(key, {**mesh_arrays(mesh), "remarks": np.array(mesh.remarks, dtype=str)})
     return mesh

@@ -144,7 +144,7 @@ def require_held(mesh: HexMesh, handles: Iterable[Handle], report: Defects) -> N
     """Report pieces of the body that no handle constrains along some axis; their position would be undetermined."""
     for letter, vertices in find_unheld(mesh, handles):
         remedy = f"add a handle there that is fixed or not free in {letter}, or `dynamics: {{}}` to let it move"
-        report.refuse(("handles",), f"no handle holds {_piece(mesh, vertices)} along {letter}; remedy: {remedy}")
+        report.refuse(("handles",), f"no handle holds {name_piece(mesh, vertices)} along {letter}; remedy: {remedy}")
 
 
 def find_unheld(mesh: HexMesh, handles: Iterable[Handle]) -> Iterator[tuple[str, NDArray[np.intp]]]:
@@ -160,7 +160,7 @@ def find_unheld(mesh: HexMesh, handles: Iterable[Handle]) -> Iterator[tuple[str,
             yield letter, np.flatnonzero(part == piece)
 
 
-def _piece(mesh: HexMesh, vertices: NDArray[np.intp]) -> str:
+def name_piece(mesh: Mesh, vertices: NDArray[np.intp]) -> str:
     """Return a text that names the piece of the body with exactly these vertices."""
     if len(vertices) == mesh.n_vertices:
         return "the body"
@@ -169,7 +169,8 @@ def _piece(mesh: HexMesh, vertices: NDArray[np.intp]) -> str:
         if 0 <= own[0] < part.mesh.n_vertices:
             whole = len(own) == part.mesh.n_vertices
             return f"mesh {name!r}" if whole else f"the piece of mesh {name!r} with its vertices {list_ids(own)}"
-    return f"the piece with the vertices {list_ids(vertices)}"
+    sets = [name for name, ids in mesh.cell_sets.items() if len(ids) and np.isin(mesh.cells[ids], vertices).all()]
+    return f"the piece {', '.join([*sets, ''])}with the vertices {list_ids(vertices)}"
 
 
 KINDS = {

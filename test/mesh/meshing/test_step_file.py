@@ -46,3 +46,25 @@ def test_each_solid_has_its_own_walls(layered: Path) -> None:
     up = np.abs(walls.places[:, 2] - 0.008) < 1e-9
     assert set(np.round(walls.thickness[up], 6)) == {0.002, 0.008}
     assert walls.fraction(np.isclose(walls.thickness, 0.002)) == pytest.approx(800 / 2400, rel=0.01)
+
+
+def test_overlapping_solids_are_reported_and_counted_once(overlapping: Path) -> None:
+    """The volume counts overlaps once, each solid is listed as drawn, and each overlap is a defect with its volume."""
+    found = inspect_file(overlapping)
+    facts = dict(found.facts)
+    assert facts["volume"] == "2.2e-05 m^3"
+    solids = [text.split(",")[0] for name, text in facts.items() if name.startswith("solid ")]
+    assert solids == ["1.2e-05 m^3", "1.2e-05 m^3", "1e-06 m^3"]
+    assert [text.partition(" m^3")[0] for text in found.defects] == [
+        "solids 1 and 2 overlap by 2e-06",
+        "solids 2 and 3 overlap by 1e-06",
+    ]
+    assert all("remedy: cut one out of the other" in text for text in found.defects)
+
+
+def test_facets_of_overlapping_solids_enclose_them(overlapping: Path) -> None:
+    """The facets of each solid are its own surface, without the surfaces of the solids that cut it."""
+    vertices, triangles, solid = step_surface(overlapping)
+    for k, area in enumerate((3.2e-3, 3.2e-3, 6e-4)):
+        a, b, c = np.moveaxis(vertices[triangles[solid == k]], 1, 0)
+        assert np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2.0 == pytest.approx(area, rel=1e-6)

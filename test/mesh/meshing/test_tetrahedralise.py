@@ -56,6 +56,17 @@ def test_the_same_file_is_meshed_once(step: Path, monkeypatch: pytest.MonkeyPatc
     assert len(runs) == 1
 
 
+def test_the_sets_of_overlapping_solids_are_the_drawn_solids(overlapping: Path) -> None:
+    """The set of each solid has its whole volume, also in an overlap; a mesh from the cache has the remarks, too."""
+    for _ in range(2):
+        mesh = from_step(overlapping, size=0.01)
+        volumes = check_mesh(mesh).volumes
+        sets = {name: volumes[ids].sum() for name, ids in mesh.cell_sets.items()}
+        assert sets == pytest.approx({"solid_1": 1.2e-5, "solid_2": 1.2e-5, "solid_3": 1e-6}, rel=1e-6)
+        assert volumes.sum() == pytest.approx(2.2e-5, rel=1e-6)
+        assert [text.partition(" m^3")[0][-8:] for text in mesh.remarks] == ["by 2e-06", "by 1e-06"]
+
+
 def test_a_surface_with_a_cavity_is_filled(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A ball-shaped cavity is kept with triangles of either orientation, and no file is left behind."""
     trimesh.util.concatenate([BOX, BALL]).export(tmp_path / "hollow.stl")
