@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from multiprocessing import get_context
 
+from gdfe_ros.commands.options import count_processes
 from gdfe_ros.commands.waiting import progress_bar, waiting
 from gdfe_ros.scene import load_scene
 from gdfe_ros.scene.loader import loadable_names
@@ -28,7 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "scenes", nargs="*", metavar="SCENE", help="name in config/scenes or path of a YAML file (default: all shipped)"
     )
     parser.add_argument(
-        "--jobs", type=int, default=os.cpu_count() or 1, help="number of processes (default: one per core)"
+        "--jobs", type=count_processes, default=os.cpu_count() or 1, help="number of processes (default: one per core)"
     )
 
 
@@ -40,7 +41,7 @@ def run(arguments: argparse.Namespace) -> int:
                 _compile(name, {})
         return 0
     with progress_bar("compiling", len(work()) + 1) as update:
-        for name in _compile_all(max(1, arguments.jobs)):
+        for name in _compile_all(arguments.jobs):
             update(advance=1, description=f"compiling, {name} is ready")
     return 0
 

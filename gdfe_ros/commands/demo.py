@@ -11,8 +11,10 @@ import numpy as np
 from rich.table import Table
 
 from gdfe_ros.analysis.bag_run import BagRun
+from gdfe_ros.commands.options import require_number
 from gdfe_ros.commands.waiting import convergence, print_failures, progress_bar, waiting
 from gdfe_ros.errors import GdfeError
+from gdfe_ros.quantity import Quantity
 from gdfe_ros.recording.bag_info import IN_RUN, make_run_folder
 from gdfe_ros.scene import Scene, load_scene
 from gdfe_ros.untrusted.regular_file import path_inside
@@ -32,6 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Send the commands of the scene's program to a node; return 0, or 1 if a step did not converge."""
+    require_number("--dt", arguments.dt, Quantity("time between two commands", "s", least=1e-6, most=1e3))
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     with waiting(f"loading {arguments.scene}"):
         scene = load_scene(arguments.scene)

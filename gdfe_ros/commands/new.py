@@ -119,6 +119,8 @@ def _body(arguments: argparse.Namespace) -> tuple[dict, Mesh]:
     require_file(source, f"file {source}")
     scale = {} if arguments.scale is None else {"scale": arguments.scale}
     if source.suffix.lower() in STEP_SUFFIXES:
+        if scale:
+            raise MeshError(f"file {source}", ["a STEP file states its unit; remedy: leave out --scale"])
         sizes = _sizes(arguments, step_bounds(source) if arguments.size is None else None)
         return {"tets": {"step": _relative(source, folder), **sizes}}, from_step(source, **sizes)
     if source.suffix.lower() not in SUFFIXES:

@@ -88,7 +88,7 @@ def add_workers(parser: argparse.ArgumentParser) -> None:
     """Declare ``--workers`` and ``--scheduler``; without dask the default is this process alone."""
     default = 2 if find_spec("distributed") else 1
     text = "number of processes on this machine (default: 2; without the extra sweep 1)"
-    parser.add_argument("--workers", type=_count, default=default, metavar="N", help=text)
+    parser.add_argument("--workers", type=count_processes, default=default, metavar="N", help=text)
     parser.add_argument(
         "--scheduler", metavar="ADDRESS", help="address of the scheduler of your own dask cluster, instead of --workers"
     )
@@ -104,7 +104,8 @@ def open_client(arguments: argparse.Namespace) -> AbstractContextManager[Client 
     return connect(arguments.scheduler, arguments.workers)
 
 
-def _count(text: str) -> int:
+def count_processes(text: str) -> int:
+    """Return the number of processes that an option states; raise an ArgumentTypeError if it is not 1 or more."""
     if not (text.strip().isdecimal() and int(text) > 0):
         raise argparse.ArgumentTypeError(f"{text!r} is no number of processes; allowed: 1 or more")
     return int(text)

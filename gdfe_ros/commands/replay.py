@@ -11,14 +11,16 @@ from gdfe_ros.analysis.bag_run import BagRun
 from gdfe_ros.analysis.difference import Comparison, Difference, compare_bags
 from gdfe_ros.analysis.difference_table import difference_table, wide_console
 from gdfe_ros.analysis.replay import Replay, ReplayReport
-from gdfe_ros.commands.options import add_overrides
+from gdfe_ros.commands.options import add_overrides, require_number
 from gdfe_ros.commands.waiting import waiting
+from gdfe_ros.quantity import Quantity
 from gdfe_ros.recording.provenance import describe_machine
 from gdfe_ros.scene.override import read_overrides
 from gdfe_ros.solver.settings import Policy
 
 DIFFERENT = 1
 """Exit status if arrays differ, or are not compared completely."""
+FACTOR = Quantity("factor of the solver's tolerance", least=0.0)
 _MOST = 20
 """Largest number of listed keys by which two scenes differ."""
 
@@ -45,6 +47,7 @@ def _add_within(parser: argparse.ArgumentParser, run: str) -> None:
 
 def replay(arguments: argparse.Namespace) -> int:
     """Replay bags; return 0 if every bag agrees with its replay, 1 if a bag differs or is not compared completely."""
+    require_number("--within", arguments.within, FACTOR)
     overrides = read_overrides(arguments.set)
     overrides |= {
         f"solver.{name}": getattr(arguments, name)
@@ -129,6 +132,7 @@ def add_compare(parser: argparse.ArgumentParser) -> None:
 
 def compare(arguments: argparse.Namespace) -> int:
     """Compare two runs and print the differences; return 0 if they agree, else 1."""
+    require_number("--within", arguments.within, FACTOR)
     comparison = compare_bags(arguments.first, arguments.second)
     differences, console = comparison.differences, wide_console()
     verdict = comparison.verdict(arguments.within)

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.materials.drucker import drucker_remarks, invariant_hessian
-from gdfe_ros.materials.material import Coefficient, Law, Material, require_within
+from gdfe_ros.materials.material import Law, Material, require_within
 from gdfe_ros.quantity import Quantity
 
 Vector = NDArray[np.float64]
@@ -102,7 +102,7 @@ class Yeoh(InvariantLaw):
         c10, c20, c30: coefficients [Pa]; mu0 = 2 C10.
     """
 
-    c10: Coefficient
+    c10: Annotated[float, Quantity("half of the initial shear modulus", "Pa", above=0.0, below=1e13)]
     c20: Annotated[float, Quantity("coefficient of (I1 - 3)^2", "Pa", least=-1e13, most=1e13)] = 0.0
     c30: Annotated[float, Quantity("coefficient of (I1 - 3)^3", "Pa", least=-1e13, most=1e13)] = 0.0
     law = Law.YEOH

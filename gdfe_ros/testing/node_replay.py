@@ -61,7 +61,7 @@ def play_program(
             contains the node's log if it has one.
     """
     duration = scene.program.duration
-    moments = np.linspace(0.0, duration, (steps or round(duration / dt)) + 1)[1:]
+    moments = np.linspace(0.0, duration, (steps or max(1, round(duration / dt))) + 1)[1:]
     targets: dict[str, Pose] = {}
     for moment in moments:  # before the node is started
         targets = _turn(scene.program.handle_poses(moment), targets, f"the program with steps of {dt:g} s")

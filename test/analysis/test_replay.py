@@ -88,6 +88,7 @@ def test_another_tolerance_is_within_its_bound(make_bag: Callable[..., Path]) ->
     bag = make_bag(solver__tolerance=1e-5)
     assert main(["replay", str(bag), "--tolerance", "1e-8"]) == 1
     assert main(["replay", str(bag), "--tolerance", "1e-8", "--within", "10"]) == 0
+    assert main(["replay", str(bag), "--within", "-1"]) == 2
     assert main(["replay", str(bag), "--set", "materials.e40.young=41e3", "--within", "10"]) == 1
 
 

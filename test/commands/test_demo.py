@@ -71,6 +71,21 @@ def test_a_program_that_turns_too_far_in_a_step_is_refused(tmp_path: Path) -> No
     assert not (tmp_path / "run").exists()
 
 
+@pytest.mark.parametrize("dt", [0.0, float("nan"), -1.0, 1e9])
+def test_a_time_between_commands_out_of_range_is_refused(dt: float) -> None:
+    """`--dt` of the demo is refused at once if it is not within 1e-6 to 1000 s."""
+    with pytest.raises(GdfeError, match=r"--dt = .*1e-06 <= time between two commands \[s\] <= 1000"):
+        demo.run(argparse.Namespace(scene="bend5", out=None, dt=dt))
+
+
+def test_a_program_shorter_than_a_step_is_one_step(tmp_path: Path) -> None:
+    """A program of 0.1 s with `--dt 5` is played in one step, to its end."""
+    path = tmp_path / "bridge.yaml"
+    path.write_text(SCENE)
+    assert demo.run(argparse.Namespace(scene=str(path), out=tmp_path / "run", dt=5.0)) == 0
+    assert [record.loads["weight"] for record in BagRun(tmp_path / "run" / "bag").records[1:]] == [0.5]
+
+
 def test_a_demo_beside_a_simulation_says_at_once_who_is_there(tmp_path: Path) -> None:
     """A demo beside a running node of the same name ends at once with an error and a remedy."""
     path = tmp_path / "bridge.yaml"

@@ -140,6 +140,7 @@ def _must_not_mesh(*given: object, **options: object) -> None:
         ("there.yaml", "hand.stl", "", "such a file already"),
         ("no/new.yaml", "hand.stl", "", "there is no folder"),
         ("new.yaml", ".", "", "this is a folder"),
+        ("new.yaml", "part.step", "--scale 0.001", "a STEP file states its unit; remedy: leave out --scale"),
         ("new.yaml", "part.step", "--cavity far.stl", "close blind holes by a second solid"),
         ("new.yaml", "hand.stl", "--cavity partly.stl", "partly.stl: the air is partly outside"),
         ("new.yaml", "hand.stl", "--cavity far.stl", "far.stl: the air is outside of the body's material at (0.995, "),
@@ -166,6 +167,7 @@ def test_what_does_not_fit_is_refused_before_meshing(
     trimesh.creation.box((0.1, 0.06, 0.04)).export("hand.stl")
     trimesh.creation.box((0.01, 0.01, 0.01)).apply_translation((1.0, 0, 0)).export("far.stl")
     trimesh.creation.box((0.09, 0.05, 0.03)).apply_translation((0.05, 0, 0)).export("partly.stl")
+    Path("part.step").touch()
     before = set(tmp_path.iterdir())
     assert main(["new", scene, "--from", source, *more.split()]) == BAD_INPUT
     assert told in " ".join(capsys.readouterr().err.split())

@@ -65,7 +65,7 @@ def test_scenes_take_laws_by_name(name: str) -> None:
 @pytest.mark.parametrize(
     ("law", "told"),
     [
-        ("law: yeoh, c10: -1.0", "c10 must lie in 0 < c10"),
+        ("law: yeoh, c10: -1.0", "c10 = -1.0 .*0 < half of the initial shear modulus"),
         ("law: mooney_rivlin, c10: 1.0e5, c01: -2.0e5", "half of the initial shear modulus"),
         ("law: arruda_boyce, mu: 1.0e5, lambda_m: 0.9", "locking stretch of the chains"),
         ("law: gent, mu: 1.0e5", "jm.*is missing"),

@@ -36,6 +36,14 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
+def test_the_length_of_a_planes_normal_does_not_matter() -> None:
+    """A plane has the same orientation with a normal of any length."""
+    text = SCENE.replace("mesh: {mesh}", "plane: [{plane}]")
+    found = [scene_from_text(text.format(plane=f"{0.3 * k}, 0, {k}")).obstacles[0].turn for k in (1.0, 1e-300, 1e6)]
+    assert found[1] == pytest.approx(found[0])
+    assert found[2] == pytest.approx(found[0])
+
+
 @pytest.mark.parametrize("file", ["ball.stl", "ball.obj"])
 def test_a_scene_carries_its_obstacles_surface(folder: Path, file: str) -> None:
     """An obstacle's surface from a file and from the source alone gives a pressed body with the same bits."""

@@ -142,7 +142,8 @@ class ObstacleModel(_Rigid):
         """
         turn = self.turn
         if self.plane is not None:
-            turn = turn * Rotation.align_vectors([self.plane], [[0.0, 0.0, 1.0]])[0]
+            normal = np.ldexp(self.plane, -np.frexp(np.abs(self.plane).max())[1])  # squares of tiny numbers are zero
+            turn = turn * Rotation.align_vectors([normal], [[0.0, 0.0, 1.0]])[0]
         place = {"origin": self.at, "turn": tuple(turn.as_rotvec().tolist())}
         return Obstacle(name=name, fixed=self.fixed, form=self.form, **place, **self.contact)
 
