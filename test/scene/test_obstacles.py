@@ -39,7 +39,7 @@ def folder(tmp_path: Path) -> Path:
 def test_the_length_of_a_planes_normal_does_not_matter() -> None:
     """A plane has the same orientation with a normal of any length."""
     text = SCENE.replace("mesh: {mesh}", "plane: [{plane}]")
-    found = [scene_from_text(text.format(plane=f"{0.3 * k}, 0, {k}")).obstacles[0].turn for k in (1.0, 1e-300, 1e6)]
+    found = [scene_from_text(text.format(plane=f"{0.3 * k}, 0, {k}")).handles[-1].turn for k in (1.0, 1e-300, 1e6)]
     assert found[1] == pytest.approx(found[0])
     assert found[2] == pytest.approx(found[0])
 
