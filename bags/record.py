@@ -132,7 +132,7 @@ def row(name: str) -> str:
     cells = (
         f"`{name}`",
         recording.shows,
-        f"{run.mesh.n_vertices}",
+        f"{run.scene.mesh.n_vertices}",
         f"{len(run.records)}",
         f"{cut}",
         f"{missed}",
