@@ -174,3 +174,27 @@ def test_the_recorder_of_the_bags_writes_their_table(kept_bags: dict[Path, float
     readme = (folder / "README.md").read_text(encoding="utf-8")
     for bag in kept_bags:
         assert script["row"](bag.name).rsplit("|", 3)[0] in readme
+
+
+def test_commands_in_a_bag_are_no_part_of_its_steps(tmp_path: Path, maker: type[BagMaker]) -> None:
+    """No command topic of the node is compared; a probe that has the name of a command topic is."""
+    commands = {spec.key(handle="tip", obstacle="ball", body="cube"): spec.type for spec in COMMANDS}
+    others = commands | {"probe/commands": PROBE.type}
+    scene, given = maker.coarse(), {"node": "gdfe_sim", "settings": {}, "texts": {}, "others": others}
+    StepBag(tmp_path / "bag", scene, **given).close()
+    found = BagSteps(BagRun(tmp_path / "bag")).topics
+    assert not commands.keys() & found.keys()
+    assert "probe/commands" in found
+
+
+def test_a_probe_may_have_the_name_of_another_topic(tmp_path: Path, maker: type[BagMaker]) -> None:
+    """Messages of a probe with the name of another topic are not taken for those of this topic."""
+    scene = load_scene(
+        "bend5", overrides={**COARSE, "probes": {name: [0.1, 0.0, 0.0] for name in ("step_record", "wrench")}}
+    )
+    bag = maker(tmp_path / "bag", scene)
+    bag.step({"tip": Pose((0.0, 0.0, 0.01))})
+    run = BagRun(bag.close())
+    assert len(run.records) == 1
+    assert set(run.last_wrenches()) == {"base", "tip"}
+    assert Replay(run).run().verdict() is Difference.IDENTICAL
