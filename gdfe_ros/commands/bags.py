@@ -19,6 +19,7 @@ from gdfe_ros.commands.waiting import waiting
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.recording.bag_info import bag_directory
 from gdfe_ros.recording.recovery import RecoveryReport, recover
+from gdfe_ros.untrusted.regular_file import replacing
 from gdfe_ros.untrusted.terminal import PlainConsole, make_table
 
 if TYPE_CHECKING:
@@ -74,13 +75,14 @@ def _write(kind: str, steps: Iterator[BagStep], recorded: BagRun, out: Path) -> 
 
     if kind == "vtk":
         return write_vtk_series(steps, recorded.scene.mesh, out)
-    if kind == "npz":
-        return write_npz(steps, recorded.scene, out)
-    known = Columns(recorded.scene)
-    rows = [step_row(step, known) for step in steps]
-    write = write_csv if kind == "csv" else write_parquet
-    write(rows, out, known)
-    return len(rows)
+    with replacing(out) as written:
+        if kind == "npz":
+            return write_npz(steps, recorded.scene, written)
+        known = Columns(recorded.scene)
+        rows = [step_row(step, known) for step in steps]
+        write = write_csv if kind == "csv" else write_parquet
+        write(rows, written, known)
+        return len(rows)
 
 
 def add_recover(parser: argparse.ArgumentParser) -> None:
@@ -136,8 +138,9 @@ def add_report(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--frames", type=int, default=40, help="number of frames of the GIF or video (default: 40)")
     parser.add_argument(
         "--field",
+        choices=("eps_eq", "J", "omega", "tangent", "energy_density"),
         default="eps_eq",
-        help="field that colours the pictures: eps_eq, J, omega, tangent or energy_density (default: eps_eq)",
+        help="field that colours the pictures (default: eps_eq)",
     )
 
 
@@ -151,24 +154,29 @@ def write_page(arguments: argparse.Namespace) -> int:
     if arguments.out is not None and arguments.out.suffix.lower() not in (".html", ".htm"):
         text = "a page ends with .html, or no browser opens it"
         raise GdfeError(f"--out {arguments.out}: {text}; remedy: {arguments.out}.html")
+    if arguments.frames < 1:
+        raise GdfeError(f"--frames is {arguments.frames}; allowed: 1 or more")
     bag = bag_directory(arguments.bag.resolve())
     out = arguments.out or bag.with_name(f"{bag.stem}_report.html")
     console, started = PlainConsole(soft_wrap=True), time.perf_counter()
-    with waiting(f"writing {out}"):
-        facts = write_report(bag, out)
+    with waiting(f"writing {out}"), replacing(out) as written:
+        facts = write_report(bag, written)
     elapsed = time.perf_counter() - started
     console.print(
         f"report   {out}: {facts.steps} steps, {facts.frames} frames, {facts.size / 1e6:.1f} MB in {elapsed:.1f} s"
     )
-    with waiting("drawing the picture"):
-        picture = write_png(bag, out.with_suffix(".png"), field=arguments.field)
-    console.print(f"picture  {picture}")
+    with waiting("drawing the picture"), replacing(out.with_suffix(".png")) as written:
+        write_png(bag, written, field=arguments.field)
+    console.print(f"picture  {out.with_suffix('.png')}")
     if arguments.gif or arguments.mp4:
         with waiting(f"drawing {arguments.frames} frames"):
             pictures = list(draw_steps(bag, field=arguments.field, frames=arguments.frames))
         for path, ending, write in ((arguments.gif, ".gif", write_gif), (arguments.mp4, ".mp4", write_mp4)):
             if path:
-                console.print(f"motion   {write(pictures, out.with_suffix(ending) if path == BESIDE else path)}")
+                path = out.with_suffix(ending) if path == BESIDE else path
+                with replacing(path) as written:
+                    write(pictures, written)
+                console.print(f"motion   {path}")
     return 0
 
 

@@ -13,6 +13,8 @@ import re
 import shlex
 import stat
 import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 LARGEST = 2 << 30
@@ -50,19 +52,36 @@ def read_text(path: Path, *, most: int = LARGEST, encoding: str = "utf-8") -> st
 def replace_file(path: Path, content: bytes) -> None:
     """Write a file, and its folder if that is missing; if writing fails or is killed, a former file stays whole.
 
-    The content is written under another name in the same folder, and the file is then renamed.
-
     Raises:
         OSError: the file cannot be written.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
-    written = path.with_name(f".{path.name}.{os.getpid()}.{threading.get_native_id()}")
+    with replacing(path) as written:
+        written.write_bytes(content)
+
+
+@contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """Yield another path in the folder of a file, to be written to; the file is replaced by it at the end.
+
+    If writing fails or is killed, a former file stays whole. What is no regular file, e.g. a device, is written to
+    itself.
+
+    Raises:
+        OSError: the file cannot be written; the error names it.
+    """
+    whole = path.resolve()
+    if whole.exists() and not whole.is_file():
+        yield path
+        return
+    written = whole.with_name(f".{os.getpid()}.{threading.get_native_id()}.{whole.name}")
     try:
-        with written.open("xb") as file:
-            file.write(content)
-        os.replace(written, path)
-    except BaseException:
+        yield written
+        os.replace(written, whole)
+    except BaseException as error:
         written.unlink(missing_ok=True)
+        if isinstance(error, OSError) and error.filename in (None, str(written)):
+            error.filename = str(path)
         raise
 
 

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import csv
+import errno
 import os
 import time
 from pathlib import Path
@@ -20,7 +21,7 @@ from gdfe_ros.mesh.meshing.voxels import examine_surface
 from gdfe_ros.scene import load_scene, scene_from_text
 from gdfe_ros.simulation import Simulation
 from gdfe_ros.untrusted.bounded_text import quote_formula
-from gdfe_ros.untrusted.regular_file import path_inside, read_bytes, read_text, require_regular
+from gdfe_ros.untrusted.regular_file import path_inside, read_bytes, read_text, replacing, require_regular
 
 
 @pytest.fixture(params=["pipe", "device", "folder", "large", "link to a device"])
@@ -180,3 +181,25 @@ def test_no_scene_puts_a_command_into_a_remedy(package: str) -> None:
     with pytest.raises(SceneError, match="allowed: the name of a Python package") as error:
         scene_from_text(f"arm: {{urdf: 'pip://{package}/a.urdf'}}")
     assert "pip install" not in str(error.value)
+
+
+def _write_half(path: Path) -> None:
+    with replacing(path) as written:
+        written.write_text("half of")
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+
+def test_a_file_that_cannot_be_written_to_its_end_stays_as_it_was(tmp_path: Path) -> None:
+    """If the disk fills, the error names the file, the former file is whole, and nothing else is left."""
+    path = tmp_path / "page.html"
+    path.write_text("former")
+    with pytest.raises(OSError, match=r"No space left on device: '.*page\.html'"):
+        _write_half(path)
+    assert path.read_text() == "former"
+    with replacing(path) as written:
+        assert written.suffix == ".html"
+        written.write_text("new")
+    assert path.read_text() == "new"
+    assert list(tmp_path.iterdir()) == [path]
+    with replacing(Path("/dev/null")) as written:
+        assert written == Path("/dev/null")
