@@ -232,6 +232,8 @@ def _find(name_or_path: str | Path) -> Path:
         return path
     if defect := defect_of(path):
         raise SceneError(f"scene {str(path)[:80]}...", [f"no file can have this path: {defect}"])
+    if path.is_symlink() and not path.exists():
+        raise SceneError(f"scene {path}", [f"it is a link to {path.readlink()}, which leads to no file"])
     names, files = scene_names(), {file.stem: str(file) for file in path.parent.glob("*.y*ml")}
     word = closest(path.stem, [*files, *names])
     hint = f"did you mean {files.get(word, word)!r}? " if word is not None else ""

@@ -147,6 +147,15 @@ def test_a_scene_is_found_by_name_and_by_path(tmp_path: Path, sound: str, monkey
     assert load_scene("bend5").path.name == "bend5.yaml"
 
 
+@pytest.mark.parametrize("target", ["gone.yaml", "link.yaml"])
+def test_a_link_to_no_file_is_named_with_its_target(tmp_path: Path, target: str) -> None:
+    """A scene that is a link to a missing file, or to itself, is refused as a link, without suggesting itself."""
+    link = tmp_path / "link.yaml"
+    link.symlink_to(tmp_path / target)
+    with pytest.raises(SceneError, match=rf"a link to .*{target}, which leads to no file"):
+        load_scene(link)
+
+
 def test_a_missing_scene_lists_what_there_is(tmp_path: Path) -> None:
     """An unknown scene is refused with the closest name and all names."""
     with pytest.raises(
