@@ -62,7 +62,7 @@ def solve(problem: Problem, n: int, *, tetrahedra: bool, tolerance: float = TOLE
         iterations=result.iterations,
         steps=result.substeps,
         decrement=decrement,
-        message=result.message or ("" if result.converged else "not converged"),
+        message="" if result.converged else result.message or "not converged",
     )
 
 

@@ -85,7 +85,7 @@ class Solve:
     """
     COARSE = 0.02
     """Excess volume at the corners of hexahedra, divided by the volume of the body, above which a message says that the
-    cells are too long. It is at most 0.004 in the shipped scenes, and 0.05 in a bar that twists because of it.
+    cells are too coarse. It is at most 0.004 in the shipped scenes, and 0.05 in a bar that twists because of it.
     """
 
     def __init__(self, model: Model, problem: Increment, start: State, predicted: Prediction) -> None:
@@ -349,9 +349,9 @@ class Solve:
         if share <= self.COARSE:
             return ""
         return (
-            f"the cells are too long for this stretch: their corners have {100.0 * share:.2g} % more volume than their "
-            "mean deformation gradients, and the body may twist; remedy: cells along the stretch of at most a quarter "
-            "of the section's width, or tetrahedra"
+            f"the cells are too coarse for this deformation: their corners have {100.0 * share:.2g} % more volume than "
+            "their mean deformation gradients, and a stretched body may twist; remedy: cells along the stretch of at "
+            "most a quarter of the section's width, or tetrahedra"
         )
 
     def _keep_unfinished(self) -> Unfinished:

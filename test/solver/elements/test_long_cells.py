@@ -39,4 +39,4 @@ def test_a_stretched_bar_of_long_cells_twists_and_says_so(cells: list[int], stre
     turned = np.arctan2(y * new_z - z * new_y, y * new_y + z * new_z)
     assert result.converged
     assert (np.abs(turned).max() > np.radians(5.0)) == twists
-    assert ("the cells are too long for this stretch" in result.message) == twists
+    assert ("the cells are too coarse for this deformation" in result.message) == twists

@@ -38,7 +38,7 @@ def played(simulation: Simulation, count: int, **options: Any) -> list:
         assert np.isfinite(result.positions).all()
         assert np.isfinite(result.velocities).all()
         assert result.min_det > 0.0
-        assert result.converged == (result.message == "" or result.message.startswith("the cells are too long"))
+        assert result.converged == (result.message == "" or result.message.startswith("the cells are too coarse"))
     return results
 
 

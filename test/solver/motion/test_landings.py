@@ -119,7 +119,7 @@ def test_a_fall_that_folds_corners_goes_on() -> None:
     results = [simulation.step() for _ in range(8)]
     assert simulation.time == pytest.approx(0.04)
     for result in results:
-        assert result.converged == (result.message == "" or result.message.startswith("the cells are too long"))
+        assert result.converged == (result.message == "" or result.message.startswith("the cells are too coarse"))
         assert result.converged or "elements folded" in result.message or "elements pressed flat" in result.message
     failed = [result.converged for result in results].index(False)
     later = [result for result in results[failed:] if result.converged]
