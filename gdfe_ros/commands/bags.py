@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 
 from gdfe_ros.commands.waiting import waiting
 from gdfe_ros.errors import GdfeError
+from gdfe_ros.node.interface import CELL_FIELDS
 from gdfe_ros.recording.bag_info import bag_directory
 from gdfe_ros.recording.recovery import RecoveryReport, recover
 from gdfe_ros.untrusted.regular_file import replacing
@@ -138,7 +139,7 @@ def add_report(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--frames", type=int, default=40, help="number of frames of the GIF or video (default: 40)")
     parser.add_argument(
         "--field",
-        choices=("eps_eq", "J", "omega", "tangent", "energy_density"),
+        choices=CELL_FIELDS,
         default="eps_eq",
         help="field that colours the pictures (default: eps_eq)",
     )

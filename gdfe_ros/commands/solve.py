@@ -25,6 +25,7 @@ from gdfe_ros.scene import Scene, load_scene
 from gdfe_ros.scene.override import read_overrides
 from gdfe_ros.simulation import Simulation
 from gdfe_ros.solver.settings import Policy, SolverSettings
+from gdfe_ros.untrusted.regular_file import replacing
 from gdfe_ros.untrusted.terminal import QUANTITIES, PlainConsole, make_table
 
 NOT_CONVERGED = 3
@@ -206,7 +207,7 @@ def write_result(
         "actuators": {name: state.mode.value for name, state in result.actuators.items()},
         "version": __version__,
     }
-    with path.open("wb") as file:
+    with replacing(path) as written, written.open("wb") as file:
         np.savez_compressed(
             file,
             X=simulation.mesh.vertices,

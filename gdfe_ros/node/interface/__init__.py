@@ -13,6 +13,8 @@ from enum import Enum
 NODE_NAME = "gdfe_sim"
 FRAME = "base_link"
 """Frame of the rest shape, unless a parameter names another one (REP-105)."""
+CELL_FIELDS = ("eps_eq", "J", "omega", "tangent", "energy_density")
+"""Fields of the cells that can colour markers and pictures."""
 
 
 class Changeable(Enum):
@@ -241,7 +243,7 @@ PARAMETERS = (
         "marker_field",
         "eps_eq",
         "field that colours the markers, from its smallest value (violet) to its largest (yellow)",
-        choices=("eps_eq", "J", "omega", "tangent", "energy_density"),
+        choices=CELL_FIELDS,
     ),
 )
 

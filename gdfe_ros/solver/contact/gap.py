@@ -119,10 +119,8 @@ def nearness(x, quads, gauss, frame, form, kind, out):
         for p in range(4):
             place, distance = (0.0, 0.0, 0.0), 0.0
             for a in range(4):
-                place, distance = (
-                    along(1.0, place, SHAPE[p, a], corner(x, quads[q, a])),
-                    distance + SHAPE[p, a] * away[a],
-                )
+                place = along(1.0, place, SHAPE[p, a], corner(x, quads[q, a]))
+                distance += SHAPE[p, a] * away[a]
             nearer = gauss[q, p] * (distance - distance_at(kind, frame, form, place[0], place[1], place[2])[0])
             for a in range(4):
                 out[quads[q, a]] += SHAPE[p, a] * nearer

@@ -176,15 +176,13 @@ class Solve:
         self._settled, self._exact, self.iterations, self._cut = not updates, 0, 0, False
         for _ in range(self.MOST_UPDATES):
             confirms = updates and self._settled
-            aimed, left = self.final_tolerance if confirms else self._present, limit - self.iterations
-            went = self._minimiser.descend(task, tolerance=aimed, limit=left, proven=confirms)
+            tolerance, left = self.final_tolerance if confirms else self._present, limit - self.iterations
+            went = self._minimiser.descend(task, tolerance=tolerance, limit=left, proven=confirms)
             self.iterations, self._cut = self.iterations + went, active.ended is Outcome.CUT
             if not updates or self._has_failed():
                 break
-            if (
-                self._balance(aimed <= self._present <= self.final_tolerance, still=went == 0)
-                or self._actuation.wanders
-            ):
+            exact = tolerance <= self._present <= self.final_tolerance
+            if self._balance(exact, still=went == 0) or self._actuation.wanders:
                 break
             self._present = max(self._finest, self.TIGHTEN * self._present)
             if self.iterations >= limit or (self.iterations and past(self.problem.deadline)):
@@ -196,11 +194,8 @@ class Solve:
         """Return the tolerance of the first minimisation; a resumed solve uses that of the interrupted one."""
         if self._resumed is not None:
             return max(self._resumed.tolerance, self.final_tolerance)
-        return (
-            max(self.FIRST_TOLERANCE, self.final_tolerance)
-            if updates and not self._predicted.ratio
-            else self.final_tolerance
-        )
+        coarse = updates and not self._predicted.ratio
+        return max(self.FIRST_TOLERANCE, self.final_tolerance) if coarse else self.final_tolerance
 
     def _has_failed(self) -> bool:
         """Return whether the last minimisation failed, so that updates of multipliers are useless."""
