@@ -21,6 +21,7 @@ class Interrupter:
         if name == {module!r}:
             os.kill(os.getpid(), signal.{number})
 sys.meta_path.insert(0, Interrupter())
+signal.signal(signal.SIGHUP, signal.SIG_DFL)  # it is ignored if the tests run under nohup, and stays ignored
 sys.argv[1:] = {arguments!r}
 from gdfe_ros import entry
 sys.exit(entry.{script}())
